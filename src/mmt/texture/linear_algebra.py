@@ -108,9 +108,11 @@ def nearest_distances(among: FloatArray, points: FloatArray, count: int) -> Floa
 
     They ascend. Where there are fewer points, the others are infinite.
     """
-    nearest = np.full((len(points), count), np.inf)
+    nearest = np.empty((len(points), count))
     for i in range(len(points)):
         own = nearest[i]
+        for place in range(count):
+            own[place] = np.inf
         for j in range(len(among)):
             squared = 0.0
             for axis in range(among.shape[1]):
@@ -122,7 +124,9 @@ def nearest_distances(among: FloatArray, points: FloatArray, count: int) -> Floa
                     own[place + 1] = own[place]
             if place < count:
                 own[place] = squared
-    return np.asarray(np.sqrt(nearest))
+        for place in range(count):
+            own[place] = np.sqrt(own[place])
+    return nearest
 
 
 @kernel("void(f8[:, ::1], u8, u8, u8, f8[::1], u8, f8[:, ::1], u8)", inner=True)
@@ -262,21 +266,22 @@ def condition(
     factor, whitened = np.empty((size, size)), np.empty((1, size))
     root = np.empty((size, size) if left_out else (0, 0))
     for each in range(len(priors)):
-        factor[:] = priors[each]
         for i in range(size):
+            whitened[0, i] = rest[i]
+            for j in range(size):
+                factor[i, j] = priors[each, i, j]
             factor[i, i] += errors[i]
         if not factorise(factor):
             return False
-        whitened[0] = rest
         forward(factor, whitened, False)
         evidence[each] = 0.0
         for i in range(size):
             evidence[each] -= 0.5 * whitened[0, i] ** 2 + np.log(factor[i, i])
         if not left_out:
             continue
-        root[:] = 0.0
         for i in range(size):
-            root[i, i] = 1.0
+            for j in range(size):
+                root[i, j] = 1.0 if i == j else 0.0
         forward(factor, root, True)
         for i in range(size):
             gains[each, i] = precision[each, i] = 0.0

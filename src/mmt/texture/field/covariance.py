@@ -168,23 +168,53 @@ def prior_covariance(
 @kernel("f8[::1](f8[::1], i8[::1])", "i8[::1](i8[::1], i8[::1])")
 def different(values: Values, which: IntArray) -> Values:
     """Return the distinct values, sorted; write the index of each value among them to `which`."""
-    own = np.unique(values)
-    which[:] = np.searchsorted(own, values)
-    return own
+    own, count = np.empty_like(values), 0
+    for again in range(2):
+        for i in range(len(values)):
+            value, low, high = values[i], 0, count
+            while low < high:
+                middle = (low + high) // 2
+                if own[middle] < value:
+                    low = middle + 1
+                else:
+                    high = middle
+            if again:
+                which[i] = low
+            elif low == count or own[low] != value:
+                for later in range(count, low, -1):
+                    own[later] = own[later - 1]
+                own[low] = value
+                count += 1
+    return own[:count].copy()
 
 
-@kernel("f8[:, ::1](f8[:, ::1], f8)")
-def matern(distance: FloatArray, length: float) -> FloatArray:
+@kernel("f8(f8, f8)", inner=True)
+def _matern_32(distance: float, length: float) -> float:
     """Return the Matern covariance of smoothness 3/2."""
-    r = (np.sqrt(3.0) / length) * np.abs(distance)
-    return np.asarray((1.0 + r) * np.exp(-r))
+    r = (np.sqrt(3.0) / length) * abs(distance)
+    return float((1.0 + r) * np.exp(-r))
 
 
-@kernel("f8[:, ::1](f8[:, ::1], f8[::1])")
-def _around(angle: FloatArray, setting: FloatArray) -> FloatArray:
-    """Return the covariance of the departures with heading, at equal speeds and forces."""
-    ridges = setting[4] ** 2 * matern(np.sin(angle), setting[5])  # equal for opposite headings
-    return np.asarray(ridges + setting[6] ** 2 * matern(2.0 * np.sin(0.5 * angle), setting[7]))
+@kernel("f8[:, ::1](f8[:], f8[:], f8)")
+def matern(a: FloatArray, b: FloatArray, length: float) -> FloatArray:
+    """Return the Matern covariance of smoothness 3/2 between k and l coordinates, (k, l)."""
+    out = np.empty((len(a), len(b)))
+    for i in range(len(a)):
+        for j in range(len(b)):
+            out[i, j] = _matern_32(a[i] - b[j], length)
+    return out
+
+
+@kernel("f8[:, ::1](f8[:], f8[:], f8[:])")
+def _around(a: FloatArray, b: FloatArray, setting: FloatArray) -> FloatArray:
+    """Return the covariance of the departures with heading, at equal speeds and forces, (k, l)."""
+    out = np.empty((len(a), len(b)))
+    for i in range(len(a)):
+        for j in range(len(b)):
+            angle = a[i] - b[j]  # ridges are equal for opposite headings
+            ridges = setting[4] ** 2 * _matern_32(np.sin(angle), setting[5])
+            out[i, j] = ridges + setting[6] ** 2 * _matern_32(2.0 * np.sin(0.5 * angle), setting[7])
+    return out
 
 
 @kernel("void(f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:], f8, f8[:, :, ::1])")
@@ -198,27 +228,27 @@ def _covariances(
 ) -> None:
     """Set the covariances (s, k, l) of `prior_covariance`."""
     of_a, of_b = np.empty(a.shape, np.int64), np.empty(b.shape, np.int64)
-    speed = different(a[0], of_a[0])[:, np.newaxis] - different(b[0], of_b[0])
-    force = different(a[1], of_a[1])[:, np.newaxis] - different(b[1], of_b[1])
-    heading = different(a[2], of_a[2])[:, np.newaxis] - different(b[2], of_b[2])
+    u_a, u_b = different(a[0], of_a[0]), different(b[0], of_b[0])
+    v_a, v_b = different(a[1], of_a[1]), different(b[1], of_b[1])
+    heading_a, heading_b = different(a[2], of_a[2]), different(b[2], of_b[2])
     directed = every.shape[1] > _PLANAR
     width = CELL_WIDTHS[1] if directed else CELL_WIDTHS[0]
-    rough_u, rough_v = matern(speed, width), matern(force, width)
-    around, wide_u, wide_v = heading, speed, force
+    rough_u, rough_v = matern(u_a, u_b, width), matern(v_a, v_b, width)
+    around, wide_u, wide_v = rough_u, rough_u, rough_v
     for s in range(len(every)):
         setting = every[s]
-        u, v = setting[0] ** 2 * matern(speed, setting[1]), matern(force, setting[2])
-        rough = setting[3] ** 2
+        u, v = matern(u_a, u_b, setting[1]), matern(v_a, v_b, setting[2])
+        smooth, rough = setting[0] ** 2, setting[3] ** 2
         if directed:
-            around = _around(heading, setting)
-            wide_u = matern(speed, _HEADED_LENGTHS * setting[1])
-            wide_v = matern(force, _HEADED_LENGTHS * setting[2])
+            around = _around(heading_a, heading_b, setting)
+            wide_u = matern(u_a, u_b, _HEADED_LENGTHS * setting[1])
+            wide_v = matern(v_a, v_b, _HEADED_LENGTHS * setting[2])
         for i in range(a.shape[1]):
             slope_u, slope_v = slopes[0] ** 2 * a[0, i], slopes[1] ** 2 * a[1, i]
             m, n, h = of_a[0, i], of_a[1, i], of_a[2, i]
             for j in range(b.shape[1]):
                 p, q = of_b[0, j], of_b[1, j]
-                total = u[m, p] * v[n, q] + rough * rough_u[m, p] * rough_v[n, q]
+                total = smooth * u[m, p] * v[n, q] + rough * rough_u[m, p] * rough_v[n, q]
                 if directed:
                     total += around[h, of_b[2, j]] * wide_u[m, p] * wide_v[n, q]
                 out[s, i, j] = total + slope_u * b[0, j] + slope_v * b[1, j] + constant
@@ -252,23 +282,22 @@ def mean_on_grid(
     every
         Rows of `settings`, one for each row of `weights`, (k, h).
     """
-    u_apart, v_apart = np.subtract.outer(axes.u, at.u), np.subtract.outer(axes.v, at.v)
     all_weights, rough = weights.sum(axis=0), np.square(every[:, 3]) @ weights
     length = CELL_WIDTHS[every.shape[1] > _PLANAR]
-    total = (matern(u_apart, length) * rough) @ matern(v_apart, length).T
+    total = (matern(axes.u, at.u, length) * rough) @ matern(axes.v, at.v, length).T
     total += SLOPES[0][1] ** 2 * (all_weights @ at.u) * axes.u[:, None]
     total += SLOPES[1][1] ** 2 * (all_weights @ at.v) * axes.v
     total += _FREE * all_weights.sum()
     for own, setting in zip(weights, every, strict=True):
-        u, v = matern(u_apart, setting[1]), matern(v_apart, setting[2])
+        u, v = matern(axes.u, at.u, setting[1]), matern(axes.v, at.v, setting[2])
         total += (u * (setting[0] ** 2 * own)) @ v.T
     if every.shape[1] == _PLANAR:
         return np.asarray(total[np.newaxis])
     turning = np.zeros((len(axes.heading), total.size))
     for own, setting in zip(weights, every, strict=True):
-        u = matern(u_apart, _HEADED_LENGTHS * setting[1])
-        v = matern(v_apart, _HEADED_LENGTHS * setting[2])
+        u = matern(axes.u, at.u, _HEADED_LENGTHS * setting[1])
+        v = matern(axes.v, at.v, _HEADED_LENGTHS * setting[2])
         both = (u[:, None, :] * v[None, :, :]).reshape(-1, len(own))
-        around = _around(np.subtract.outer(axes.heading, at.heading), setting)
+        around = _around(axes.heading, at.heading, setting)
         turning += (around * own) @ both.T
     return np.asarray(total + turning.reshape(len(axes.heading), *total.shape))

@@ -181,24 +181,31 @@ def _leave_out(
     usual: FloatArray,
 ) -> bool:
     """Write the results of `left_out`; return whether every prior is positive definite."""
-    count, own = priors.shape[1], trust / scatter
-    precision, mean = np.zeros(count), np.zeros(count)
+    count = priors.shape[1]
+    precision, mean, own = np.zeros(count), np.zeros(count), np.empty(len(cell))
     for row in range(len(cell)):
+        own[row] = trust[row] / scatter[row]
         precision[cell[row]] += own[row]
         mean[cell[row]] += own[row] * level[row]
-    middle = mean.sum() / precision.sum()
-    mean /= precision
+    total = summed = 0.0
+    for c in range(count):
+        total += mean[c]
+        summed += precision[c]
+    errors, rest = np.empty(count), np.empty(count)
+    for c in range(count):
+        mean[c] /= precision[c]
+        errors[c], rest[c] = 1.0 / precision[c], mean[c] - total / summed
     gains, left = np.empty((len(priors), count)), np.empty((len(priors), count))
-    evidence = np.empty(len(priors))
-    if not condition(priors, 1.0 / precision, mean - middle, True, evidence, gains, left):
+    if not condition(priors, errors, rest, True, np.empty(len(priors)), gains, left):
         return False
     for s in range(len(priors)):
-        smoothed[s] = mean - gains[s] / precision
-        known = 1.0 / precision - left[s] / precision**2
+        for c in range(count):
+            smoothed[s, c] = mean[c] - gains[s, c] / precision[c]
         for row in range(len(cell)):
             c = cell[row]
-            variance = 1.0 / max(1.0 / known[c] - own[row], _LEAST_PRECISION)
-            predicted = variance * (smoothed[s, c] / known[c] - own[row] * level[row])
+            known = errors[c] - left[s, c] / precision[c] ** 2
+            variance = 1.0 / max(1.0 / known - own[row], _LEAST_PRECISION)
+            predicted = variance * (smoothed[s, c] / known - own[row] * level[row])
             off[s, row], usual[s, row] = level[row] - predicted, variance + scatter[row]
     return True
 

@@ -7,6 +7,7 @@ the offset before the gap, as gravity does not change in a gap. If the offset ha
 same, the high-pass starts anew and needs time to settle.
 """
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -91,9 +92,14 @@ def _restart(
         stop += 1
     same = state[_COUNT] >= settling
     for axis in range(samples.shape[1]):
-        part = samples[row:stop, axis]
-        away = abs(part.mean() - axes[axis, _OFFSET])
-        usual = max(part.std(), np.sqrt(axes[axis, _POWER]))
+        mean = power = 0.0
+        for at in range(row, stop):
+            mean += samples[at, axis]
+        mean /= stop - row
+        for at in range(row, stop):
+            power += (samples[at, axis] - mean) ** 2
+        usual = math.sqrt(max(power / (stop - row), axes[axis, _POWER]))
+        away = abs(mean - axes[axis, _OFFSET])
         same = same and away <= _CHANGED_OFFSET * usual
     for axis in range(samples.shape[1]):
         if not same:

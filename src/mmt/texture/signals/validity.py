@@ -151,8 +151,11 @@ def _step(
         repeats[int(state[_OCTAVE]), 0] += 1.0
     stopped = state[_DECIDED] != _UNDECIDED or state[_REPEATS] >= _COUNTED
     stopped &= state[_DECIDED] != _HOLDING or state[_CHANGES] == 0.0
-    if stopped and not (state[_STOPS:_BEFORE] == state[_LAST]).any():
-        state[_STOPS + 1 : _BEFORE] = state[_STOPS : _BEFORE - 1].copy()
+    for place in range(_STOPS, _BEFORE):
+        stopped &= state[place] != state[_LAST]
+    if stopped:
+        for place in range(_BEFORE - 1, _STOPS, -1):
+            state[place] = state[place - 1]
         state[_STOPS] = state[_LAST]
     state[_CHANGES] += 1.0
     state[_RESOLUTION] = min(state[_RESOLUTION], size)
@@ -183,16 +186,21 @@ def _step(
 @kernel("b1(f8[::1], i8)", inner=True)
 def _is_silence(state: FloatArray, per_frame: int) -> bool:
     """Return whether a value that is repeated is one at which a vibration has ended."""
-    away = np.abs(state[_BEFORE:] - state[_LAST]).mean()
+    away = 0.0
+    for place in range(_BEFORE, len(state)):
+        away += abs(state[place] - state[_LAST])
+    away /= len(state) - _BEFORE
     declined = away <= _DECLINED * state[_ACTIVITY] + state[_RESOLUTION]
     if state[_DECIDED] != _AT_REST and not declined:
         return False
-    again = np.abs(state[_STOPS:_BEFORE] - state[_LAST]) <= state[_RESOLUTION]
+    again = False
+    for place in range(_STOPS, _BEFORE):
+        again |= abs(state[place] - state[_LAST]) <= state[_RESOLUTION]
     frames = state[_CHANGES] / per_frame
     near = _NEAR_MEAN * math.sqrt(state[_POWER] / min(frames, _MEAN_FRAMES))
     near += 0.5 * state[_RESOLUTION]
     first = np.isnan(state[_STOPS]) and abs(state[_LAST] - state[_MEAN]) <= near
-    return bool(first or again.any())
+    return bool(first or again)
 
 
 @kernel("b1(f8[::1], f8[:, ::1])", inner=True)
@@ -200,7 +208,8 @@ def _is_surprise(state: FloatArray, repeats: FloatArray) -> bool:
     """Learn from a run of repeats, and return whether it is longer than chance allows."""
     octave, could, did = int(state[_OCTAVE]), 0.0, 0.0
     if state[_REPEATS] <= _COUNTED:
-        repeats[octave] += 1.0
+        repeats[octave, 0] += 1.0
+        repeats[octave, 1] += 1.0
     while octave >= 0 and could < LEAST_LEARNT:
         could, did = could + repeats[octave, 0], did + repeats[octave, 1]
         octave -= 1
@@ -218,9 +227,12 @@ def _strokes(
     frames = -(-samples // per_frame)
     while first > 0 and last - first < frames and not restart[first * per_frame]:
         first -= 1
-    x_mm, y_mm, _ = motion[last] - motion[first]
+    x_mm, y_mm = motion[last, 0] - motion[first, 0], motion[last, 1] - motion[first, 1]
     slid = first < last and math.hypot(x_mm, y_mm) >= least[0] * (last - first)
-    return bool(slid and motion[first : last + 1, 2].mean() >= least[1])
+    force_n = 0.0
+    for frame in range(first, last + 1):
+        force_n += motion[frame, 2]
+    return bool(slid and force_n / (last + 1 - first) >= least[1])
 
 
 @kernel("b1(f8[::1], f8[:, ::1], f8[:, ::1], b1[::1], f8[::1], i8, i8)", inner=True)
