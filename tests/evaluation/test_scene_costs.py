@@ -2,23 +2,20 @@
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from mmt.cli.scene import costs as scene_costs
 from mmt.cli.scene.costs import (
     MeasuredService,
     SceneCosts,
     SceneRun,
     half_width,
-    import_times_s,
     measure_scene,
+    packages_of,
     variants_of,
 )
-from mmt.cli.scene.results import costs_as_dict, packages_of, remarks
 from mmt.core.errors import MmtError
 from mmt.scene import Scene
 from mmt.scene.files import example_scenes, load_scene, scene_from_tables
@@ -65,30 +62,23 @@ def test_the_last_thing_that_the_link_carries_stays() -> None:
 # --- figures
 
 
-def service(start_s: float, modules: tuple[str, ...] = ("json",)) -> MeasuredService:
-    return MeasuredService(start_s, 0.25, 80.0, modules, {"main": 1.0}, {"MainThread": 1.0}, 1)
+def service(start_s: float, *modules: str) -> MeasuredService:
+    return MeasuredService(start_s, 0.25, 80.0, frozenset({"json", *modules}))
 
 
-def scene_run(start_s: float, modules: tuple[str, ...] = ("json",)) -> SceneRun:
-    services = {"leader": service(start_s, modules), "follower": service(1.0)}
+def scene_run(start_s: float, *modules: str) -> SceneRun:
+    services = {"leader": service(start_s, *modules), "follower": service(1.0)}
     return SceneRun(services, {"up": 64_000.0, "down": 70_000.0}, None)
-
-
-@pytest.fixture
-def no_imports(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scene_costs, "import_times_s", lambda modules: dict.fromkeys(modules, 0.5))
 
 
 def runs_of(seen: list[Scene], start_s: Callable[[Scene], float]) -> Callable[[Scene], SceneRun]:
     def run(scene: Scene) -> SceneRun:
         seen.append(scene)
-        modules = ("json", "wave") if scene.playout is not None else ("json",)
-        return scene_run(start_s(scene), modules)
+        return scene_run(start_s(scene), *(["zope"] if scene.playout is not None else []))
 
     return run
 
 
-@pytest.mark.usefixtures("no_imports")
 def test_a_part_costs_the_difference_beyond_the_scatter() -> None:
     scatter = iter(np.random.default_rng(1).normal(0.0, 0.01, 100).tolist())
 
@@ -96,16 +86,16 @@ def test_a_part_costs_the_difference_beyond_the_scatter() -> None:
         return 1.0 + (0.3 if scene.playout is not None else 0.0) + next(scatter)
 
     costs = measure_scene(example("stream-only"), runs_of([], start_s), rounds=4)
-    playout = costs.part("playout", "leader")
-    assert playout.figures["start_s"].is_significant
-    assert playout.figures["start_s"].value == pytest.approx(0.3, abs=0.03)
-    assert not costs.part("force_feedback", "leader").figures["start_s"].is_significant
-    assert not playout.figures["memory_mb"].is_significant, "equal figures are no cost"
-    assert (playout.modules, playout.import_s) == (("wave",), 0.5)
-    assert costs.part("force_feedback", "leader").modules == ()
+    parts = costs.as_dict()["parts"]
+    playout, feedback = parts["playout"]["leader"], parts["force_feedback"]["leader"]
+    assert playout["start_s"]["seen"]
+    assert playout["start_s"]["difference"] == pytest.approx(0.3, abs=0.03)
+    assert not feedback["start_s"]["seen"]
+    assert not playout["memory_mb"]["seen"], "equal figures are no cost"
+    assert playout["packages"] == ["zope"]
+    assert feedback["packages"] == []
 
 
-@pytest.mark.usefixtures("no_imports")
 def test_the_scenes_take_turns() -> None:
     seen: list[Scene] = []
     steps: list[tuple[str, int, int]] = []
@@ -118,15 +108,14 @@ def test_the_scenes_take_turns() -> None:
     whole = [number for number, scene in enumerate(seen) if scene == example("stream-only")]
     assert whole == [0, 4, 8, 12]
     assert all(len(runs) == 3 for runs in costs.without.values())
-    assert [number for _, number, _ in steps] == list(range(15))
-    assert {total for *_, total in steps} == {15}
+    assert [number for _, number, _ in steps] == list(range(13))
+    assert {total for *_, total in steps} == {13}
     assert steps[0][0] == "the whole scene"
     orders = [[name for name, *_ in steps[first + 1 : first + 4]] for first in whole[:-1]]
     assert len(set(map(tuple, orders))) == 3, "each part comes first once"
     assert {tuple(sorted(order)) for order in orders} == {tuple(sorted(orders[0]))}
 
 
-@pytest.mark.usefixtures("no_imports")
 def test_the_whole_alone_is_measured_where_no_parts_are_wanted() -> None:
     seen: list[Scene] = []
     costs = measure_scene(example("demo"), runs_of(seen, lambda _: 1.0), rounds=2, parts=False)
@@ -134,7 +123,6 @@ def test_the_whole_alone_is_measured_where_no_parts_are_wanted() -> None:
     assert costs.without == {}
 
 
-@pytest.mark.usefixtures("no_imports")
 def test_a_scene_without_a_part_that_does_not_run_is_said() -> None:
     def start_s(scene: Scene) -> float:
         if scene.force_feedback is None:
@@ -142,9 +130,9 @@ def test_a_scene_without_a_part_that_does_not_run_is_said() -> None:
         return 1.0
 
     costs = measure_scene(example("stream-only"), runs_of([], start_s), rounds=2)
-    assert set(costs.without) == {"playout", "actuator (with playout)"}
-    said = remarks(costs, example("stream-only"))
-    assert "force_feedback: not measured, the device is gone" in said
+    figures = costs.as_dict()
+    assert set(figures["parts"]) == {"playout", "actuator (with playout)"}
+    assert "force_feedback: not measured, the device is gone" in figures["remarks"]
 
 
 def test_a_whole_scene_that_does_not_run_is_an_error() -> None:
@@ -167,48 +155,27 @@ def test_without_a_repetition_nothing_is_told_apart() -> None:
     assert half_width([[1.0], [2.0]], 1, 1) == math.inf
 
 
-@pytest.mark.usefixtures("no_imports")
 def test_the_figures_for_a_program_are_plain_values() -> None:
     scene = example("stream-only")
-    figures = costs_as_dict(measure_scene(scene, runs_of([], lambda _: 1.0), rounds=2), scene)
+    figures = measure_scene(scene, runs_of([], lambda _: 1.0), rounds=2).as_dict()
     leader = figures["services"]["leader"]
     assert leader["start_s"] == {"mean": 1.0, "least": 1.0, "most": 1.0}
-    assert leader["tasks"] == {"main": 1.0}
     assert figures["bytes_per_s"] == {"up": 64_000.0, "down": 70_000.0}
     assert figures["parts"]["playout"]["bytes_per_s"] == {"up": 12_000.0, "down": 0.0}
     assert figures["parts"]["playout"]["leader"]["modules"] == 1
     assert figures["parts"]["playout"]["follower"]["start_s"]["seen"] is False
 
 
-# --- remarks and imports
+# --- remarks
 
 
-@pytest.mark.parametrize(
-    ("began_s", "words"),
-    [(None, "no model was in use within 18 s"), (4.0, "in use from 4.0 s on"), (0.1, "")],
-)
-def test_it_says_when_the_model_was_not_in_use(began_s: float | None, words: str) -> None:
-    costs = SceneCosts(whole=[SceneRun({"leader": service(1.0)}, {}, began_s)])
-    said = [sentence for sentence in remarks(costs, example("demo")) if "rendering" in sentence]
-    assert words in said[0] if words else not said
+@pytest.mark.parametrize("began_s", [None, 4.0])
+def test_it_says_when_the_model_was_not_in_use(began_s: float | None) -> None:
+    costs = SceneCosts(example("demo"), [SceneRun({"leader": service(1.0)}, {}, began_s)])
+    said = " ".join(costs.as_dict()["remarks"])
+    assert ("no model was in use within 18 s" in said) == (began_s is None)
 
 
 def test_packages_are_others_than_pythons_and_our_own() -> None:
     modules = ["json.decoder", "mmt.scene", "numpy", "numpy.linalg", "_cffi_backend", "Zope.x"]
     assert packages_of(modules) == ["numpy", "Zope"]
-
-
-def test_imports_are_timed_each_by_itself() -> None:
-    modules = ["xml", "xml.dom", "xml.dom.minidom"]
-    times = import_times_s([*modules, "no_such_module"], repeats=1)
-    assert set(modules) <= set(times), "a module that cannot be imported stops nothing"
-    assert all(0 <= value < 10 for value in times.values())
-
-
-def test_imports_that_end_the_process_are_explained(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "leaving.py").write_text("import sys\nsys.exit('no licence')\n")
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    with pytest.raises(MmtError, match=r"cannot be timed: .*no licence"):
-        import_times_s(["leaving"], repeats=1)

@@ -339,5 +339,5 @@ def test_devices_stream_to_a_leader_without_numerics_on_either_side(directory: P
     assert leader.summary()["link"]["frames"] > 100, "a missed tick is a missing frame"
     assert leader.summary()["vibration"]["actuator"]["samples"] > 0
     for service in (leader, follower):
-        (inventory,) = service.lines("inventory")
-        assert among(inventory["modules"], {"mmt.link", *NUMERICS}) == {"mmt.link"}
+        (found,) = service.lines("modules")
+        assert among(found["modules"], {"mmt.link", *NUMERICS}) == {"mmt.link"}

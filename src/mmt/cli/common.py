@@ -5,7 +5,7 @@ import errno
 import json
 import signal
 import sys
-from collections.abc import Callable, Coroutine, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeAlias, TypeVar
@@ -20,7 +20,6 @@ from mmt.core.end_signals import on_end_signal, restoring_end_signals
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import free_folder, write_file
 from mmt.core.extras import optional_import
-from mmt.core.inventory import Inventory
 from mmt.core.labels import label
 from mmt.core.printable import printable
 from mmt.core.queued_output import finish_output, hurry_output, is_queued, queue_output
@@ -196,13 +195,10 @@ def write_line(kind: str, **content: Any) -> None:
     sys.stdout.flush()
 
 
-async def with_inventory(running: Coroutine[Any, Any, Result]) -> Result:
-    """Run a service, then write a JSON line with its tasks, threads and modules."""
-    inventory = Inventory()
-    try:
-        return await inventory.watch(running)
-    finally:
-        write_line("inventory", **inventory.as_dict())
+def write_modules() -> None:
+    """Write a JSON line with the modules that this process has imported."""
+    imported = (n for n, m in list(sys.modules.items()) if getattr(m, "__spec__", None) is not None)
+    write_line("modules", modules=list(imported))
 
 
 def print_parts(scene: Scene, service: Service) -> None:

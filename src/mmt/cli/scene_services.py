@@ -32,8 +32,8 @@ class DemoRun:
     interrupted: bool = False
     start_s: dict[str, float] = field(default_factory=dict)
     """By service: time from the start of its process until it was ready."""
-    inventories: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """By service: its tasks, threads and modules."""
+    modules: dict[str, list[str]] = field(default_factory=dict)
+    """By service: the modules that it has imported at its end."""
 
     def tables(self) -> dict[str, Any]:
         """Return the received summaries by service."""
@@ -217,8 +217,8 @@ class _Services:
     def _take(self, child: Child, line: dict[str, Any]) -> None:
         if line["kind"] == "ready":
             self.found.start_s[child.name] = child.age_s
-        elif line["kind"] == "inventory":
-            self.found.inventories[child.name] = {k: v for k, v in line.items() if k != "kind"}
+        elif line["kind"] == "modules":
+            self.found.modules[child.name] = line["modules"]
 
     async def _start_side_service(self, entering: Coroutine[Any, Any, str]) -> None:
         self.line.print_line(await entering)

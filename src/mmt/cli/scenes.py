@@ -2,7 +2,7 @@
 
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -12,9 +12,6 @@ from mmt.cli.common import json_option, messages, output, write_json
 from mmt.core.extras import require
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
-
-if TYPE_CHECKING:
-    from mmt.cli.scene.costs import SceneCosts
 
 app = command_group("Show what scenes run and cost.")
 
@@ -65,26 +62,31 @@ def explain(
     if description.hand_force is not None:
         output.print(f"The hand's force: {description.hand_force}", highlight=False)
     moves = scene.devices is not None and not devices
-    costs = None
+    measured: dict[str, Any] = {}
     if measure and not moves:
-        costs, scene = _measure(scene, duration, rounds, parts)
+        measured = content["measured"] = _measure(scene, duration, rounds, parts)
     if description.streams:
-        output.print(scene_tables.wire_table(description, costs))
-    if costs is not None:
-        _print_costs(costs, scene)
-        content["measured"] = _figures(costs, scene)
+        bytes_per_s = measured.get("bytes_per_s", {})
+        output.print(scene_tables.wire_table(description, bytes_per_s))
+    if measured:
+        output.print(scene_tables.whole_table(measured))
+        for table in scene_tables.part_tables(measured):
+            output.print(table)
+        if measured["parts"]:
+            output.print(_KEY, highlight=False)
+        for sentence in measured["remarks"]:
+            output.print(f"- {sentence}", highlight=False)
     elif moves and measure:
         messages.print("not measured: the scene moves real devices; --devices measures it")
     write_json(json_file, content)
 
 
-def _measure(
-    scene: Scene, duration_s: float, rounds: int, parts: bool
-) -> "tuple[SceneCosts, Scene]":
-    """Measure the costs; return them, and the scene as it was run."""
+def _measure(scene: Scene, duration_s: float, rounds: int, parts: bool) -> dict[str, Any]:
+    """Measure the costs; return them, with a table of this machine."""
     require("scipy")
     from mmt.cli.scene.costs import measure_scene
     from mmt.cli.scene.runs import SceneRunner
+    from mmt.evaluation.report import machine_table
 
     progress = Progress(
         TextColumn("{task.description}"),
@@ -103,24 +105,5 @@ def _measure(
         runner = SceneRunner(Path(directory), duration_s)
         prepared = runner.prepare(scene)
         runner.warm_up(prepared)
-        return measure_scene(prepared, runner, rounds=rounds, parts=parts, on_step=show), prepared
-
-
-def _print_costs(costs: "SceneCosts", scene: Scene) -> None:
-    from mmt.cli.scene import tables as scene_tables
-    from mmt.cli.scene.results import remarks
-
-    output.print(scene_tables.whole_table(costs, scene))
-    for table in scene_tables.part_tables(costs, scene):
-        output.print(table)
-    if costs.without:
-        output.print(_KEY, highlight=False)
-    for sentence in remarks(costs, scene):
-        output.print(f"- {sentence}", highlight=False)
-
-
-def _figures(costs: "SceneCosts", scene: Scene) -> dict[str, Any]:
-    from mmt.cli.scene.results import costs_as_dict
-    from mmt.evaluation.report import machine_table
-
-    return {"machine": machine_table(), **costs_as_dict(costs, scene)}
+        costs = measure_scene(prepared, runner, rounds=rounds, parts=parts, on_step=show)
+    return {"machine": machine_table(), **costs.as_dict()}

@@ -22,9 +22,9 @@ from mmt.cli.common import (
     stop_on_signals,
     summary_table,
     version,
-    with_inventory,
     write_json,
     write_line,
+    write_modules,
 )
 from mmt.cli.ending import print_ending
 from mmt.cli.status_line import StatusLine
@@ -202,5 +202,8 @@ class ServiceRun(ABC, Generic[AnyService]):
 
         stop_on_signals(service.stop)
         self.on_start(service)
-        running = service.run(ready)
-        return await (with_inventory(running) if self.options.json_lines else running)
+        try:
+            return await service.run(ready)
+        finally:
+            if self.options.json_lines:
+                write_modules()

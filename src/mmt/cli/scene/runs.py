@@ -102,34 +102,28 @@ class SceneRunner:
 
 
 def _scene_run(run: DemoRun) -> SceneRun:
-    tables = run.tables()
     streamed_s = max(float(run.leader["session"]["duration_s"]), 1e-3)
     senders = {"up": run.follower.get("link"), "down": run.leader.get("link")}
     sent = {way: link["bytes_sent"] for way, link in senders.items() if link}
     return SceneRun(
         services={
-            name: _service_run(summary, run.start_s[name], run.inventories[name])
-            for name, summary in tables.items()
+            name: _service_run(summary, run.start_s[name], frozenset(run.modules[name]))
+            for name, summary in run.tables().items()
         },
         bytes_per_s={way: count / streamed_s for way, count in sent.items()},
         model_from_s=_model_from_s(run.leader.get("vibration", {})),
-        generator=run.leader.get("generator"),
     )
 
 
 def _service_run(
-    summary: Mapping[str, Any], start_s: float, inventory: Mapping[str, Any]
+    summary: Mapping[str, Any], start_s: float, modules: frozenset[str]
 ) -> MeasuredService:
-    looks = max(1, inventory["looks"])
     modelling = (summary.get("texture") or {}).get("process") or {}  # the leader's second process
     return MeasuredService(
         start_s=start_s,
         core_share=summary["process"]["core_share"] + modelling.get("core_share", 0.0),
         memory_mb=summary["process"]["memory_mb"] + modelling.get("memory_mb", 0.0),
-        modules=tuple(inventory["modules"]),
-        tasks={name: seen / looks for name, seen in inventory["tasks"].items()},
-        threads={name: seen / looks for name, seen in inventory["threads"].items()},
-        system_threads=inventory["system_threads"],
+        modules=modules,
     )
 
 
