@@ -25,9 +25,10 @@ _LARGEST_ERROR_DB: Final = 6.0
 def to_png(figure: Figure) -> bytes:
     """Return a figure as PNG of 256 colours, which takes a third of the bytes of full colour."""
     drawn, few = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=_DOTS_PER_INCH)
-    image = Image.open(drawn).convert("RGB").quantize(dither=Image.Dither.NONE)
-    image.save(few, format="png", optimize=True)
+    figure.savefig(drawn, format="raw", dpi=_DOTS_PER_INCH)
+    width, height = (int(inches * _DOTS_PER_INCH) for inches in figure.get_size_inches())
+    image = Image.frombuffer("RGBA", (width, height), drawn.getvalue()).convert("RGB")
+    image.quantize(dither=Image.Dither.NONE).save(few, format="png", optimize=True)
     return few.getvalue()
 
 
@@ -49,8 +50,9 @@ def stack_panels(figure: Figure) -> None:
         )
     width, height = figure.get_size_inches()
     height *= rows / grid.nrows  # of all panels
-    figure.set_size_inches(_NARROW_INCHES, 3.0 * height)
-    figure.draw_without_rendering()  # large at first: else colour bars do not find their place
+    if len(placed) < len(figure.axes):  # large at first: else colour bars do not find their place
+        figure.set_size_inches(_NARROW_INCHES, 3.0 * height)
+        figure.draw_without_rendering()
     figure.set_size_inches(_NARROW_INCHES, max(0.75, _NARROW_INCHES / width) * height)
 
 
