@@ -7,6 +7,7 @@ import typer
 
 from mmt.cli.commands import command_group
 from mmt.cli.common import Force, json_option
+from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent
 
 app = command_group("List, test and calibrate devices.")
@@ -81,11 +82,25 @@ def calibrate_accelerometer(
     keep: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Keep the measured rests, for --rests.")
     ] = None,
+    tool: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Find the load of the scene's tool instead, and store it by name."
+        ),
+    ] = None,
     force: Force = False,
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
 ) -> None:
-    """Calibrate an ADXL335 by gravity and store it under its serial number."""
+    """Calibrate an ADXL335, or the load of a tool on its force sensor, by gravity; store it."""
     from mmt.cli.device_testing import devices_named, is_scene
+
+    if tool is not None:
+        from mmt.cli.tool import calibrate_tool
+
+        if rests is not None or keep is not None:
+            raise InputError("--tool goes without --rests and --keep")
+        calibrate_tool(what, tool, duration, json_file)
+        return
     from mmt.cli.gravity import Files, calibrate_by_gravity
     from mmt.devices.drivers import load_device
 

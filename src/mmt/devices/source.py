@@ -24,6 +24,7 @@ from mmt.devices.lanes import PolledLane
 from mmt.devices.polling import PhasePoller, Retry
 from mmt.devices.protocols import Accelerometer, ForceSensor, Pacing, Robot, SampledSensor, Vector
 from mmt.devices.slots import PolledSlot, RobotSlot, SampledSlot, Slot, failure, slot_of, summaries
+from mmt.devices.tool_load import ToolLoad, mean_at_rest
 from mmt.devices.vibration_lane import VibrationLane
 
 LOG: Final = logging.getLogger("mmt.devices")
@@ -64,11 +65,14 @@ class DeviceSource:
         the callback given to `on_loss` is called.
     samples_per_frame
         Samples of acceleration in a frame.
+    tool
+        Load of the tool, which is removed from the force; None to leave the force as measured.
 
     Raises
     ------
     InputError
-        A channel has no device, or frames need several samples of a polled accelerometer.
+        A channel has no device, frames need several samples of a polled accelerometer, or the
+        load of a tool is to be removed from frames without force or acceleration.
     """
 
     def __init__(
@@ -80,8 +84,16 @@ class DeviceSource:
         *,
         on_lost: Literal["stop", "hold", "retract"] = "stop",
         samples_per_frame: int = 1,
+        tool: ToolLoad | None = None,
     ) -> None:
         self._channels = ordered_channels(channels)
+        if tool is not None and not {"force", "acceleration"} <= set(self._channels):
+            raise InputError(
+                "[devices] tool: its load is removed by the acceleration, so the scene must need "
+                f"force and acceleration; its parts need {', '.join(self._channels)}"
+            )
+        self._tool = tool
+        self._at_rest: Vector = (0.0, 0.0, 0.0)
         self._acceleration_hz = samples_per_frame * FRAMES_HZ
         self._on_lost = on_lost
         self._watcher: LossWatcher = lambda _lost, _sentence: None
@@ -144,6 +156,9 @@ class DeviceSource:
                 opened.device.calibrate()
             except Exception as error:
                 raise failure(opened, error) from error
+        if self._tool is not None:  # the bias of the force sensor contains the weight in this pose
+            accelerometer: Any = self._all["accelerometer"].device
+            self._at_rest, _ = mean_at_rest("accelerometer", accelerometer)
 
     def start(self, start_time_ns: int) -> None:  # noqa: ARG002 - devices keep their own time
         """Learn the clocks of the sensors that have one; open the devices unless that was done.
@@ -229,7 +244,7 @@ class DeviceSource:
         if merger is None or taker is None or not merger.lacking:
             return False
         self._look(self._sampled)
-        frames = merger.frames()
+        frames = self._unloaded(merger.frames())
         if len(frames):
             taker(frames)
         return merger.lacking and self._probed is None
@@ -264,8 +279,16 @@ class DeviceSource:
                 self._merger.give_up()
             frames = self._merger.frames()
             self._retry.tick(lacking=self._merger.lacking)
+            return self._unloaded(frames)
+        return self._unloaded(self._polled_frame(now_ns))
+
+    def _unloaded(self, frames: RecordArray) -> RecordArray:
+        """Return the frames without the load of the tool."""
+        if self._tool is None or not len(frames):
             return frames
-        return self._polled_frame(now_ns)
+        frames = frames.copy()  # those of the merger are read-only
+        self._tool.remove(frames, self._at_rest)
+        return frames
 
     def _polled_frame(self, now_ns: int) -> RecordArray:
         if self._lost:

@@ -10,6 +10,7 @@ from mmt.scene import Devices, Replay, Scene, Simulated
 
 if TYPE_CHECKING:
     from mmt.devices.source import FrameReceiver, LossWatcher
+    from mmt.devices.tool_load import ToolLoad
 
 
 class FollowerSource(Protocol):
@@ -138,4 +139,18 @@ def _devices(scene: Scene, table: Devices) -> FollowerSource:
         scene.channels(),
         on_lost=table.on_lost,
         samples_per_frame=scene.session.samples_per_frame,
+        tool=None if table.tool is None else _stored_load(table.tool),
     )
+
+
+def _stored_load(name: str) -> "ToolLoad":
+    from mmt.devices.calibrations import load_calibration
+    from mmt.devices.tool_load import CALIBRATED_AS, load_from
+
+    stored = load_calibration(CALIBRATED_AS, name)
+    if stored is None:
+        raise InputError(
+            f"[devices] tool = {name!r} was never calibrated on this machine: hold it in six poses "
+            f"with: mmt device calibrate SCENE --tool {name}"
+        )
+    return load_from(stored)

@@ -71,4 +71,11 @@ class Devices(MotionLimits):
     robot: Driver
     force_sensor: Driver | None = None
     accelerometer: Driver | None = None
+    tool: str | None = Field(None, min_length=1)
     on_lost: Literal["stop", "hold", "retract"] = "stop"
+
+    @model_validator(mode="after")
+    def _tool_is_measured(self) -> Self:
+        if self.tool is not None and (self.force_sensor is None or self.accelerometer is None):
+            raise ValueError("tool: its load needs a force_sensor and an accelerometer on the tool")
+        return self

@@ -1,0 +1,202 @@
+"""The load of a tool on the force sensor that carries it: its weight and its inertia.
+
+A force sensor between hand and tool, or robot and tool, measures the force of the surface and what
+holds up and accelerates the tool. An accelerometer that is fixed to the tool measures the proper
+acceleration f: the acceleration minus that of gravity. So the force of the surface is the measured
+one plus ``mass R f``, with the rotation R from the accelerometer's axes to the force sensor's,
+however the tool is tilted. This holds for an accelerometer at the tool's centre of mass; at a
+distance r from it, turning adds errors up to ``mass r (angular acceleration)``.
+
+Mass and rotation are identified from poses at rest by least squares: the rotation by the singular
+value decomposition of the covariance (Umeyama, "Least-squares estimation of transformation
+parameters between two point patterns", IEEE Trans. PAMI 13 (1991), 376-380).
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from math import isfinite
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.errors import InputError, MmtError
+from mmt.core.frames import acceleration_samples, samples_per_frame
+from mmt.core.units import GRAVITY_M_S2
+from mmt.devices.protocols import Accelerometer, ForceSensor, SampledSensor, Vector
+
+CALIBRATED_AS: Final = "tool"
+"""Name of these calibrations among the stored ones."""
+
+REST_S: Final = 0.2
+"""Duration of a mean at rest."""
+
+_AGAIN: Final = "calibrate again with mmt device calibrate SCENE --tool NAME"
+_FEW: Final = 20
+"""Fewer readings make no mean."""
+_MOVED_M_S2: Final = 0.5
+"""Standard deviation from which the tool counts as moving."""
+_FLAT: Final = 0.3
+"""Least spread of the poses along each axis, in parts of gravity."""
+_OFF_SHARE: Final = 0.1
+"""Largest residual, in parts of the tool's weight."""
+_LEAST_OFF_N: Final = 0.05
+"""Residual (N) that is allowed for any tool."""
+
+
+class Pose(NamedTuple):
+    """Means at rest, with the tool held free."""
+
+    force_n: Vector
+    proper_acceleration_m_s2: Vector
+
+
+@dataclass(frozen=True)
+class ToolLoad:
+    """Mass of a tool, and how its accelerometer is turned against its force sensor."""
+
+    mass_kg: float
+    rotation: tuple[Vector, Vector, Vector]
+    """Rows of the matrix from the accelerometer's axes to the force sensor's."""
+    residual_n: float = 0.0
+    """Largest difference of a pose from the fit."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the values as they are stored."""
+        return asdict(self)
+
+    def remove(self, frames: RecordArray, at_rest_m_s2: Vector) -> None:
+        """Remove the load from the force of frames (n,), in place.
+
+        Parameters
+        ----------
+        frames
+            With force and acceleration.
+        at_rest_m_s2
+            Proper acceleration when the force sensor's bias was taken, which contains the weight.
+        """
+        k = samples_per_frame(frames.dtype)
+        proper = acceleration_samples(frames)[k - 1 :: k] - np.asarray(at_rest_m_s2)
+        frames["force_n"] += proper @ (self.mass_kg * np.array(self.rotation).T)
+
+
+def load_from(content: Mapping[str, Any]) -> ToolLoad:
+    """Return a stored load.
+
+    Raises
+    ------
+    InputError
+        A value is missing or impossible.
+    """
+    try:
+        first, second, third = (_vector(row) for row in content["rotation"])
+        mass_kg, residual_n = float(content["mass_kg"]), float(content["residual_n"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"the stored load of the tool is damaged ({error}): {_AGAIN}") from error
+    turn = np.array([first, second, third])
+    if not 0.0 < mass_kg < 100.0 or np.abs(turn @ turn.T - np.eye(3)).max() > 1e-6:
+        raise InputError(f"the stored load of the tool is impossible: {_AGAIN}")
+    return ToolLoad(mass_kg, (first, second, third), residual_n)
+
+
+def identify(poses: Sequence[Pose]) -> ToolLoad:
+    """Identify a tool's load from four or more poses at rest.
+
+    Raises
+    ------
+    InputError
+        The poses are too few or too alike, or contradict each other; the message names the pose.
+    """
+    force = np.array([pose.force_n for pose in poses]).reshape(-1, 3)
+    proper = np.array([pose.proper_acceleration_m_s2 for pose in poses]).reshape(-1, 3)
+    for number, felt in enumerate(np.linalg.norm(proper, axis=1), 1):
+        if abs(felt / GRAVITY_M_S2 - 1.0) > _OFF_SHARE:
+            raise InputError(
+                f"pose {number}: the accelerometer feels {felt:.2f} m/s2 at rest, gravity is "
+                f"{GRAVITY_M_S2:.2f}: calibrate the accelerometer first"
+            )
+    count = max(len(poses), 1)
+    away, load = proper - proper.sum(axis=0) / count, force.sum(axis=0) / count - force
+    spreads = np.linalg.svd(away / np.sqrt(count), compute_uv=False)
+    if len(poses) < 4 or spreads[-1] < _FLAT * GRAVITY_M_S2:
+        raise InputError(
+            f"{len(poses)} poses, too alike: hold the tool so that each of its axes points up and "
+            "down, six poses are best"
+        )
+    left, sizes, right = np.linalg.svd(load.T @ away)
+    mirrored = np.array([1.0, 1.0, np.sign(np.linalg.det(left) * np.linalg.det(right))])
+    rotation = (left * mirrored) @ right
+    mass_kg = float(mirrored @ sizes / np.square(away).sum())
+    if mass_kg * GRAVITY_M_S2 < _LEAST_OFF_N:
+        raise InputError(
+            f"the force changes by {mass_kg * GRAVITY_M_S2:.2g} N from pose to pose: the force "
+            "sensor carries no tool, or does not feel it"
+        )
+    off_n = np.linalg.norm(load - mass_kg * away @ rotation.T, axis=1)
+    worst = int(off_n.argmax())
+    if off_n[worst] > max(_LEAST_OFF_N, _OFF_SHARE * mass_kg * GRAVITY_M_S2):
+        raise InputError(
+            f"pose {worst + 1} is {off_n[worst]:.2f} N off the load of {1e3 * mass_kg:.0f} g that "
+            "fits all: something touched the tool, its cable pulls, or the accelerometer is not "
+            "fixed to the tool"
+        )
+    first, second, third = (_vector(row) for row in rotation)
+    return ToolLoad(mass_kg, (first, second, third), float(off_n[worst]))
+
+
+def mean_at_rest(
+    name: str, sensor: ForceSensor | Accelerometer | SampledSensor, duration_s: float = REST_S
+) -> tuple[Vector, float]:
+    """Return the mean of a connected sensor's readings, and their largest standard deviation.
+
+    Raises
+    ------
+    MmtError
+        The sensor gives too few readings.
+    """
+    values: list[Vector] = []
+    sampled = hasattr(sensor, "latency_ns")
+    until_s = time.monotonic() + duration_s
+    while time.monotonic() < until_s:
+        read: Any = sensor.read()
+        values += [reading.value for reading in read] if sampled else [read]
+        time.sleep(0.001)
+    if len(values) < _FEW:
+        raise MmtError(f"{name}: {len(values)} readings came in {duration_s:g} s, too few")
+    found: FloatArray = np.array(values, np.float64)
+    return _vector(found.mean(axis=0).tolist()), float(found.std(axis=0).max())
+
+
+def measure_pose(
+    force_sensor: ForceSensor | SampledSensor,
+    accelerometer: Accelerometer | SampledSensor,
+    duration_s: float,
+) -> Pose:
+    """Measure a pose with the tool at rest, in the hand or on a stand.
+
+    Raises
+    ------
+    InputError
+        The tool moved meanwhile.
+    MmtError
+        A sensor gives too few readings.
+    """
+    proper, moved = mean_at_rest("accelerometer", accelerometer, 0.5 * duration_s)
+    force, _ = mean_at_rest("force sensor", force_sensor, 0.5 * duration_s)
+    again, again_moved = mean_at_rest("accelerometer", accelerometer, 0.5 * duration_s)
+    turned = float(np.linalg.norm(np.subtract(proper, again)))
+    if max(moved, again_moved, turned) > _MOVED_M_S2:
+        raise InputError(
+            f"the tool moved (its acceleration varied by {max(moved, again_moved, turned):.2f} "
+            "m/s2): hold it still and measure again"
+        )
+    middle = 0.5 * (np.array(proper) + np.array(again))
+    return Pose(force, _vector(middle.tolist()))
+
+
+def _vector(values: Any) -> Vector:
+    x, y, z = (float(value) for value in values)
+    if not (isfinite(x) and isfinite(y) and isfinite(z)):
+        raise ValueError(f"{values}: not finite")
+    return x, y, z

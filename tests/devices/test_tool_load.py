@@ -1,0 +1,256 @@
+"""The load of a tool is found from poses at rest, and taken out of the force however it tilts."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
+
+from mmt.cli import device_testing
+from mmt.cli import tool as tool_command
+from mmt.cli.main import app
+from mmt.core.errors import InputError, MmtError
+from mmt.core.frames import CHANNELS, empty_frames
+from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.source import DeviceSource
+from mmt.devices.tool_load import Pose, ToolLoad, identify, load_from, measure_pose
+from mmt.scene.files import load_scene
+
+GRAVITY = 9.80665
+POSES = np.vstack([np.eye(3), -np.eye(3)])
+
+
+def vector(values: np.ndarray) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+class Tool:
+    """A tool of 120 g; both sensors are fixed to it, the accelerometer at its centre of mass."""
+
+    def __init__(self, mass_kg: float = 0.12, noise: float = 0.0, seed: int = 1) -> None:
+        self.mass_kg = mass_kg
+        self.turned = Rotation.from_euler("xyz", [20.0, -50.0, 110.0], degrees=True)
+        self.up = np.array([0.0, 0.0, 1.0])
+        self.acceleration = np.zeros(3)
+        self.contact = np.zeros(3)
+        self._noise, self._random = noise, np.random.default_rng(seed)
+
+    def proper(self) -> Vector:
+        """Return what the accelerometer measures, in its own axes."""
+        true = self.turned.inv().apply(GRAVITY * self.up + self.acceleration)
+        return vector(true + self._noise * self._random.standard_normal(3))
+
+    def force(self) -> Vector:
+        """Return what the force sensor measures, with an offset of its own."""
+        load = -self.mass_kg * (GRAVITY * self.up + self.acceleration)
+        noise = 0.1 * self._noise * self._random.standard_normal(3)
+        return vector(self.contact + load + np.array([0.5, -0.2, 3.0]) + noise)
+
+    def poses(self) -> list[Pose]:
+        """Return the tool's poses with each axis up and down."""
+        found = []
+        for self.up in POSES:
+            found.append(Pose(self.force(), self.proper()))
+        return found
+
+
+class Sensor:
+    """A polled sensor of a tool, without or with its bias taken."""
+
+    def __init__(self, read: Callable[[], Vector], *, takes_bias: bool = False) -> None:
+        self._read, self._takes_bias = read, takes_bias
+        self._bias = np.zeros(3)
+
+    def connect(self) -> None:
+        """It is always there."""
+
+    def close(self) -> None:
+        """It stays."""
+
+    def calibrate(self) -> None:
+        if self._takes_bias:
+            self._bias = np.array(self._read())
+
+    def read(self) -> Vector:
+        return vector(np.array(self._read()) - self._bias)
+
+    def write(self, position_mm: Vector) -> None:
+        """The robot moves by itself."""
+
+
+@given(
+    st.floats(0.02, 5.0),
+    st.tuples(*[st.floats(-180.0, 180.0)] * 3),
+    st.tuples(*[st.floats(-50.0, 50.0)] * 3),
+)
+def test_mass_and_rotation_are_found_from_any_tool(
+    mass_kg: float, angles: tuple[float, ...], offset: tuple[float, ...]
+) -> None:
+    turn = Rotation.from_euler("xyz", angles, degrees=True)
+    poses = [
+        Pose(
+            vector(np.array(offset) - mass_kg * GRAVITY * turn.apply(up)),
+            vector(GRAVITY * up),
+        )
+        for up in POSES
+    ]
+    load = identify(poses)
+    assert load.mass_kg == pytest.approx(mass_kg, rel=1e-9)
+    np.testing.assert_allclose(load.rotation, turn.as_matrix(), atol=1e-8)
+    assert load.residual_n < 1e-9
+    assert load_from(load.as_dict()) == load
+
+
+def test_the_surfaces_force_is_left_while_the_tool_tilts_and_shakes() -> None:
+    """120 g, tilted to 60 degrees, shaken with 10 m/s2, noise as of an ADXL335."""
+    tool = Tool(noise=0.06)
+    load = identify(tool.poses())
+    assert load.mass_kg == pytest.approx(0.12, rel=0.02)
+    tool.up = np.array([0.0, 0.0, 1.0])
+    sensors = Sensor(tool.force, takes_bias=True), Sensor(tool.proper)
+    source = DeviceSource(Sensor(lambda: (0.0, 0.0, 0.0)), *sensors, CHANNELS, tool=load)
+    source.start(0)
+    off, plain = [], []
+    for tick in range(1500):
+        angle = math.radians(60.0) * math.sin(2e-3 * math.pi * tick)
+        tool.up = np.array([0.0, math.sin(angle), math.cos(angle)])
+        tool.acceleration = np.array([0.0, 3.0, 10.0 * math.sin(0.03 * tick)])
+        tool.contact = np.array([0.3, 0.0, 1.0 + math.sin(0.01 * tick)])
+        (frame,) = source.step(1, 10**6 * tick, None)
+        off.append(frame["force_n"] - tool.contact)
+        plain.append(-0.12 * (GRAVITY * (tool.up - [0.0, 0.0, 1.0]) + tool.acceleration))
+    assert np.sqrt(np.mean(np.square(off), axis=0)).max() < 0.05
+    assert np.sqrt(np.mean(np.square(plain), axis=0)).max() > 0.5, "what the tool adds"
+
+
+@pytest.mark.parametrize("samples", [1, 10])
+def test_the_newest_sample_of_a_frame_counts(samples: int) -> None:
+    frames = empty_frames(2, CHANNELS, samples)
+    frames["acceleration_m_s2"].reshape(2, samples, 3)[:, -1] = [[0.0, 0.0, 9.8], [1.0, 0.0, 9.8]]
+    identity = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    ToolLoad(0.5, identity).remove(frames, (0.0, 0.0, 9.8))
+    np.testing.assert_allclose(frames["force_n"], [[0.0] * 3, [0.5, 0.0, 0.0]], atol=1e-6)
+
+
+def test_poses_that_do_not_determine_a_load_are_refused_with_the_reason() -> None:
+    poses = Tool().poses()
+    with pytest.raises(InputError, match="3 poses, too alike"):
+        identify(poses[:3])
+    with pytest.raises(InputError, match="0 poses, too alike"):
+        identify([])
+    flat = [poses[number] for number in (0, 1, 3, 4)]
+    with pytest.raises(InputError, match="4 poses, too alike"):
+        identify(flat)
+    touched = [*poses[:2], poses[2]._replace(force_n=(0.0, 0.0, 0.0)), *poses[3:]]
+    with pytest.raises(InputError, match=r"pose 3 is \d\.\d\d N off the load .* touched the tool"):
+        identify(touched)
+    with pytest.raises(InputError, match="carries no tool"):
+        identify(Tool(mass_kg=0.0).poses())
+    weak = [pose._replace(proper_acceleration_m_s2=(0.0, 0.0, 5.0)) for pose in poses]
+    with pytest.raises(InputError, match=r"pose 1: the accelerometer feels 5\.00 m/s2 at rest"):
+        identify(weak)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"mass_kg": -1.0},
+        {"mass_kg": math.nan},
+        {"rotation": [[1, 0, 0], [0, 1, 0]]},
+        {"rotation": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]},
+        {"residual_n": "much"},
+    ],
+)
+def test_a_stored_load_that_is_damaged_is_refused(wrong: dict[str, Any]) -> None:
+    stored = identify(Tool().poses()).as_dict()
+    with pytest.raises(InputError, match="calibrate again with mmt device calibrate"):
+        load_from(stored | wrong)
+
+
+def test_a_tool_that_moves_or_a_silent_sensor_is_no_pose() -> None:
+    tool = Tool()
+
+    def swung() -> Vector:
+        tool.acceleration = tool.acceleration + 0.05
+        return tool.proper()
+
+    with pytest.raises(InputError, match="the tool moved"):
+        measure_pose(Sensor(tool.force), Sensor(swung), 0.2)
+
+    class Silent(Sensor):
+        latency_ns = 0
+
+        def read(self) -> list[SensorReading]:  # type: ignore[override]
+            return []
+
+    with pytest.raises(MmtError, match="0 readings came"):
+        measure_pose(Sensor(tool.force), Silent(tool.proper), 0.1)  # type: ignore[arg-type]
+
+
+def test_frames_without_acceleration_keep_no_load() -> None:
+    load = identify(Tool().poses())
+    robot = Sensor(lambda: (0.0, 0.0, 0.0))
+    with pytest.raises(InputError, match="must need force and acceleration"):
+        DeviceSource(robot, robot, robot, ("position", "force"), tool=load)
+
+
+SCENE = """[link]
+[devices]
+robot = "virtual-phantom"
+force_sensor = "virtual-net-ft"
+accelerometer = "virtual-adxl335"
+tool = "probe"
+[texture]
+"""
+
+
+def test_the_command_asks_for_six_poses_and_the_follower_finds_what_it_stored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    (tmp_path / "lab.toml").write_text(SCENE, encoding="utf-8")
+    tool, up = Tool(noise=0.02), iter(POSES)
+
+    def device(driver: str, options: object, *, role: str) -> Sensor:
+        return Sensor(tool.force if role == "force_sensor" else tool.proper)
+
+    def prompt(text: str, **_: object) -> str:
+        if text.startswith("pose 2"):
+            next(up)
+            return "s"
+        tool.up = next(up)
+        return ""
+
+    monkeypatch.setattr(tool_command, "load_device", device)
+    monkeypatch.setattr(tool_command.typer, "prompt", prompt)
+    arguments = ["device", "calibrate", str(tmp_path / "lab.toml"), "--tool", "probe"]
+    run = CliRunner().invoke(app, [*arguments, "--duration", "0.2"], catch_exceptions=False)
+    assert run.exit_code == 0
+    assert "mass g" in run.output
+    (stored,) = (tmp_path / "mmt-haptics" / "calibrations").iterdir()
+    assert stored.name == "tool-probe.json"
+
+    from mmt.follower.sources import build_source
+
+    scene = load_scene(tmp_path / "lab.toml")
+    build_source(scene)
+    stored.unlink()
+    with pytest.raises(InputError, match="'probe' was never calibrated on this machine"):
+        build_source(scene)
+
+
+def test_a_tool_without_both_sensors_or_with_a_driver_is_refused(tmp_path: Path) -> None:
+    lacking = SCENE.replace('accelerometer = "virtual-adxl335"\n', "")
+    (tmp_path / "lab.toml").write_text(lacking, encoding="utf-8")
+    with pytest.raises(InputError, match="needs a force_sensor and an accelerometer"):
+        load_scene(tmp_path / "lab.toml")
+    with pytest.raises(InputError, match="virtual-adxl335 is a driver"):
+        tool_command.calibrate_tool("virtual-adxl335", "probe", 0.2, None)
+    assert device_testing.is_scene("demo")
