@@ -24,10 +24,10 @@ from link_samples import (
 import mmt.link.client
 import mmt.link.connection
 import mmt.link.http
-import mmt.link.websocket
+import mmt.link.server_sockets
 from mmt.core.errors import MmtError
 from mmt.link.client import FollowerClient
-from mmt.link.websocket import client_send
+from mmt.link.websocket import Send, client_send
 
 
 async def test_a_follower_that_dies_frees_its_place_at_once() -> None:
@@ -162,7 +162,7 @@ async def test_after_attempts_that_time_out_the_link_is_taken_up_again(
 async def test_a_client_that_leaves_before_it_is_answered_is_no_error(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(mmt.link.websocket, "HANDSHAKE_S", 0.1)
+    monkeypatch.setattr(mmt.link.server_sockets, "HANDSHAKE_S", 0.1)
     request = (
         b"GET /socket.io/?EIO=4&transport=websocket HTTP/1.1\r\nHost: 127.0.0.1\r\n"
         b"Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
@@ -215,12 +215,12 @@ async def test_where_the_library_hides_its_websocket_its_queue_is_used(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def hidden(
-        self: mmt.link.websocket.ServerSockets, sid: str, environ: Mapping[str, object]
-    ) -> mmt.link.websocket.Send:
+        self: mmt.link.server_sockets.ServerSockets, sid: str, environ: Mapping[str, object]
+    ) -> Send:
         return usual(self, sid, {})
 
-    usual = mmt.link.websocket.ServerSockets.send
-    monkeypatch.setattr(mmt.link.websocket.ServerSockets, "send", hidden)
+    usual = mmt.link.server_sockets.ServerSockets.send
+    monkeypatch.setattr(mmt.link.server_sockets.ServerSockets, "send", hidden)
     monkeypatch.setattr(
         mmt.link.connection,
         "client_send",

@@ -20,7 +20,7 @@ from link_samples import (
 )
 
 import mmt.link.rate_limit
-import mmt.link.websocket
+import mmt.link.server_sockets
 from mmt.core.errors import MmtError
 from mmt.link.protocol import encode_event
 from mmt.link.rate_limit import RateLimit
@@ -214,7 +214,7 @@ async def test_a_leader_that_floods_ends_the_follower_with_a_reason(
 async def test_who_is_not_let_in_may_neither_stay_nor_talk(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(mmt.link.websocket, "HANDSHAKE_S", 0.3)
+    monkeypatch.setattr(mmt.link.server_sockets, "HANDSHAKE_S", 0.3)
     async with leader() as server, aiohttp.ClientSession() as session:
         url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
         async with follower(server.port) as good, session.ws_connect(url) as silent:

@@ -25,8 +25,8 @@ from link_samples import (
 )
 from socketio.msgpack_packet import MsgPackPacket
 
+import mmt.link.server_sockets
 import mmt.link.socket_client
-import mmt.link.websocket
 from mmt.link.packets import DecodedPacket, Packet, binary_event, decode_packet
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
 from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
@@ -93,7 +93,7 @@ async def test_frames_and_commands_do_not_pass_through_the_library(
 async def test_where_the_websocket_cannot_be_asked_the_library_hands_over_the_same(
     monkeypatch: pytest.MonkeyPatch, decoded: Counter[int]
 ) -> None:
-    monkeypatch.setattr(mmt.link.websocket, "receive_directly", lambda *_: None)
+    monkeypatch.setattr(mmt.link.server_sockets, "receive_directly", lambda *_: None)
     monkeypatch.setattr(
         mmt.link.socket_client, "client_websocket", lambda *_: aiohttp.ClientWebSocketResponse
     )

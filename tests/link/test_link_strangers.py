@@ -29,7 +29,7 @@ from link_samples import (
 )
 
 import mmt.link.accepting
-import mmt.link.websocket
+import mmt.link.server_sockets
 from mmt.core.errors import MmtError
 from mmt.link.access import Access
 from mmt.link.client import FollowerClient
@@ -117,7 +117,7 @@ async def test_connections_that_stay_idle_do_not_keep_the_follower_out(
 async def test_web_sockets_without_a_hello_do_not_keep_the_follower_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(mmt.link.websocket, "HANDSHAKE_S", 30.0)
+    monkeypatch.setattr(mmt.link.server_sockets, "HANDSHAKE_S", 30.0)
     async with (
         guarded_leader(monkeypatch) as server,
         aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as session,
@@ -310,7 +310,7 @@ async def closes(stream: Stream) -> bool:
 async def test_who_sends_more_than_a_hello_needs_is_closed_before_the_time_is_over(
     monkeypatch: pytest.MonkeyPatch, says: bytes
 ) -> None:
-    monkeypatch.setattr(mmt.link.websocket, "HANDSHAKE_S", 30.0)
+    monkeypatch.setattr(mmt.link.server_sockets, "HANDSHAKE_S", 30.0)
     async with guarded_leader(monkeypatch) as server, strangers(server.port, 1, says) as (one,):
         assert await closes(one)
 

@@ -15,7 +15,8 @@ from mmt.link.accepting import Acceptor, admit_connection, watch_connections
 from mmt.link.access import FOLLOWERS, Access, Entrance, check_listening, is_address, is_loopback
 from mmt.link.packets import Packet
 from mmt.link.protocol import MAX_MESSAGE_BYTES, PING_INTERVAL_S, PING_TIMEOUT_S
-from mmt.link.websocket import LINK_PATH, ServerSockets, wire_logger
+from mmt.link.server_sockets import ServerSockets
+from mmt.link.websocket import LINK_PATH, wire_logger
 from mmt.scene.secured_table import ServedTable
 
 if TYPE_CHECKING:
