@@ -6,7 +6,7 @@ import pytest
 from plugin_samples import install_package
 from pydantic import BaseModel, ConfigDict, Field
 
-from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import DeviceLost, InputError, MmtError, located
 from mmt.core.plugins import is_own
 from mmt.devices import drivers
 from mmt.devices.drivers import load_device, read_options
@@ -156,3 +156,15 @@ def test_what_is_no_driver_is_refused(driver: object) -> None:
 def test_a_lost_device_is_an_error_that_speaks() -> None:
     assert issubclass(DeviceLost, MmtError)
     assert DeviceLost("the box is silent").exit_code == 1
+
+
+@pytest.mark.parametrize(("package", "told"), [("mmtools.arm", True), ("mmt_devices.arm", False)])
+def test_the_line_of_another_packages_code_is_told(package: str, *, told: bool) -> None:
+    code = {"__name__": package}
+    exec(compile("def move():\n    raise ValueError('stuck')", "arm.py", "exec"), code)
+    with pytest.raises(ValueError, match="stuck") as caught:
+        code["move"]()  # type: ignore[operator]
+    below = caught.value.__traceback__
+    assert below is not None
+    error = caught.value.with_traceback(below.tb_next)  # as called from the product's own code
+    assert ("(arm.py, line 2)" in located(error)) == told

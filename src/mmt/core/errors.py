@@ -1,5 +1,6 @@
 """Errors whose message is shown to the user."""
 
+import re
 from traceback import walk_tb
 from typing import Final
 
@@ -9,8 +10,8 @@ which then ends as failed too."""
 
 
 _LONGEST_TEXT = 200
-_PASSED: Final = ("mmt", "importlib", "_frozen_importlib")
-"""First letters of the packages whose lines of code are not told."""
+_PASSED: Final = re.compile(r"mmt(_bridges|_devices|_lab|_methods|_share)?|importlib|_frozen_.*")
+"""Packages whose lines of code are not told."""
 
 
 class MmtError(Exception):
@@ -60,7 +61,7 @@ def located(error: BaseException) -> str:
     place, file = "", None
     for frame, line in walk_tb(error.__traceback__):
         package = frame.f_globals.get("__name__", "").partition(".")[0]
-        if file is None and not package.startswith(_PASSED):
+        if file is None and not _PASSED.fullmatch(package):
             file = frame.f_code.co_filename
         if frame.f_code.co_filename == file:
             place = f" ({file}, line {line})"

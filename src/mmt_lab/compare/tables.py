@@ -1,5 +1,6 @@
 """Tables, sentences and the figure of a comparison of methods."""
 
+import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise, product
 from statistics import fmean
@@ -184,12 +185,16 @@ def largest_miscalibration(certainties: Sequence[Certainty]) -> float | None:
     return max(off, default=None)
 
 
+def _around(error: float) -> str:
+    return f" ± {error:.3f}" if math.isfinite(error) else " (one pair)"
+
+
 def difference_sentences(comparison: MethodComparison, method: str) -> list[str]:
     """Return for each group how much a method's share differs from that of the first one."""
     sentences = []
     for group in comparison.groups:
         found = [
-            f"{each.mean:+.3f} ± {each.standard_error:.3f} at {each.moment} ({each.verdict})"
+            f"{each.mean:+.3f}{_around(each.standard_error)} at {each.moment} ({each.verdict})"
             for each in comparison.differences(group)
             if (each.method, each.figure) == (method, SHARES[0])
         ]
