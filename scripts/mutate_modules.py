@@ -15,6 +15,7 @@ LEAST_SHARE: Final = 0.9
 
 MODULES: Final[dict[str, tuple[str, ...]]] = {
     "contact/passivity": ("contact/test_passivity.py", "contact/test_energies.py"),
+    "devices/tool_load": ("devices/test_tool_load.py",),
     "follower/command_guard": ("follower/test_command_guard.py",),
     "leader/motion/force_ramp": ("leader/test_force_ramp.py", "leader/test_streamed_force.py"),
     "leader/numbering": ("leader/test_numbering.py",),

@@ -1,6 +1,7 @@
 """The load of a tool is found from poses at rest, and taken out of the force however it tilts."""
 
 import math
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -53,10 +54,10 @@ class Tool:
         noise = 0.1 * self._noise * self._random.standard_normal(3)
         return vector(self.contact + load + np.array([0.5, -0.2, 3.0]) + noise)
 
-    def poses(self) -> list[Pose]:
-        """Return the tool's poses with each axis up and down."""
+    def poses(self, ups: np.ndarray = POSES) -> list[Pose]:
+        """Return the tool's poses with these axes up."""
         found = []
-        for self.up in POSES:
+        for self.up in ups:
             found.append(Pose(self.force(), self.proper()))
         return found
 
@@ -113,6 +114,7 @@ def test_the_surfaces_force_is_left_while_the_tool_tilts_and_shakes() -> None:
     tool = Tool(noise=0.06)
     load = identify(tool.poses())
     assert load.mass_kg == pytest.approx(0.12, rel=0.02)
+    assert 0.0 < load.residual_n < 0.05
     tool.up = np.array([0.0, 0.0, 1.0])
     sensors = Sensor(tool.force, takes_bias=True), Sensor(tool.proper)
     source = DeviceSource(Sensor(lambda: (0.0, 0.0, 0.0)), *sensors, CHANNELS, tool=load)
@@ -135,12 +137,18 @@ def test_the_newest_sample_of_a_frame_counts(samples: int) -> None:
     frames = empty_frames(2, CHANNELS, samples)
     frames["acceleration_m_s2"].reshape(2, samples, 3)[:, -1] = [[0.0, 0.0, 9.8], [1.0, 0.0, 9.8]]
     identity = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    ToolLoad(0.5, identity).remove(frames, (0.0, 0.0, 9.8))
+    ToolLoad(0.5, identity).remove(frames, np.array([0.0, 0.0, 9.8]))
     np.testing.assert_allclose(frames["force_n"], [[0.0] * 3, [0.5, 0.0, 0.0]], atol=1e-6)
 
 
 def test_poses_that_do_not_determine_a_load_are_refused_with_the_reason() -> None:
     poses = Tool().poses()
+    tetrahedron = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / math.sqrt(3.0)
+    assert identify(Tool().poses(tetrahedron)).mass_kg == pytest.approx(0.12)
+    cone = np.array([[0.35, 0, 1], [-0.35, 0, 1], [0, 0.35, 1], [0, -0.35, 1], [0, 0, 1]])
+    narrow = cone / np.linalg.norm(cone, axis=1, keepdims=True)
+    with pytest.raises(InputError, match=r"5 poses, too alike: .* down, six poses are best$"):
+        identify(Tool().poses(narrow))
     with pytest.raises(InputError, match="3 poses, too alike"):
         identify(poses[:3])
     with pytest.raises(InputError, match="0 poses, too alike"):
@@ -149,10 +157,13 @@ def test_poses_that_do_not_determine_a_load_are_refused_with_the_reason() -> Non
     with pytest.raises(InputError, match="4 poses, too alike"):
         identify(flat)
     touched = [*poses[:2], poses[2]._replace(force_n=(0.0, 0.0, 0.0)), *poses[3:]]
-    with pytest.raises(InputError, match=r"pose 3 is \d\.\d\d N off the load .* touched the tool"):
+    with pytest.raises(InputError, match=r"pose 3 is \d\.\d\d N off the load of \d+ g that "):
         identify(touched)
-    with pytest.raises(InputError, match="carries no tool"):
-        identify(Tool(mass_kg=0.0).poses())
+    pulled = [*poses[:2], poses[2]._replace(force_n=(0.8, -0.2, 1.8)), *poses[3:]]
+    with pytest.raises(InputError, match=r"the load of 1\d\d g that .* is not fixed to the tool$"):
+        identify(pulled)
+    with pytest.raises(InputError, match=r"by 0\.039 N .* sensor carries no tool, or does"):
+        identify(Tool(mass_kg=0.004).poses())
     weak = [pose._replace(proper_acceleration_m_s2=(0.0, 0.0, 5.0)) for pose in poses]
     with pytest.raises(InputError, match=r"pose 1: the accelerometer feels 5\.00 m/s2 at rest"):
         identify(weak)
@@ -163,6 +174,11 @@ def test_poses_that_do_not_determine_a_load_are_refused_with_the_reason() -> Non
     [
         {"mass_kg": -1.0},
         {"mass_kg": math.nan},
+        {"mass_kg": 0.0},
+        {"mass_kg": 100.0},
+        {"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, math.nan]]},
+        {"rotation": [[math.inf, 0, 0], [0, 1, 0], [0, 0, 1]]},
+        {"rotation": [[1, 0.001, 0], [0, 1, 0], [0, 0, 1]]},
         {"rotation": [[1, 0, 0], [0, 1, 0]]},
         {"rotation": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]},
         {"residual_n": "much"},
@@ -181,8 +197,14 @@ def test_a_tool_that_moves_or_a_silent_sensor_is_no_pose() -> None:
         tool.acceleration = tool.acceleration + 0.05
         return tool.proper()
 
-    with pytest.raises(InputError, match="the tool moved"):
+    with pytest.raises(InputError, match=r"the tool moved .* by \d.* still and measure again$"):
         measure_pose(Sensor(tool.force), Sensor(swung), 0.2)
+    still = Tool(noise=0.01)
+    began = time.monotonic()
+    found = measure_pose(Sensor(still.force), Sensor(still.proper), 0.1)
+    assert 0.1 <= time.monotonic() - began < 5.0
+    np.testing.assert_allclose(found.force_n, [0.5, -0.2, 3.0 - 0.12 * GRAVITY], atol=0.01)
+    np.testing.assert_allclose(found.proper_acceleration_m_s2, still.proper(), atol=0.1)
 
     class Silent(Sensor):
         latency_ns = 0
@@ -190,8 +212,11 @@ def test_a_tool_that_moves_or_a_silent_sensor_is_no_pose() -> None:
         def read(self) -> list[SensorReading]:  # type: ignore[override]
             return []
 
-    with pytest.raises(MmtError, match="0 readings came"):
-        measure_pose(Sensor(tool.force), Silent(tool.proper), 0.1)  # type: ignore[arg-type]
+    silent: Any = Silent(tool.proper)
+    with pytest.raises(MmtError, match=r"^accelerometer: 0 readings came in 0\.1 s"):
+        measure_pose(Sensor(tool.force), silent, 0.1)
+    with pytest.raises(MmtError, match=r"^force sensor: 0 readings came"):
+        measure_pose(silent, Sensor(tool.proper), 0.1)
 
 
 def test_frames_without_acceleration_keep_no_load() -> None:

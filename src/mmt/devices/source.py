@@ -24,7 +24,7 @@ from mmt.devices.lanes import PolledLane
 from mmt.devices.polling import PhasePoller, Retry
 from mmt.devices.protocols import Accelerometer, ForceSensor, Pacing, Robot, SampledSensor, Vector
 from mmt.devices.slots import PolledSlot, RobotSlot, SampledSlot, Slot, failure, slot_of, summaries
-from mmt.devices.tool_load import ToolLoad, mean_at_rest
+from mmt.devices.tool_load import REST_S, ToolLoad, readings_at_rest
 from mmt.devices.vibration_lane import VibrationLane
 
 LOG: Final = logging.getLogger("mmt.devices")
@@ -93,7 +93,7 @@ class DeviceSource:
                 f"force and acceleration; its parts need {', '.join(self._channels)}"
             )
         self._tool = tool
-        self._at_rest: Vector = (0.0, 0.0, 0.0)
+        self._at_rest = np.zeros(3)
         self._acceleration_hz = samples_per_frame * FRAMES_HZ
         self._on_lost = on_lost
         self._watcher: LossWatcher = lambda _lost, _sentence: None
@@ -158,7 +158,8 @@ class DeviceSource:
                 raise failure(opened, error) from error
         if self._tool is not None:  # the bias of the force sensor contains the weight in this pose
             accelerometer: Any = self._all["accelerometer"].device
-            self._at_rest, _ = mean_at_rest("accelerometer", accelerometer)
+            (proper,) = readings_at_rest({"accelerometer": accelerometer}, REST_S).values()
+            self._at_rest = proper.mean(axis=0)
 
     def start(self, start_time_ns: int) -> None:  # noqa: ARG002 - devices keep their own time
         """Learn the clocks of the sensors that have one; open the devices unless that was done.

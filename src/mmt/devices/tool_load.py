@@ -32,6 +32,8 @@ CALIBRATED_AS: Final = "tool"
 REST_S: Final = 0.2
 """Duration of a mean at rest."""
 
+Sensor = ForceSensor | Accelerometer | SampledSensor
+
 _AGAIN: Final = "calibrate again with mmt device calibrate SCENE --tool NAME"
 _FEW: Final = 20
 """Fewer readings make no mean."""
@@ -66,18 +68,18 @@ class ToolLoad:
         """Return the values as they are stored."""
         return asdict(self)
 
-    def remove(self, frames: RecordArray, at_rest_m_s2: Vector) -> None:
+    def remove(self, frames: RecordArray, at_rest_m_s2: FloatArray) -> None:
         """Remove the load from the force of frames (n,), in place.
 
         Parameters
         ----------
         frames
             With force and acceleration.
-        at_rest_m_s2
+        at_rest_m_s2 : (3,)
             Proper acceleration when the force sensor's bias was taken, which contains the weight.
         """
         k = samples_per_frame(frames.dtype)
-        proper = acceleration_samples(frames)[k - 1 :: k] - np.asarray(at_rest_m_s2)
+        proper = acceleration_samples(frames)[k - 1 :: k] - at_rest_m_s2
         frames["force_n"] += proper @ (self.mass_kg * np.array(self.rotation).T)
 
 
@@ -145,34 +147,29 @@ def identify(poses: Sequence[Pose]) -> ToolLoad:
     return ToolLoad(mass_kg, (first, second, third), float(off_n[worst]))
 
 
-def mean_at_rest(
-    name: str, sensor: ForceSensor | Accelerometer | SampledSensor, duration_s: float = REST_S
-) -> tuple[Vector, float]:
-    """Return the mean of a connected sensor's readings, and their largest standard deviation.
+def readings_at_rest(sensors: Mapping[str, Sensor], duration_s: float) -> dict[str, FloatArray]:
+    """Read connected sensors for a time, and return the readings (n, 3) of each, by its name.
 
     Raises
     ------
     MmtError
-        The sensor gives too few readings.
+        A sensor gives too few readings.
     """
-    values: list[Vector] = []
-    sampled = hasattr(sensor, "latency_ns")
+    found: dict[str, list[Vector]] = {name: [] for name in sensors}
     until_s = time.monotonic() + duration_s
     while time.monotonic() < until_s:
-        read: Any = sensor.read()
-        values += [reading.value for reading in read] if sampled else [read]
+        for name, sensor in sensors.items():
+            read: Any = sensor.read()
+            sampled = hasattr(sensor, "latency_ns")
+            found[name] += [reading.value for reading in read] if sampled else [read]
         time.sleep(0.001)
-    if len(values) < _FEW:
-        raise MmtError(f"{name}: {len(values)} readings came in {duration_s:g} s, too few")
-    found: FloatArray = np.array(values, np.float64)
-    return _vector(found.mean(axis=0).tolist()), float(found.std(axis=0).max())
+    for name, values in found.items():
+        if len(values) < _FEW:
+            raise MmtError(f"{name}: {len(values)} readings came in {duration_s:g} s, too few")
+    return {name: np.array(values) for name, values in found.items()}
 
 
-def measure_pose(
-    force_sensor: ForceSensor | SampledSensor,
-    accelerometer: Accelerometer | SampledSensor,
-    duration_s: float,
-) -> Pose:
+def measure_pose(force_sensor: Sensor, accelerometer: Sensor, duration_s: float) -> Pose:
     """Measure a pose with the tool at rest, in the hand or on a stand.
 
     Raises
@@ -182,17 +179,15 @@ def measure_pose(
     MmtError
         A sensor gives too few readings.
     """
-    proper, moved = mean_at_rest("accelerometer", accelerometer, 0.5 * duration_s)
-    force, _ = mean_at_rest("force sensor", force_sensor, 0.5 * duration_s)
-    again, again_moved = mean_at_rest("accelerometer", accelerometer, 0.5 * duration_s)
-    turned = float(np.linalg.norm(np.subtract(proper, again)))
-    if max(moved, again_moved, turned) > _MOVED_M_S2:
+    sensors = {"force sensor": force_sensor, "accelerometer": accelerometer}
+    force, proper = readings_at_rest(sensors, duration_s).values()
+    moved = float(proper.std(axis=0).max())
+    if moved > _MOVED_M_S2:
         raise InputError(
-            f"the tool moved (its acceleration varied by {max(moved, again_moved, turned):.2f} "
-            "m/s2): hold it still and measure again"
+            f"the tool moved (its acceleration varied by {moved:.2f} m/s2): hold it still and "
+            "measure again"
         )
-    middle = 0.5 * (np.array(proper) + np.array(again))
-    return Pose(force, _vector(middle.tolist()))
+    return Pose(_vector(force.mean(axis=0)), _vector(proper.mean(axis=0)))
 
 
 def _vector(values: Any) -> Vector:
