@@ -1,9 +1,12 @@
 """A network that stalls holds back little: what waits, waits where it can be given up."""
 
 import asyncio
+import socket
+from collections.abc import AsyncIterator
 
 import pytest
 from aiohttp import ClientSession, ClientWSTimeout, web
+from link_samples import until
 
 from mmt.link import queue
 from mmt.link.queue import SendQueue, UnbufferedSend
@@ -12,33 +15,50 @@ SOON = ClientWSTimeout(ws_close=0.1)
 """The other side reads nothing, the closing neither."""
 
 
-@pytest.fixture
-async def stalled() -> object:
-    """The address of a server that takes WebSocket connections and reads nothing more."""
-    reading = asyncio.Event()
+class Stalled:
+    """A server that takes WebSocket connections, but reads nothing until it is let."""
 
-    async def hold(request: web.Request) -> web.WebSocketResponse:
+    def __init__(self) -> None:
+        self.reading = asyncio.Event()
+        self.received: list[bytes] = []
+        self.url = ""
+
+    async def hold(self, request: web.Request) -> web.WebSocketResponse:
         websocket = web.WebSocketResponse()
         await websocket.prepare(request)
         assert request.transport is not None
         request.transport.pause_reading()  # type: ignore[attr-defined]
-        await reading.wait()
+        await self.reading.wait()
+        request.transport.resume_reading()  # type: ignore[attr-defined]
+        async for message in websocket:
+            self.received.append(message.data)
         return websocket
 
+
+@pytest.fixture
+async def stalled() -> AsyncIterator[Stalled]:
+    server = Stalled()
     application = web.Application()
-    application.router.add_get("/", hold)
+    application.router.add_get("/", server.hold)
     runner = web.AppRunner(application, shutdown_timeout=0.1)
     await runner.setup()
     await web.TCPSite(runner, "127.0.0.1", 0).start()
-    yield f"http://127.0.0.1:{runner.addresses[0][1]}/"
-    reading.set()
+    server.url = f"http://127.0.0.1:{runner.addresses[0][1]}/"
+    yield server
+    server.reading.set()
     await runner.cleanup()
 
 
-async def test_what_a_stalled_network_does_not_take_waits_in_the_outbox(stalled: str) -> None:
-    async with ClientSession() as session, session.ws_connect(stalled, timeout=SOON) as websocket:
+async def test_what_a_stalled_network_does_not_take_waits_in_the_outbox(stalled: Stalled) -> None:
+    async with (
+        ClientSession() as session,
+        session.ws_connect(stalled.url, timeout=SOON) as websocket,
+    ):
         outbox = SendQueue(5)
         outbox.open(UnbufferedSend(websocket))
+        if (option := getattr(socket, "TCP_NOTSENT_LOWAT", None)) is not None:
+            connection = websocket.get_extra_info("socket")
+            assert connection.getsockopt(socket.IPPROTO_TCP, option) == queue.UNSENT_BYTES
         for _ in range(100_000):
             outbox.put(1, bytes(1000))
             if outbox.dropped > 100:
@@ -51,9 +71,31 @@ async def test_what_a_stalled_network_does_not_take_waits_in_the_outbox(stalled:
         outbox.close()
 
 
+async def test_what_waits_goes_out_once_the_network_takes_it(stalled: Stalled) -> None:
+    sent: list[bytes] = []
+    async with (
+        ClientSession() as session,
+        session.ws_connect(stalled.url, timeout=SOON) as websocket,
+    ):
+        outbox = SendQueue(5)
+        outbox.open(UnbufferedSend(websocket))
+        while outbox.idle:
+            sent.append(bytes([len(sent) % 256]) * 1000)
+            outbox.put(1, sent[-1])
+            await asyncio.sleep(0)
+        stalled.reading.set()
+        await outbox.flush(5.0)
+        assert outbox.idle
+        await until(lambda: stalled.received == sent)
+        outbox.close()
+
+
 async def test_a_websocket_that_hides_what_it_writes_to_is_used_as_it_is(
-    stalled: str, monkeypatch: pytest.MonkeyPatch
+    stalled: Stalled, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(queue, "_transport_of", lambda _: None)
-    async with ClientSession() as session, session.ws_connect(stalled, timeout=SOON) as websocket:
+    async with (
+        ClientSession() as session,
+        session.ws_connect(stalled.url, timeout=SOON) as websocket,
+    ):
         await UnbufferedSend(websocket)(b"message")

@@ -20,10 +20,11 @@ from mmt.scene import Link
 TOKEN = "0123456789abcdef-secret"
 
 
-def test_extension_0_is_bytes_and_no_other_is() -> None:
+@pytest.mark.parametrize("stranger", [False, True])
+def test_extension_0_is_bytes_and_no_other_is(stranger: bool) -> None:
     for code, expected in ((0, ("frames", b"abc")), (1, None)):
         packet = {"type": 2, "nsp": "/", "data": ["frames", msgpack.ExtType(code, b"abc")]}
-        decoded = decode_packet(msgpack.packb(packet))
+        decoded = decode_packet(msgpack.packb(packet), stranger=stranger)
         assert decoded is not None
         assert binary_event(decoded) == expected
     assert decode_packet(encode_event("frames", b"abc")) is not None

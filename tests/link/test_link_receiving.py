@@ -27,7 +27,7 @@ from socketio.msgpack_packet import MsgPackPacket
 
 import mmt.link.server_sockets
 import mmt.link.socket_client
-from mmt.link.packets import DecodedPacket, Packet, binary_event, decode_packet
+from mmt.link.packets import DecodedPacket, Packet, binary_event, decode_packet, is_reserved
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
 from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
 from mmt.link.server import LeaderServer
@@ -353,6 +353,26 @@ def test_the_order_of_keys_and_further_ones_do_not_matter() -> None:
 def test_all_else_is_the_librarys(changes: dict[str, object]) -> None:
     packet = {"type": 2, "data": ["frames", b"x"], "nsp": "/", **changes}
     assert event_in(msgpack.packb(packet)) is None
+
+
+def test_the_librarys_packet_is_that_of_the_message_or_what_was_decoded_of_it() -> None:
+    fields = {"type": 2, "nsp": "/", "data": ["end", b"x"], "id": 7}
+    decoded = DecodedPacket(b"is not decoded again")
+    decoded.packet = fields
+    for message in (msgpack.packb(fields), decoded):
+        packet = Packet(encoded_packet=message)
+        assert (packet.packet_type, packet.namespace) == (2, "/")
+        assert (packet.data, packet.id) == (["end", b"x"], 7)
+    bare = Packet(encoded_packet=msgpack.packb({"type": 1, "nsp": "/"}))
+    assert (bare.packet_type, bare.data, bare.id) == (1, None, None)
+    with pytest.raises(ValueError, match=r"^malformed packet$"):
+        Packet(encoded_packet=b"\xc1")
+
+
+def test_an_event_is_reserved_if_the_library_handles_its_name() -> None:
+    assert is_reserved({"type": 2, "data": ["connect", b"x"]})
+    for kind, data in ((2, ["frames", b"x"]), (3, ["connect"]), (2, []), (2, None)):
+        assert is_reserved({"type": kind, "data": data}) is False
 
 
 _EVENT = encode_event("frames", bytes(20))
