@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from frame_samples import PERIOD_NS, made_frames
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mmt.core.arrays import RecordArray
@@ -98,6 +98,8 @@ def test_a_follower_anew_that_counts_on_is_not_taken_for_the_one_before() -> Non
     taken, left_out = numbering.number(made_frames(100, 5), SECOND + 10 * PERIOD_NS)
     assert left_out == 10
     assert taken["sequence"].tolist() == list(range(110, 115))
+    following, left_out = numbering.number(made_frames(105, 1), SECOND + 15 * PERIOD_NS)
+    assert (left_out, following["sequence"].tolist()) == (0, [115])
 
 
 def test_another_clock_is_put_right_but_echoed_as_it_is() -> None:
@@ -155,12 +157,12 @@ def test_a_follower_without_a_name_is_judged_by_its_numbers() -> None:
     numbering.reconnect("a")
     numbering.number(made_frames(0, 10), SECOND)
     numbering.number(made_frames(10, 10), 100 * SECOND)
-    numbering.reconnect("")
+    numbering.reconnect()
     assert numbering.anew is False
     assert numbering.follower_time_ns == 0
     again = made_frames(20, 5)
     assert numbering.number(again, 100 * SECOND) == (again, 0)
-    numbering.reconnect()
+    numbering.reconnect("")
     _, left_out = numbering.number(made_frames(9000, 5), 100 * SECOND + SECOND // 10)
     assert left_out == 100
 
@@ -181,13 +183,15 @@ def test_the_time_that_passed_bounds_what_a_follower_may_have_counted(name: str)
         assert left_out == 2000 * beyond
 
 
-def test_a_jump_within_a_connection_is_a_gap_and_no_new_follower() -> None:
+@pytest.mark.parametrize("second", [None, 10, 0])
+def test_a_jump_within_a_connection_is_a_gap_and_no_new_follower(second: int | None) -> None:
     numbering = SessionNumbering(PERIOD_NS)
     numbering.number(made_frames(0, 10), SECOND)
-    numbering.reconnect()
-    numbering.number(made_frames(10, 10), SECOND + PERIOD_NS)
-    ahead = made_frames(90_000, 1)
-    assert numbering.number(ahead, SECOND + 2 * PERIOD_NS) == (ahead, 0)
+    if second is not None:  # the first number after the link was taken up again
+        numbering.reconnect()
+        numbering.number(made_frames(second, 10), SECOND + PERIOD_NS)
+    taken, left_out = numbering.number(made_frames(90_000, 1), SECOND + 2 * PERIOD_NS)
+    assert (left_out, taken["sequence"].tolist()) == (0, [90_000 + numbering.shift])
 
 
 def test_a_follower_that_was_started_anew_takes_its_link_up_again_too() -> None:
@@ -261,6 +265,8 @@ def wrapped(first: int, count: int, at: int) -> RecordArray:
 
 
 @settings(max_examples=60, deadline=None)
+@example(2**31, [(3, 0)])
+@example(2**31 - 1, [(3, 0)])
 @given(
     st.integers(0, SEQUENCES - 1),
     st.lists(st.tuples(st.integers(1, 300), st.integers(0, 30)), min_size=1, max_size=8),
@@ -269,11 +275,12 @@ def test_the_numbers_of_a_session_rise_where_those_of_its_follower_wrap(
     at: int, blocks: list[tuple[int, int]]
 ) -> None:
     numbering, first = SessionNumbering(PERIOD_NS), 0
-    begun = at if at < SEQUENCES // 2 else 0
+    begun = at if at < 2**31 else 0
     for count, skipped in blocks:
         taken, left_out = numbering.number(wrapped(first, count, at), SECOND)
         assert left_out == 0
         assert taken["sequence"].tolist() == list(range(begun + first, begun + first + count))
+        assert numbering.frames == first + count
         late = numbering.renumber(wrapped(0, 3, at))
         assert late["sequence"].tolist() == list(range(begun, begun + 3))
         first += count + skipped
@@ -289,15 +296,18 @@ def test_a_follower_goes_on_after_a_break_in_which_its_numbers_wrapped() -> None
     assert (left_out, taken["sequence"].tolist()) == (0, list(range(200, 205)))
 
 
-def test_a_follower_that_counts_anew_on_its_connection_is_put_behind_the_silence() -> None:
+@pytest.mark.parametrize("first", [0, 5099])
+def test_a_follower_that_counts_anew_on_its_connection_is_put_behind_the_silence(
+    first: int,
+) -> None:
     numbering = SessionNumbering(PERIOD_NS)
     numbering.number(made_frames(5000, 100), SECOND)
-    again = made_frames(0, 10)
-    again["time_ns"] += 5350 * PERIOD_NS
+    again = made_frames(first, 10)
+    again["time_ns"] += (5350 - first) * PERIOD_NS
     taken, left_out = numbering.number(again, SECOND + 250 * PERIOD_NS)
     assert (left_out, taken["sequence"].tolist()) == (250, list(range(5350, 5360)))
     np.testing.assert_array_equal(taken["time_ns"], again["time_ns"])
-    following, left_out = numbering.number(made_frames(10, 2), SECOND + 260 * PERIOD_NS)
+    following, left_out = numbering.number(made_frames(first + 10, 2), SECOND + 260 * PERIOD_NS)
     assert (left_out, following["sequence"].tolist()) == (0, [5360, 5361])
 
 

@@ -1,7 +1,7 @@
 """What a message costs, to the nanosecond: 100 us and 50 ns a byte at 1000 records a second."""
 
 from mmt.core.errors import MmtError
-from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
+from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, PeriodLimit, RateLimit
 
 SECOND = 1_000_000_000
 FULL = 199_998_000
@@ -85,3 +85,17 @@ def test_a_stranger_may_send_a_few_messages() -> None:
     for _ in range(2):
         assert stranger.passes(1, 0) is False
         assert stranger.shut is True
+
+
+def test_an_action_is_permitted_half_a_period_early_and_once_a_period_on_average() -> None:
+    limit = PeriodLimit(4.0)
+    permitted = {0.0: True, 1.9: False, 2.0: True, 5.9: False, 6.0: True}  # at 2, 6, 10, ...
+    assert {now_s: limit.passes(now_s) for now_s in permitted} == permitted
+    # what was not asked for in time is not made up for, but for half a period
+    assert [limit.passes(now_s) for now_s in (30.0, 30.0, 30.0, 33.9, 34.0)] == [
+        True,
+        True,
+        False,
+        False,
+        True,
+    ]

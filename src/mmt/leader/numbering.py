@@ -95,7 +95,6 @@ class SessionNumbering:
         if self._first is None:
             self._shift = -sequence if sequence >= SEQUENCES // 2 else 0
             self._first, self._first_arrival_ns = sequence + self._shift, arrival_ns
-            self._newest = self._first - 1
         elif self._reconnected or steps_ahead(sequence, self._newest - self._shift) <= 0:
             self._reconnected = False
             left_out = self._go_on(sequence, int(frames["time_ns"][0]), arrival_ns)
