@@ -181,6 +181,25 @@ def test_a_message_from_the_future_with_a_number_of_long_ago_counts_anew() -> No
     assert into.out_of_order + into.repeated == 5 + 5 + 2
 
 
+@pytest.mark.parametrize(("number", "passes"), [(45, False), (44, True), (600, True)])
+def test_a_number_of_which_the_newest_256_tell_nothing_is_the_newest(
+    number: int, passes: bool
+) -> None:
+    into = BlockReader(frames(0).dtype, "frames", PACE)
+    read_at(into, frames(300, time_ns=1), 10 * SECOND)
+    for time_ns, passed in ((2, passes), (3, False)):
+        assert read_at(into, frames(number, time_ns=time_ns), 10 * SECOND) == [number] * passed
+    assert (into.repeated, into.out_of_order) == ((1, 0) if passes else (1, 1))
+
+
+def test_counting_anew_takes_its_time_as_well() -> None:
+    into = BlockReader(frames(0).dtype, "frames", PACE)
+    passed = [n for n in range(5000) if read_at(into, frames(n, time_ns=n + 1), 10 * SECOND)]
+    assert 1000 < len(passed) < 5000
+    assert read_at(into, frames(0, time_ns=6000), 10 * SECOND) == []
+    assert read_at(into, frames(0, time_ns=6000), 11 * SECOND) == [0]
+
+
 def test_counting_anew_again_and_again_does_not_outrun_the_pace() -> None:
     into = BlockReader(frames(0).dtype, "frames", PACE)
     passed: list[int] = []
@@ -250,7 +269,7 @@ def test_after_a_break_the_same_sender_goes_on_and_another_begins() -> None:
 def test_the_end_tells_what_was_lost_last() -> None:
     into = reader()
     into.end(0, 0)
-    assert into.lost == 0
+    assert (into.lost, into.rejected) == (0, {})
     read(into, frames(0, 10))
     into.end(10, 0)
     assert into.lost == 0
@@ -261,10 +280,14 @@ def test_the_end_tells_what_was_lost_last() -> None:
     other = reader()
     other.end(4, 0)
     assert other.lost == 4
-    huge = reader()
-    huge.end(10**30, 0)
-    assert huge.lost == 0
-    assert huge.rejected == {"implausible count": 1}
+    last = reader()
+    read(last, numbered(2**32 - 1))
+    last.end(2**32, 0)
+    assert (last.lost, last.rejected) == (0, {})
+    for sent in (10**30, 2**32 + 1, -1):
+        last.end(sent, 0)
+    assert last.lost == 0
+    assert last.rejected == {"implausible count": 3}
 
 
 def test_what_is_read_and_lost_adds_up_over_messages() -> None:
@@ -300,6 +323,8 @@ def test_how_many_may_have_been_sent_is_bounded_by_the_time() -> None:
     assert into.is_plausible(10, 0)
     most = next(sent for sent in range(10, 10_000) if not into.is_plausible(sent, 0)) - 1
     assert 1500 < most <= 2010
+    into.end(most + 1, 0)
+    assert (into.lost, into.rejected.pop("implausible count")) == (0, 1)
     late = 500_000_000
     assert into.is_plausible(most + 500, late)
     assert not into.is_plausible(most + 501, late)
@@ -348,10 +373,14 @@ def test_commands_are_read_alike() -> None:
 
 
 def test_a_flood_is_logged_once_a_second(caplog: pytest.LogCaptureFixture) -> None:
-    into = reader()
+    into, told = reader(), []
+    into.on_rejected = lambda reason, times: told.append((reason, times))
     with caplog.at_level(logging.WARNING, logger="mmt.link"):
         for _ in range(1000):
             into.read((b"x",), 0)
     assert into.rejected == {"size": 1000}
     assert 1 <= len(caplog.records) <= 5
+    assert (told[0], len(told)) == (("size", 1), len(caplog.records))
+    into.read(("text",), 0)
+    assert told[-1] == ("not bytes", 1)
     assert caplog.records[0].getMessage() == "frames rejected: size (1 times)"
