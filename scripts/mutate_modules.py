@@ -15,8 +15,11 @@ LEAST_SHARE: Final = 0.9
 
 MODULES: Final[dict[str, tuple[str, ...]]] = {
     "contact/passivity": ("contact/test_passivity.py", "contact/test_energies.py"),
+    "core/ranges": ("test_ranges.py",),
     "devices/tool_load": ("devices/test_tool_load.py",),
     "follower/command_guard": ("follower/test_command_guard.py",),
+    "follower/motion_limit": ("follower/test_motion_limit.py",),
+    "follower/silence": ("follower/test_silence.py",),
     "leader/motion/force_ramp": ("leader/test_force_ramp.py", "leader/test_streamed_force.py"),
     "leader/numbering": ("leader/test_numbering.py",),
     "leader/output/playout": ("leader/test_playout.py",),

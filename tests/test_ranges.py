@@ -54,3 +54,5 @@ def test_an_empty_set_is_cleared_and_filled_anew() -> None:
     assert (ranges.first, ranges.count, list(ranges)) == (None, 0, [])
     assert ranges.add(4, 4) == 0
     assert ranges.add(4, 6) == 2
+    assert ranges.remove(5, 5) == 0
+    assert list(ranges) == [(4, 6)]

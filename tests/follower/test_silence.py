@@ -29,6 +29,16 @@ def test_over_an_even_path_it_is_two_round_trips_and_a_margin(
     assert settled(SilenceLimit(Link()), [round_trip_ms] * 4000) == pytest.approx(limit_ms, abs=1)
 
 
+def test_it_follows_the_estimator_of_rfc_6298_one_sample_a_round_trip() -> None:
+    limit = SilenceLimit(Link())
+    limits_ms = [limit.limit_ns / MS]
+    for round_trip_ms, arrival_ms in ((40, 0), (72, 39), (72, 40), (72, 83)):
+        limit.add(round_trip_ms * MS, arrival_ms * MS)
+        limits_ms.append(limit.limit_ns / MS)
+    # two of 40 ms and four of half of it; then two of 44 ms and four of 23 ms
+    assert limits_ms == [100, 160, 160, 180, 180]
+
+
 def test_it_is_longer_where_round_trips_differ() -> None:
     uneven = 50.0 + np.random.default_rng(1).exponential(20.0, 6000)
     assert settled(SilenceLimit(Link()), uneven) > settled(SilenceLimit(Link()), [70.0] * 6000)

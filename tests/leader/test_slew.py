@@ -1,5 +1,7 @@
 """Whatever a follower sends, neither force nor vibration jumps at the hand."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -50,10 +52,12 @@ def test_a_slow_force_passes_as_it_is_and_is_not_counted() -> None:
 
 def test_a_vibration_changes_by_a_step_at_most_over_calls_too() -> None:
     slew = VibrationSlew(500.0, 60.0)
-    blocks = [np.array([60.0, -60.0]), np.array([60.0]), np.zeros(3)]
+    blocks = [np.array([-60.0, 0.0, 60.0, -60.0]), np.array([60.0]), np.zeros(3)]
     for block in blocks:
         slew.limit(block)
-    np.testing.assert_array_equal(np.concatenate(blocks), [60.0, 0.0, 60.0, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(
+        np.concatenate(blocks), [-60.0, 0.0, 60.0, 0.0, 60.0, 0.0, 0.0, 0.0]
+    )
     assert slew.limited_samples == 1
     block = np.array([200.0, 200.0])
     slew.limit(block)
@@ -66,16 +70,23 @@ def test_a_vibration_changes_by_a_step_at_most_over_calls_too() -> None:
     np.testing.assert_array_equal(same, texture)
 
 
-@given(st.floats(1e3, 1e300))
-def test_vibration_beyond_the_limit_fades_over_its_whole_time(wanted: float) -> None:
-    slew = VibrationSlew(60.0)
+@pytest.mark.parametrize("keys", [{}, {"samples_per_tick": 3}])
+@given(wanted=st.floats(1e3, 1e300))
+def test_vibration_beyond_the_limit_fades_over_its_whole_time(
+    wanted: float, keys: dict[str, int]
+) -> None:
+    slew, samples = VibrationSlew(60.0, **keys), keys.get("samples_per_tick", 1)
     played = []
     for silent in (False, True, False):
-        block = np.full(15, wanted)
+        block = np.full(15 * samples, wanted)
         slew.limit(block, silent=silent)
         played += block.tolist()
-    fading = [max(60.0 - 6.0 * k, 0.0) for k in range(1, 16)]
-    assert played == pytest.approx([60.0] * 15 + fading + [60.0 - each for each in fading])
+    fading = [max(60.0 - 6.0 * k / samples, 0.0) for k in range(1, 15 * samples + 1)]
+    whole = [60.0] * len(fading)
+    assert played == pytest.approx(whole + fading + [60.0 - each for each in fading])
+    block = np.array([math.nan])
+    slew.limit(block)
+    assert block == pytest.approx(60.0 - 6.0 / samples)
 
 
 @pytest.mark.parametrize("slew", [1000.0, "off"])
