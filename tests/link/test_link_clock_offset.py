@@ -110,6 +110,43 @@ def test_the_drift_is_found(drift_ppm: float) -> None:
     assert quiet.drift * 1e6 == pytest.approx(drift_ppm, abs=1.0)
 
 
+def closest(bounds: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The largest of each row (n, 3), and its time."""
+    chosen = bounds.argmax(axis=1)[:, None]
+    return tuple(np.take_along_axis(each, chosen, axis=1)[:, 0] for each in (bounds, times))
+
+
+@pytest.mark.parametrize("blocks", [6, 7, 8])
+@pytest.mark.parametrize("drift_ppm", [0.0, -90.0, 700.0])
+def test_a_few_blocks_give_the_median_slope_and_the_closest_bounds_along_it(
+    drift_ppm: float, blocks: int
+) -> None:
+    generator, clock = np.random.default_rng(blocks), ClockOffset()
+    times = S // 2 * np.arange(blocks)[:, None] + S // 10 * np.arange(3)
+    truth, delays = drift_ppm * 1e-6 * times, generator.uniform(1.0, 1.4, (2, blocks, 3)) * MS
+    least, most = np.rint(truth - delays[0]), np.rint(truth + delays[1])
+    for exchanged in zip(times.flat, least.flat, most.flat, strict=True):
+        time_ns, *bounds = map(int, exchanged)
+        assert clock.add(5 * S + time_ns, *(OFFSET_NS + bound for bound in bounds)) is None
+    (low, low_at), (high, high_at) = closest(least, times), closest(-most, times)
+    drift, known = 0.0, blocks - 1  # when the last block began
+    if known >= 6:
+        early, late = slice(0, known - known // 2), slice(known // 2, known)
+        pairs = ((low, low_at), (-high, high_at))
+        slopes = np.array([(y[late] - y[early]) / (x[late] - x[early]) for y, x in pairs])
+        spread = np.median(abs(slopes - np.median(slopes)))
+        error = 1.86 * spread / np.sqrt(slopes.size) * (1 + 8 / slopes.size)
+        drift = np.clip(np.median(slopes) / (1 + (error / 50e-6) ** 2), -500e-6, 500e-6)
+    now = times[-1, -1]
+    lower, upper = max(low + drift * (now - low_at)), min(-high + drift * (now - high_at))
+    estimate = clock.estimate
+    assert estimate is not None
+    assert estimate.drift == pytest.approx(drift, rel=1e-9)
+    assert estimate.time_ns == 5 * S + now
+    assert estimate.offset_ns - OFFSET_NS == pytest.approx((lower + upper) / 2, abs=1)
+    assert estimate.uncertainty_ns == pytest.approx(max(0, (upper - lower) / 2), abs=1)
+
+
 def test_half_of_a_lasting_difference_of_the_ways_is_in_the_offset_and_the_uncertainty() -> None:
     """Nothing can tell it from an offset; the uncertainty says so."""
     trace = exchange({"delay_ms": 30}, {"delay_ms": 10})
@@ -144,6 +181,7 @@ def test_each_of_several_steps_is_counted() -> None:
     steps = [(10.0, 10 * S), (15.0, -10 * S), (15.2, S), (22.0, -S // 2)]
     trace = exchange(WIFI, WIFI, steps=steps, seconds=30.0)
     assert [round(jump.step_ns / S, 1) for jump in trace.jumps] == [10.0, -10.0, 1.0, -0.5]
+    assert trace.clock.jumps == 4
 
 
 @pytest.mark.parametrize("network", [WIFI, WAN, BAD, {"delay_ms": 40, "jitter_ms": 40}])
@@ -180,6 +218,9 @@ def test_a_single_contradiction_is_left_out() -> None:
         assert trace.clock.add(10 * S, OFFSET_NS + 5 * S, OFFSET_NS + 6 * S) is None
     assert trace.clock.add(10 * S, OFFSET_NS - S, OFFSET_NS - S - 1) is None  # of no offset
     assert trace.clock.estimate == before
+    jump = trace.clock.add(10 * S + 7, OFFSET_NS + 5 * S, OFFSET_NS + 6 * S)
+    assert jump is not None
+    assert jump.time_ns == 10 * S + 7
 
 
 def test_there_is_no_estimate_before_eight_exchanges() -> None:
