@@ -197,6 +197,7 @@ def test_counting_anew_takes_its_time_as_well() -> None:
     passed = [n for n in range(5000) if read_at(into, frames(n, time_ns=n + 1), 10 * SECOND)]
     assert 1000 < len(passed) < 5000
     assert read_at(into, frames(0, time_ns=6000), 10 * SECOND) == []
+    assert into.rejected["implausible restart"] == 1
     assert read_at(into, frames(0, time_ns=6000), 11 * SECOND) == [0]
 
 

@@ -176,6 +176,7 @@ class BlockReader:
             return True
         if first and ahead <= -_WINDOW and time_ns > self._newest_ns:
             if not self._bound.allows(1, arrival_ns):
+                self.reject("implausible restart")
                 return False
             self._newest, self._newest_ns, self._seen = sequence, time_ns, 1
             return True
