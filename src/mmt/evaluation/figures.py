@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from PIL import Image
@@ -24,11 +25,11 @@ _LARGEST_ERROR_DB: Final = 6.0
 
 def to_png(figure: Figure) -> bytes:
     """Return a figure as PNG of 256 colours, which takes a third of the bytes of full colour."""
-    drawn, few = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="raw", dpi=_DOTS_PER_INCH)
-    width, height = (int(inches * _DOTS_PER_INCH) for inches in figure.get_size_inches())
-    image = Image.frombuffer("RGBA", (width, height), drawn.getvalue()).convert("RGB")
-    image.quantize(dither=Image.Dither.NONE).save(few, format="png", optimize=True)
+    few, canvas = io.BytesIO(), FigureCanvasAgg(figure)
+    figure.set_dpi(_DOTS_PER_INCH)
+    canvas.draw()  # type: ignore[no-untyped-call]
+    image = Image.fromarray(np.asarray(canvas.buffer_rgba()))  # type: ignore[no-untyped-call]
+    image.convert("RGB").quantize(dither=Image.Dither.NONE).save(few, format="png", optimize=True)
     return few.getvalue()
 
 
