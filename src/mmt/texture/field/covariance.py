@@ -165,26 +165,35 @@ def prior_covariance(
     return out.reshape(np.shape(every)[:-1] + out.shape[1:])
 
 
+@kernel("i8(f8[::1], i8, f8)", "i8(i8[::1], i8, i8)", inner=True)
+def _place_among(ascending: Values, count: int, value: float) -> int:
+    """Return where a value is, or belongs, among the first `count` ascending ones."""
+    low, high = 0, count
+    while low < high:
+        middle = (low + high) // 2
+        if ascending[middle] < value:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
 @kernel("f8[::1](f8[::1], i8[::1])", "i8[::1](i8[::1], i8[::1])")
 def different(values: Values, which: IntArray) -> Values:
-    """Return the distinct values, sorted; write the index of each value among them to `which`."""
+    """Return the distinct values, sorted; write the index of each value among them to `which`.
+
+    Costs O(n log d + d^2) for d distinct of n values: they are few on an axis.
+    """
     own, count = np.empty_like(values), 0
-    for again in range(2):
-        for i in range(len(values)):
-            value, low, high = values[i], 0, count
-            while low < high:
-                middle = (low + high) // 2
-                if own[middle] < value:
-                    low = middle + 1
-                else:
-                    high = middle
-            if again:
-                which[i] = low
-            elif low == count or own[low] != value:
-                for later in range(count, low, -1):
-                    own[later] = own[later - 1]
-                own[low] = value
-                count += 1
+    for i in range(len(values)):
+        place = _place_among(own, count, values[i])
+        if place == count or own[place] != values[i]:
+            for later in range(count, place, -1):
+                own[later] = own[later - 1]
+            own[place] = values[i]
+            count += 1
+    for i in range(len(values)):
+        which[i] = _place_among(own, count, values[i])
     return own[:count].copy()
 
 
