@@ -274,13 +274,14 @@ def _of_sensor(channel: str, values: FloatArray, rate_hz: float) -> list[str]:
         return [f"{channel}: it never changes; is it the right column, and was the sensor on?"]
     if channel == "acceleration" and longest > _LONGEST_HELD_S * rate_hz:
         sentences.append(f"{channel}: it held one value for {longest / rate_hz:.3g} s")
-    for axis, column in zip("xyz", np.abs(values.T), strict=True):
+    for axis, signed in zip("xyz", values.T, strict=True):
+        column = np.abs(signed)
         high = float(np.max(column))
         usual = float(np.percentile(column, 99.9))
         if high > _OUTLIER * usual > 0:
             row = int(np.argmax(column))
             sentences.append(
-                f"{channel}: {axis} is {values[row, 'xyz'.index(axis)]:.12g} in row {row + 1}, "
+                f"{channel}: {axis} is {signed[row]:.12g} in row {row + 1}, "
                 f"nearly all others are below {usual:.3g}; --missing VALUE --blanks-as-gaps "
                 "leaves it out"
             )
