@@ -20,7 +20,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import CHANNELS, empty_frames
 from mmt.devices.protocols import SensorReading, Vector
 from mmt.devices.source import DeviceSource
-from mmt.devices.tool_load import Pose, ToolLoad, identify, load_from, measure_pose
+from mmt.devices.tool_load import LoadRemover, Pose, ToolLoad, identify, load_from, measure_pose
 from mmt.scene.files import load_scene
 
 GRAVITY = 9.80665
@@ -117,7 +117,9 @@ def test_the_surfaces_force_is_left_while_the_tool_tilts_and_shakes() -> None:
     assert 0.0 < load.residual_n < 0.05
     tool.up = np.array([0.0, 0.0, 1.0])
     sensors = Sensor(tool.force, takes_bias=True), Sensor(tool.proper)
-    source = DeviceSource(Sensor(lambda: (0.0, 0.0, 0.0)), *sensors, CHANNELS, tool=load)
+    source = DeviceSource(
+        Sensor(lambda: (0.0, 0.0, 0.0)), *sensors, CHANNELS, tool=LoadRemover(load)
+    )
     source.start(0)
     off, plain = [], []
     for tick in range(1500):
@@ -137,7 +139,9 @@ def test_the_newest_sample_of_a_frame_counts(samples: int) -> None:
     frames = empty_frames(2, CHANNELS, samples)
     frames["acceleration_m_s2"].reshape(2, samples, 3)[:, -1] = [[0.0, 0.0, 9.8], [1.0, 0.0, 9.8]]
     identity = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    ToolLoad(0.5, identity).remove(frames, np.array([0.0, 0.0, 9.8]))
+    remover = LoadRemover(ToolLoad(0.5, identity))
+    remover.learn_rest(Sensor(lambda: (0.0, 0.0, 9.8)))
+    remover.remove(frames)
     np.testing.assert_allclose(frames["force_n"], [[0.0] * 3, [0.5, 0.0, 0.0]], atol=1e-6)
 
 
@@ -223,7 +227,7 @@ def test_frames_without_acceleration_keep_no_load() -> None:
     load = identify(Tool().poses())
     robot = Sensor(lambda: (0.0, 0.0, 0.0))
     with pytest.raises(InputError, match="must need force and acceleration"):
-        DeviceSource(robot, robot, robot, ("position", "force"), tool=load)
+        DeviceSource(robot, robot, robot, ("position", "force"), tool=LoadRemover(load))
 
 
 SCENE = """[link]
@@ -254,7 +258,7 @@ def test_the_command_asks_for_six_poses_and_the_follower_finds_what_it_stored(
         return ""
 
     monkeypatch.setattr(tool_command, "load_device", device)
-    monkeypatch.setattr(tool_command.typer, "prompt", prompt)
+    monkeypatch.setattr("mmt.cli.common.typer.prompt", prompt)
     arguments = ["device", "calibrate", str(tmp_path / "lab.toml"), "--tool", "probe"]
     run = CliRunner().invoke(app, [*arguments, "--duration", "0.2"], catch_exceptions=False)
     assert run.exit_code == 0
@@ -277,5 +281,7 @@ def test_a_tool_without_both_sensors_or_with_a_driver_is_refused(tmp_path: Path)
     with pytest.raises(InputError, match="needs a force_sensor and an accelerometer"):
         load_scene(tmp_path / "lab.toml")
     with pytest.raises(InputError, match="virtual-adxl335 is a driver"):
-        tool_command.calibrate_tool("virtual-adxl335", "probe", 0.2, None)
+        tool_command.calibrate_tool("virtual-adxl335", [], "probe", 0.2, None)
+    with pytest.raises(InputError, match="a scene has its own"):
+        tool_command.calibrate_tool("virtual-lab", ["port=x"], "probe", 0.2, None)
     assert device_testing.is_scene("demo")

@@ -27,7 +27,7 @@ from mmt.core.tables import plain_table
 from mmt.core.version import __version__
 from mmt.scene import Scene, Service
 
-Result = TypeVar("Result")
+Measured = TypeVar("Measured")
 
 STANDARD_OUTPUT: Final = Path("-")
 """Value of a file option that stands for standard output."""
@@ -199,6 +199,18 @@ def write_modules() -> None:
     """Write a JSON line with the modules that this process has imported."""
     imported = (n for n, m in list(sys.modules.items()) if getattr(m, "__spec__", None) is not None)
     write_line("modules", modules=list(imported))
+
+
+def measure_when_still(prompt: str, measure: Callable[[], Measured]) -> Measured | None:
+    """Prompt, and measure after Enter, again while `InputError` says why not; None after s."""
+    while True:
+        answer = typer.prompt(prompt, default="", show_default=False, err=True)
+        if str(answer).strip().lower() == "s":
+            return None
+        try:
+            return measure()
+        except InputError as error:
+            messages.print(str(error), highlight=False)
 
 
 def print_parts(scene: Scene, service: Service) -> None:

@@ -99,7 +99,7 @@ def calibrate_accelerometer(
 
         if rests is not None or keep is not None:
             raise InputError("--tool goes without --rests and --keep")
-        calibrate_tool(what, tool, duration, json_file)
+        calibrate_tool(what, settings or [], tool, duration, json_file)
         return
     from mmt.cli.gravity import Files, calibrate_by_gravity
     from mmt.devices.drivers import load_device

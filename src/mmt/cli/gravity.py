@@ -2,12 +2,19 @@
 
 import json
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-import typer
-
-from mmt.cli.common import messages, noting, output, raise_problems, summary_table, write_json
+from mmt.cli.common import (
+    measure_when_still,
+    messages,
+    noting,
+    output,
+    raise_problems,
+    summary_table,
+    write_json,
+)
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import write_file
 from mmt.devices.adxl335.gravity import (
@@ -23,8 +30,6 @@ from mmt.devices.adxl335.gravity import (
 )
 from mmt.devices.adxl335.sensor import CALIBRATED_AS, Adxl335
 from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
-
-_SKIP: Final = "s"
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,26 +95,23 @@ def _measure(sensor: Adxl335, duration_s: float) -> tuple[str, list[Rest]]:
             "each axis is needed once, all six are best.",
             highlight=False,
         )
-        found = [_rest(sensor, up, duration_s) for up in UPS]
+        found = [
+            measure_when_still(
+                f"{up[1]} points {'up' if up[0] == '+' else 'down'}",
+                partial(_rest, sensor, up, duration_s),
+            )
+            for up in UPS
+        ]
         return sensor.serial_number, [rest for rest in found if rest is not None]
     finally:
         sensor.close()
 
 
-def _rest(sensor: Adxl335, up: Up, duration_s: float) -> Rest | None:
-    """Measure one orientation, repeated until the sensor was still; None if skipped."""
-    where = "up" if up[0] == "+" else "down"
-    while True:
-        answer = typer.prompt(f"{up[1]} points {where}", default="", show_default=False, err=True)
-        if str(answer).strip().lower() == _SKIP:
-            return None
-        rest = sensor.measure_rest(up, duration_s)
-        try:
-            check_still(rest, sensor.supply_v)
-        except InputError as error:
-            messages.print(str(error), highlight=False)
-        else:
-            return rest
+def _rest(sensor: Adxl335, up: Up, duration_s: float) -> Rest:
+    """Measure one orientation, and raise `InputError` if the sensor moved."""
+    rest = sensor.measure_rest(up, duration_s)
+    check_still(rest, sensor.supply_v)
+    return rest
 
 
 def _read(path: Path, named: str | None) -> tuple[str, list[Rest]]:

@@ -1,28 +1,30 @@
 """``mmt device calibrate --tool``: find the load of a tool on the force sensor that carries it."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-import typer
-
-from mmt.cli.common import messages, output, summary_table, write_json
+from mmt.cli.common import measure_when_still, messages, output, summary_table, write_json
 from mmt.cli.device_testing import devices_named, is_scene
 from mmt.core.errors import InputError
 from mmt.devices.calibrations import calibration_file, save_calibration
 from mmt.devices.drivers import load_device
-from mmt.devices.tool_load import CALIBRATED_AS, Pose, identify, measure_pose
+from mmt.devices.tool_load import CALIBRATED_AS, identify, measure_pose
 
 _POSES: Final = 6
-_SKIP: Final = "s"
 
 
-def calibrate_tool(scene: str, name: str, duration_s: float, json_file: Path | None) -> None:
+def calibrate_tool(
+    scene: str, settings: list[str], name: str, duration_s: float, json_file: Path | None
+) -> None:
     """Prompt for six poses, measure them, identify the load, and store it.
 
     Parameters
     ----------
     scene
         A scene with a force sensor and an accelerometer.
+    settings
+        Options for a driver, which a scene refuses.
     name
         Name under which the load is stored, for ``tool`` of ``[devices]``.
     duration_s
@@ -38,11 +40,12 @@ def calibrate_tool(scene: str, name: str, duration_s: float, json_file: Path | N
     if not is_scene(scene):
         raise InputError(f"--tool takes a scene with both sensors; {scene} is a driver")
     calibration_file(CALIBRATED_AS, name)  # raises if the name is empty
-    force_sensor, accelerometer = (
+    sensors: list[Any] = [
         load_device(named.driver, named.options, role=named.role)
         for role in ("force_sensor", "accelerometer")
-        for named in devices_named(scene, role, [])[:1]
-    )
+        for named in devices_named(scene, role, settings)[:1]
+    ]
+    force_sensor, accelerometer = sensors
     try:
         force_sensor.connect()
         accelerometer.connect()
@@ -51,8 +54,9 @@ def calibrate_tool(scene: str, name: str, duration_s: float, json_file: Path | N
             "measures, s skips.",
             highlight=False,
         )
-        numbers = range(1, _POSES + 1)
-        found = [_pose(each, force_sensor, accelerometer, duration_s) for each in numbers]
+        measure = partial(measure_pose, force_sensor, accelerometer, duration_s)
+        prompts = (f"pose {number} of {_POSES}" for number in range(1, _POSES + 1))
+        found = [measure_when_still(prompt, measure) for prompt in prompts]
     finally:
         force_sensor.close()
         accelerometer.close()
@@ -62,16 +66,3 @@ def calibrate_tool(scene: str, name: str, duration_s: float, json_file: Path | N
     output.print(summary_table(f"tool {name}", {"load": figures}))
     messages.print(f"stored: {path}", highlight=False)
     write_json(json_file, {"tool": name, "file": str(path), **load.as_dict()})
-
-
-def _pose(number: int, force_sensor: Any, accelerometer: Any, duration_s: float) -> Pose | None:
-    """Measure one pose, repeated until the tool was still; None if skipped."""
-    while True:
-        prompt = f"pose {number} of {_POSES}"
-        answer = typer.prompt(prompt, default="", show_default=False, err=True)
-        if str(answer).strip().lower() == _SKIP:
-            return None
-        try:
-            return measure_pose(force_sensor, accelerometer, duration_s)
-        except InputError as error:
-            messages.print(str(error), highlight=False)

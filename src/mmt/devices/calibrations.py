@@ -7,6 +7,7 @@ since a calibration belongs to a device on a bench and not to a scene.
 import json
 import re
 from collections.abc import Mapping
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import platformdirs
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import write_file
+from mmt.devices.protocols import Vector
 
 
 def calibration_file(device: str, serial: str, directory: Path | None = None) -> Path:
@@ -81,6 +83,20 @@ def save_calibration(
     content = {**values, "device": device, "serial": serial}
     write_file(path, json.dumps(content, indent=2) + "\n")
     return path
+
+
+def finite_vector(values: Any) -> Vector:
+    """Return three values as a vector.
+
+    Raises
+    ------
+    TypeError, ValueError
+        They are not three finite numbers.
+    """
+    x, y, z = (float(value) for value in values)
+    if not (isfinite(x) and isfinite(y) and isfinite(z)):
+        raise ValueError(f"{values}: not finite")
+    return x, y, z
 
 
 def _plain(text: str) -> str:

@@ -4,7 +4,7 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterable
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
@@ -24,8 +24,10 @@ from mmt.devices.lanes import PolledLane
 from mmt.devices.polling import PhasePoller, Retry
 from mmt.devices.protocols import Accelerometer, ForceSensor, Pacing, Robot, SampledSensor, Vector
 from mmt.devices.slots import PolledSlot, RobotSlot, SampledSlot, Slot, failure, slot_of, summaries
-from mmt.devices.tool_load import REST_S, ToolLoad, readings_at_rest
 from mmt.devices.vibration_lane import VibrationLane
+
+if TYPE_CHECKING:
+    from mmt.devices.tool_load import LoadRemover
 
 LOG: Final = logging.getLogger("mmt.devices")
 
@@ -66,7 +68,7 @@ class DeviceSource:
     samples_per_frame
         Samples of acceleration in a frame.
     tool
-        Load of the tool, which is removed from the force; None to leave the force as measured.
+        Removes the load of the tool from the force; None to leave the force as measured.
 
     Raises
     ------
@@ -84,7 +86,7 @@ class DeviceSource:
         *,
         on_lost: Literal["stop", "hold", "retract"] = "stop",
         samples_per_frame: int = 1,
-        tool: ToolLoad | None = None,
+        tool: "LoadRemover | None" = None,
     ) -> None:
         self._channels = ordered_channels(channels)
         if tool is not None and not {"force", "acceleration"} <= set(self._channels):
@@ -93,7 +95,6 @@ class DeviceSource:
                 f"force and acceleration; its parts need {', '.join(self._channels)}"
             )
         self._tool = tool
-        self._at_rest = np.zeros(3)
         self._acceleration_hz = samples_per_frame * FRAMES_HZ
         self._on_lost = on_lost
         self._watcher: LossWatcher = lambda _lost, _sentence: None
@@ -156,10 +157,9 @@ class DeviceSource:
                 opened.device.calibrate()
             except Exception as error:
                 raise failure(opened, error) from error
-        if self._tool is not None:  # the bias of the force sensor contains the weight in this pose
+        if self._tool is not None:
             accelerometer: Any = self._all["accelerometer"].device
-            (proper,) = readings_at_rest({"accelerometer": accelerometer}, REST_S).values()
-            self._at_rest = proper.mean(axis=0)
+            self._tool.learn_rest(accelerometer)
 
     def start(self, start_time_ns: int) -> None:  # noqa: ARG002 - devices keep their own time
         """Learn the clocks of the sensors that have one; open the devices unless that was done.
@@ -284,11 +284,9 @@ class DeviceSource:
         return self._unloaded(self._polled_frame(now_ns))
 
     def _unloaded(self, frames: RecordArray) -> RecordArray:
-        """Return the frames without the load of the tool."""
-        if self._tool is None or not len(frames):
-            return frames
-        frames = frames.copy()  # those of the merger are read-only
-        self._tool.remove(frames, self._at_rest)
+        """Return the frames, without the load of the tool."""
+        if self._tool is not None and len(frames):
+            self._tool.remove(frames)
         return frames
 
     def _polled_frame(self, now_ns: int) -> RecordArray:

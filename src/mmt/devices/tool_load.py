@@ -15,15 +15,15 @@ parameters between two point patterns", IEEE Trans. PAMI 13 (1991), 376-380).
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from math import isfinite
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError, MmtError
-from mmt.core.frames import acceleration_samples, samples_per_frame
+from mmt.core.frames import acceleration_samples
 from mmt.core.units import GRAVITY_M_S2
+from mmt.devices.calibrations import finite_vector
 from mmt.devices.protocols import Accelerometer, ForceSensor, SampledSensor, Vector
 
 CALIBRATED_AS: Final = "tool"
@@ -68,19 +68,37 @@ class ToolLoad:
         """Return the values as they are stored."""
         return asdict(self)
 
-    def remove(self, frames: RecordArray, at_rest_m_s2: FloatArray) -> None:
-        """Remove the load from the force of frames (n,), in place.
 
-        Parameters
-        ----------
-        frames
-            With force and acceleration.
-        at_rest_m_s2 : (3,)
-            Proper acceleration when the force sensor's bias was taken, which contains the weight.
+class LoadRemover:
+    """Removes the load of a tool from the force of frames.
+
+    Parameters
+    ----------
+    load
+        The load.
+    """
+
+    def __init__(self, load: ToolLoad) -> None:
+        self._per_m_s2 = load.mass_kg * np.array(load.rotation).T
+        self._at_rest_m_s2 = np.zeros(3)
+
+    def learn_rest(self, accelerometer: Sensor) -> None:
+        """Read the connected accelerometer while the tool is at rest as for the force's bias.
+
+        The bias contains the weight in this pose.
+
+        Raises
+        ------
+        MmtError
+            The accelerometer gives too few readings.
         """
-        k = samples_per_frame(frames.dtype)
-        proper = acceleration_samples(frames)[k - 1 :: k] - at_rest_m_s2
-        frames["force_n"] += proper @ (self.mass_kg * np.array(self.rotation).T)
+        (proper,) = readings_at_rest({"accelerometer": accelerometer}, REST_S).values()
+        self._at_rest_m_s2 = proper.mean(axis=0)
+
+    def remove(self, frames: RecordArray) -> None:
+        """Remove the load from frames (n,) with force and acceleration, in place."""
+        newest = acceleration_samples(frames).reshape(len(frames), -1, 3)[:, -1]
+        frames["force_n"] += (newest - self._at_rest_m_s2) @ self._per_m_s2
 
 
 def load_from(content: Mapping[str, Any]) -> ToolLoad:
@@ -92,7 +110,7 @@ def load_from(content: Mapping[str, Any]) -> ToolLoad:
         A value is missing or impossible.
     """
     try:
-        first, second, third = (_vector(row) for row in content["rotation"])
+        first, second, third = (finite_vector(row) for row in content["rotation"])
         mass_kg, residual_n = float(content["mass_kg"]), float(content["residual_n"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"the stored load of the tool is damaged ({error}): {_AGAIN}") from error
@@ -143,7 +161,7 @@ def identify(poses: Sequence[Pose]) -> ToolLoad:
             "fits all: something touched the tool, its cable pulls, or the accelerometer is not "
             "fixed to the tool"
         )
-    first, second, third = (_vector(row) for row in rotation)
+    first, second, third = (finite_vector(row) for row in rotation)
     return ToolLoad(mass_kg, (first, second, third), float(off_n[worst]))
 
 
@@ -187,11 +205,4 @@ def measure_pose(force_sensor: Sensor, accelerometer: Sensor, duration_s: float)
             f"the tool moved (its acceleration varied by {moved:.2f} m/s2): hold it still and "
             "measure again"
         )
-    return Pose(_vector(force.mean(axis=0)), _vector(proper.mean(axis=0)))
-
-
-def _vector(values: Any) -> Vector:
-    x, y, z = (float(value) for value in values)
-    if not (isfinite(x) and isfinite(y) and isfinite(z)):
-        raise ValueError(f"{values}: not finite")
-    return x, y, z
+    return Pose(finite_vector(force.mean(axis=0)), finite_vector(proper.mean(axis=0)))

@@ -10,7 +10,7 @@ from mmt.scene import Devices, Replay, Scene, Simulated
 
 if TYPE_CHECKING:
     from mmt.devices.source import FrameReceiver, LossWatcher
-    from mmt.devices.tool_load import ToolLoad
+    from mmt.devices.tool_load import LoadRemover
 
 
 class FollowerSource(Protocol):
@@ -139,13 +139,13 @@ def _devices(scene: Scene, table: Devices) -> FollowerSource:
         scene.channels(),
         on_lost=table.on_lost,
         samples_per_frame=scene.session.samples_per_frame,
-        tool=None if table.tool is None else _stored_load(table.tool),
+        tool=None if table.tool is None else _load_remover(table.tool),
     )
 
 
-def _stored_load(name: str) -> "ToolLoad":
+def _load_remover(name: str) -> "LoadRemover":
     from mmt.devices.calibrations import load_calibration
-    from mmt.devices.tool_load import CALIBRATED_AS, load_from
+    from mmt.devices.tool_load import CALIBRATED_AS, LoadRemover, load_from
 
     stored = load_calibration(CALIBRATED_AS, name)
     if stored is None:
@@ -153,4 +153,4 @@ def _stored_load(name: str) -> "ToolLoad":
             f"[devices] tool = {name!r} was never calibrated on this machine: hold it in six poses "
             f"with: mmt device calibrate SCENE --tool {name}"
         )
-    return load_from(stored)
+    return LoadRemover(load_from(stored))

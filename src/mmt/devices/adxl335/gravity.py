@@ -6,10 +6,10 @@ axis: the volts at zero g, and the volts per m/s2.
 """
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
 from typing import Any, Final, Literal, NamedTuple, cast, get_args
 
 from mmt.core.errors import InputError
+from mmt.devices.calibrations import finite_vector
 from mmt.devices.protocols import Vector
 
 GRAVITY_M_S2: Final = 9.80665
@@ -72,8 +72,8 @@ def from_dict(content: Mapping[str, Any]) -> GravityCalibration:
         A value is missing or impossible.
     """
     try:
-        zero = _vector(content["zero_v"])
-        gain = _vector(content["gain_v_per_m_s2"])
+        zero = finite_vector(content["zero_v"])
+        gain = finite_vector(content["gain_v_per_m_s2"])
         residual = float(content["residual_m_s2"])
     except (KeyError, TypeError, ValueError) as error:
         problem = f"the stored calibration cannot be used ({error}): calibrate again"
@@ -93,7 +93,9 @@ def rests_from(content: object) -> list[Rest]:
     """
     try:
         rests = [
-            Rest(cast(Up, item["up"]), _vector(item["mean_v"]), _vector(item["spread_v"]))
+            Rest(
+                cast(Up, item["up"]), finite_vector(item["mean_v"]), finite_vector(item["spread_v"])
+            )
             for item in cast(list[dict[str, Any]], content)
         ]
     except (KeyError, TypeError, ValueError) as error:
@@ -147,7 +149,7 @@ def calibrate(rests: Sequence[Rest], supply_v: float) -> GravityCalibration:
                     "and measure again"
                 )
     zeros, gains = zip(*lines, strict=True)
-    return GravityCalibration(_vector(zeros), _vector(gains), residual)
+    return GravityCalibration(finite_vector(zeros), finite_vector(gains), residual)
 
 
 def check_still(rest: Rest, supply_v: float) -> None:
@@ -220,10 +222,3 @@ def _check_line(name: str, zero: float, gain: float, supply_v: float) -> None:
             f"{name} gives {zero:.3f} V at zero g where a supply of {supply_v:g} V means "
             f"{0.5 * supply_v:.3f}: check the options for supply and reference, and the wiring"
         )
-
-
-def _vector(values: Any) -> Vector:
-    x, y, z = (float(value) for value in values)
-    if not (isfinite(x) and isfinite(y) and isfinite(z)):
-        raise ValueError(f"{values}: not finite")
-    return x, y, z
