@@ -48,7 +48,7 @@ def compile_kernels(
         kernels = collect_kernels(modules)
     if not are_cached(kernels):
         on_start(
-            "compiling the numerics, at the first start only (5 to 15 s, on a busy machine longer)"
+            "compiling the numerics, at the first start only (10 to 30 s, on a busy machine longer)"
         )
         _compile_beside([*modules, *others])
     compile_collected(kernels)  # loads them; compiles any that a failed process left
