@@ -1,5 +1,6 @@
 """`mmt device list`: what there is, and what is missing."""
 
+import importlib.metadata
 import json
 from pathlib import Path
 from types import SimpleNamespace
@@ -41,6 +42,22 @@ def test_the_list_has_drivers_ports_and_what_is_missing(
     assert "cannot be imported" in states["bad"]
     assert found["serial_ports"][0]["what"] == "Teensy (16c0:0483)"
     assert [device["what"] for device in found["usb_devices"]] == ["LabJack U6"]
+
+
+def test_the_metadata_of_a_package_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[str] = []
+    parse = importlib.metadata.Distribution.metadata.fget
+    assert parse is not None
+
+    def metadata(self: importlib.metadata.Distribution) -> object:
+        found = parse(self)
+        read.append(found["Name"])
+        return found
+
+    monkeypatch.setattr(importlib.metadata.Distribution, "metadata", property(metadata))
+    monkeypatch.syspath_prepend("/nowhere")  # what was read for another path is not known for this
+    assert len(discovery.find_drivers()) > 10
+    assert 0 < len(read) <= 2 * len(set(read)), "the list took seconds when each name was parsed"
 
 
 def test_without_libusb_the_list_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,7 @@ and ``mmt.generators``.
 import sys
 from collections.abc import Mapping
 from functools import lru_cache
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from importlib.metadata import Distribution, EntryPoint, entry_points
 from typing import Any
 
 from mmt.core.errors import InputError, located, short_message
@@ -19,13 +19,17 @@ def offered(group: str) -> Mapping[str, EntryPoint]:
 
     If another package uses a name of the product, the product's entry point is returned.
     """
-    entries = sorted(_installed(group, tuple(sys.path)), key=is_own)
-    return {entry.name: entry for entry in entries}
+    return _installed(group, tuple(sys.path))
 
 
 def is_own(entry: EntryPoint) -> bool:
     """Return whether an entry point is the product's own."""
-    return entry.dist is not None and entry.dist.name == DISTRIBUTION
+    return package_of(entry) == DISTRIBUTION
+
+
+def package_of(entry: EntryPoint) -> str:
+    """Return the name of the package that offers an entry point, "?" if it is not known."""
+    return "?" if entry.dist is None else _name(entry.dist)
 
 
 def load(entry: EntryPoint, what: str) -> Any:
@@ -57,6 +61,12 @@ def not_imported(what: str, error: Exception) -> InputError:
 
 
 @lru_cache(maxsize=16)
-def _installed(group: str, _path: tuple[str, ...]) -> EntryPoints:
+def _installed(group: str, _path: tuple[str, ...]) -> Mapping[str, EntryPoint]:
     """Read the entry points of a group, which takes some milliseconds."""
-    return entry_points(group=group)
+    return {entry.name: entry for entry in sorted(entry_points(group=group), key=is_own)}
+
+
+@lru_cache(maxsize=64)
+def _name(distribution: Distribution) -> str:
+    """Return the name of a package; each reading takes some milliseconds."""
+    return distribution.name

@@ -10,7 +10,7 @@ from typing import Final
 
 from mmt.core.errors import MmtError
 from mmt.core.extras import require
-from mmt.core.plugins import is_own
+from mmt.core.plugins import is_own, package_of
 from mmt.devices.drivers import Role, drivers, entry_points_by_role, load_factory, roles_of
 
 KNOWN_USB: Final[dict[tuple[int, int], str]] = {
@@ -66,9 +66,7 @@ def find_drivers() -> list[FoundDriver]:
 
 def _found(name: str, entries: Mapping[str, EntryPoint]) -> FoundDriver:
     first = next(iter(entries.values()))
-    package = "?" if first.dist is None else first.dist.name
-    if is_own(first):
-        package = first.module.partition(".")[0]
+    package = first.module.partition(".")[0] if is_own(first) else package_of(first)
     targets = entry_points_by_role(name) or entries
     factories = tuple(entry.value for entry in targets.values())
     try:
