@@ -140,9 +140,9 @@ def rendered_errors(rendered: WindowedSpectra, truth: WindowedSpectra) -> Render
     )
 
 
-def _root(square: FloatArray) -> FloatArray:
+def _root(square: FloatArray | np.float64) -> FloatArray:
     """Return the root of mean products; if chance makes one negative, the error is 0."""
-    return np.sqrt(np.maximum(square, 0.0))
+    return np.asarray(np.sqrt(np.maximum(square, 0.0)))
 
 
 def _gfc(amplitude: FloatArray, truth: FloatArray) -> FloatArray:

@@ -78,7 +78,7 @@ class Reference:
         bands = _measured_bands(vibration_m_s2)
         power, wanted = bands.sum(axis=1), self._bands.sum(axis=1)
         counts = (power > floor) | (wanted > floor)
-        middle = (np.arange(len(bands)) * HOP + WINDOW / 2.0) / RATE_HZ
+        middle = (np.arange(len(bands), dtype=np.float64) * HOP + WINDOW / 2.0) / RATE_HZ
         return FeltErrors(
             time_s=middle[counts],
             level_db=_ratio_db(power, wanted, floor)[counts],

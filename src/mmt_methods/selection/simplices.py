@@ -45,7 +45,7 @@ def hull_of(points: FloatArray) -> IntArray:
         corners = ConvexHull(points).vertices
     except (QhullError, ValueError):  # flat, or fewer points than a simplex has
         return np.arange(len(points))
-    return np.sort(corners).astype(np.int64)
+    return np.asarray(np.sort(corners), np.int64)
 
 
 def enclose(points: FloatArray, places: FloatArray) -> EnclosingSimplices:

@@ -236,7 +236,7 @@ def _transfer(
     power = np.mean(np.abs(driven) ** 2, axis=0)
     was_driven = power > _DRIVEN * power.max()
     power = np.maximum(power, max(1e-12 * power.max(), 1e-300))
-    cross = np.mean(response * np.conj(driven), axis=0)
+    cross: Spectrum = np.mean(response * np.conj(driven), axis=0)
     loudness = np.maximum(np.mean(np.abs(response) ** 2, axis=0), 1e-300)
     return cross / power, np.abs(cross) ** 2 / (power * loudness), was_driven
 
