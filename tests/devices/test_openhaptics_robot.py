@@ -8,11 +8,14 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 from emulated_arm import emulated_arm
+from scipy.spatial.transform import Rotation
 from waiting import until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.quaternions import unit_quaternion
 from mmt.devices import discovery
 from mmt.devices.discovery import FoundPort
 from mmt.devices.drivers import load_device
@@ -52,6 +55,24 @@ def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, emulated) -> Non
     until(lambda: distance(robot.read(), target) < 0.01, lambda: robot.write(target))
     x, y, z = emulated.tip_state().position_mm
     assert (x, y, z) == pytest.approx((12.0, -16.0, 7.0), abs=0.05)  # up is y, the user is at z
+
+
+def test_the_styluss_orientation_is_in_the_scenes_axes_and_measured_when_asked_for(
+    make, emulated
+) -> None:
+    robot = make()
+    robot.connect()
+    assert unit_quaternion(robot.orientation()) is None  # the first call asks for it
+    to_scene = Rotation.from_euler("x", 90.0, degrees=True)  # HD's y, up, is the scene's z
+    for turn in Rotation.random(3, random_state=1):
+        emulated.turn(turn.as_matrix().T.ravel().tolist())
+        x, y, z, w = (to_scene * turn).as_quat()
+        until(
+            lambda expected=(w, x, y, z): (
+                abs(np.dot(robot.orientation(), expected)) == pytest.approx(1.0, abs=1e-12)
+            )
+        )
+    assert robot.faults == {}
 
 
 def test_an_arm_without_commands_is_limp(make, emulated) -> None:

@@ -17,7 +17,8 @@ from mmt.cli import device_testing
 from mmt.cli import tool as tool_command
 from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
-from mmt.core.frames import CHANNELS, empty_frames
+from mmt.core.frames import ALL_CHANNELS, CHANNELS, empty_frames
+from mmt.core.quaternions import Quaternion
 from mmt.devices.protocols import SensorReading, Vector
 from mmt.devices.source import DeviceSource
 from mmt.devices.tool_load import LoadRemover, Pose, ToolLoad, identify, load_from, measure_pose
@@ -132,6 +133,46 @@ def test_the_surfaces_force_is_left_while_the_tool_tilts_and_shakes() -> None:
         plain.append(-0.12 * (GRAVITY * (tool.up - [0.0, 0.0, 1.0]) + tool.acceleration))
     assert np.sqrt(np.mean(np.square(off), axis=0)).max() < 0.05
     assert np.sqrt(np.mean(np.square(plain), axis=0)).max() > 0.5, "what the tool adds"
+
+
+@pytest.mark.parametrize("oriented", [True, False])
+def test_the_normal_force_of_a_tilting_tool_is_found_by_its_orientation(oriented: bool) -> None:
+    """As before, but both sensors turn with the tool, and begin tilted by 20 degrees."""
+    tool = Tool(noise=0.06)
+    tool.turned = Rotation.identity()  # the sensors' options say how they are mounted
+    load = identify(tool.poses())
+    tilt = Rotation.from_euler("xyz", [20.0, 0.0, 5.0], degrees=True)
+
+    def in_tool(vector_of_scene: np.ndarray) -> np.ndarray:
+        return tilt.inv().apply(vector_of_scene)
+
+    def orientation() -> Quaternion:
+        x, y, z, w = tilt.as_quat().tolist()
+        return (w, x, y, z)
+
+    arm: Any = Sensor(lambda: (0.0, 0.0, 0.0))
+    arm.orientation = orientation
+    tool.up = in_tool(np.array([0.0, 0.0, 1.0]))
+    sensors = Sensor(tool.force, takes_bias=True), Sensor(tool.proper)
+    channels = ALL_CHANNELS if oriented else CHANNELS
+    turned = ("force", "acceleration") if oriented else ()
+    source = DeviceSource(arm, *sensors, channels, tool=LoadRemover(load), tool_axes=turned)
+    source.start(0)
+    off = []
+    for tick in range(1500):
+        angle = 60.0 * math.sin(2e-3 * math.pi * tick)
+        tilt = Rotation.from_euler("xyz", [angle, 0.3 * angle, 2.0 * angle], degrees=True)
+        contact = np.array([0.3, 0.0, 3.0 + math.sin(0.01 * tick)])
+        tool.up = in_tool(np.array([0.0, 0.0, 1.0]))
+        tool.acceleration = in_tool(np.array([0.0, 3.0, 10.0 * math.sin(0.03 * tick)]))
+        tool.contact = in_tool(contact)
+        (frame,) = source.step(1, 10**6 * tick, None)
+        off.append(frame["force_n"] - contact)
+        if oriented:
+            proper = [0.0, 3.0, GRAVITY + 10.0 * math.sin(0.03 * tick)]
+            np.testing.assert_allclose(frame["acceleration_m_s2"], proper, atol=0.5)
+    rms_n = float(np.sqrt(np.mean(np.square(off), axis=0))[2])
+    assert rms_n < 0.05 if oriented else rms_n > 0.5
 
 
 @pytest.mark.parametrize("samples", [1, 10])

@@ -19,7 +19,7 @@ from link_samples import (
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import MmtError
-from mmt.core.frames import CHANNELS, MOST_SAMPLES, SEQUENCES, Channel
+from mmt.core.frames import ALL_CHANNELS, CHANNELS, MOST_SAMPLES, SEQUENCES, Channel
 from mmt.link.backfill import FrameBuffer
 from mmt.link.endpoint import LeaderEvents
 from mmt.link.frame_sender import FrameSender
@@ -29,7 +29,7 @@ from mmt.link.rate_limit import RateLimit
 from mmt.link.reader import LARGEST_QUANTITY, BlockReader
 from mmt.scene import LARGEST_SPEED
 
-SOME_CHANNELS = st.sets(st.sampled_from(CHANNELS), min_size=1).map(tuple)
+SOME_CHANNELS = st.sets(st.sampled_from(ALL_CHANNELS), min_size=1).map(tuple)
 SAMPLES = st.integers(1, MOST_SAMPLES)
 
 

@@ -51,6 +51,16 @@ def same_bits(one, other):
     np.testing.assert_array_equal(one.view("u4"), other.view("u4"))
 
 
+def test_a_quaternion_is_mapped_by_its_topic(tmp_path):
+    frames = made_frames(100, ("force", "orientation"))
+    export_session(RecordedSession(frames), tmp_path / "bag")
+    columns = {"orientation": "/mmt/orientation", "force": "/mmt/force"}
+    back = import_session(tmp_path / "bag", columns=columns).frames
+    same_bits(back["orientation"], frames["orientation"])
+    with pytest.raises(InputError, match=r"no array of shape \(n, 4\), and no message with w, x"):
+        import_session(tmp_path / "bag", columns={"orientation": "/mmt/force"})
+
+
 def test_what_was_exported_is_read_back_to_the_bit(tmp_path, session):
     export_session(session, tmp_path / "bag")
     back = read_session(tmp_path / "bag")

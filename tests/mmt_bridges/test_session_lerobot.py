@@ -149,6 +149,12 @@ def test_any_rate_shares_out_all_frames(fps):
     assert counts.max() - counts.min() <= 1
 
 
+def test_an_orientation_stands_before_the_vibration():
+    session = session_of(100, channels=("force", "acceleration", "orientation"))
+    state = low_rate_rows(session, 50)["observation.state"]
+    np.testing.assert_array_equal(state[:, 3:7], session.frames["orientation"][19::20])
+
+
 def test_where_the_numbers_fall_rows_go_on():
     frames = made_frames(100)
     frames["sequence"][50:] -= 30
@@ -163,6 +169,7 @@ def test_where_the_numbers_fall_rows_go_on():
         (("position",), 3, True),
         (("force", "acceleration"), 4, False),
         (("acceleration",), 1, False),
+        (("force", "acceleration", "orientation"), 8, False),
     ],
 )
 def test_a_session_with_few_channels_has_few_columns(tmp_path, channels, width, acts):

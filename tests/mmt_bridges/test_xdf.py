@@ -11,7 +11,7 @@ from test_lsl_services import needs_the_library
 from xdf_writer import Received, write_xdf
 
 from mmt.core.errors import InputError
-from mmt.core.frames import CHANNELS
+from mmt.core.frames import ALL_CHANNELS, channels_of
 from mmt.leader.publishing import Block, Marker
 from mmt.session import import_session, read_session
 from mmt_bridges.lsl.streams import Streams
@@ -55,7 +55,7 @@ def streamed(monkeypatch: pytest.MonkeyPatch) -> Any:
             return made[-1]
 
         monkeypatch.setattr(pylsl, "StreamOutlet", outlet)
-        streams = Streams("bench", CHANNELS, 1000.0, samples_per_frame, "3f9c")
+        streams = Streams("bench", channels_of(frames.dtype), 1000.0, samples_per_frame, "3f9c")
         begin_ns = round(streams.clock_s() * 1e9)
         streams.push_frames([Block(frames, begin_ns - int(frames["time_ns"][0]))])
         streams.push_marker(Marker(begin_ns, json.dumps(EVENT)))
@@ -71,10 +71,10 @@ def test_a_recorded_stream_comes_back(
 ) -> None:
     steps = np.ones(59, dtype=int)
     steps[20] = 4
-    frames = made_frames(60, steps=steps, samples_per_frame=several)
+    frames = made_frames(60, ALL_CHANNELS, steps=steps, samples_per_frame=several)
     write_xdf(tmp_path / "a.xdf", streamed(frames, several, offset_s))
     back = import_session(tmp_path / "a.xdf", acceleration_rate_hz=1000 * several)
-    for name in ("position_mm", "force_n", "acceleration_m_s2"):
+    for name in ("position_mm", "force_n", "acceleration_m_s2", "orientation"):
         np.testing.assert_array_equal(back.frames[name], frames[name])
     np.testing.assert_array_equal(np.diff(back.frames["sequence"]), steps)
     assert back.events == [EVENT]

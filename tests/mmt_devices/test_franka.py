@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from running_source import RunningSource
+from scipy.spatial.transform import Rotation
 from waiting import PATIENCE_S, until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
@@ -62,6 +63,20 @@ def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, emulated) -> Non
     until(lambda: near(robot, target), lambda: robot.write(target))
     assert emulated.position_m == pytest.approx([0.493, -0.012, 0.296], abs=1e-4)
     assert robot.faults == {}
+
+
+def test_the_tools_orientation_is_in_the_scenes_axes(make, emulated) -> None:
+    robot = make(axes="-y,x,z")
+    robot.connect()
+    quarter = Rotation.from_euler("z", 90.0, degrees=True)  # the scene's x is the base's -y
+    for turn in Rotation.random(3, random_state=1):
+        emulated.rotation = turn.as_quat()
+        x, y, z, w = (quarter * turn).as_quat()
+        until(
+            lambda expected=(w, x, y, z): (
+                abs(np.dot(robot.orientation(), expected)) == pytest.approx(1.0, abs=1e-12)
+            )
+        )
 
 
 def test_nothing_moves_before_the_first_command(make, emulated) -> None:

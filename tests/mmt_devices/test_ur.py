@@ -7,8 +7,10 @@ from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from typing import Any
 
+import numpy as np
 import pytest
 from running_source import RunningSource
+from scipy.spatial.transform import Rotation
 from waiting import children, until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
@@ -94,6 +96,19 @@ def test_the_arm_follows_commands_with_its_tool_as_it_was_and_feels_the_surface(
     lab.robot.close()
     until(lambda: lab.arm.runtime_state == STOPPED)
     assert lab.force.read()[2] == pytest.approx(4.0, abs=0.5)
+
+
+def test_the_tools_orientation_is_in_the_scenes_axes(lab: Lab) -> None:
+    base_to_scene = Rotation.from_rotvec(lab.controller.options["rotation_rad"]).inv()
+    lab.robot.connect()
+    for turn in (TOOL_DOWN, (0.3, -0.2, 1.4), (0.0, 0.0, 0.0)):
+        lab.arm.rotation_rad = turn
+        x, y, z, w = (base_to_scene * Rotation.from_rotvec(turn)).as_quat()
+        until(
+            lambda expected=(w, x, y, z): (
+                abs(np.dot(lab.robot.orientation(), expected)) == pytest.approx(1.0, abs=1e-12)
+            )
+        )
 
 
 def test_robot_and_force_sensor_share_one_receive_interface_and_must_agree(lab: Lab) -> None:

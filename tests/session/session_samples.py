@@ -27,4 +27,6 @@ def made_frames(
     for channel in channels:
         field = frames[FIELD_OF_CHANNEL[channel]]
         field[...] = rng.normal(size=field.shape) * 10
+        if channel == "orientation":
+            field /= np.linalg.norm(field, axis=1, keepdims=True)
     return frames

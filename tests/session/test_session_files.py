@@ -17,7 +17,7 @@ from mcap.writer import Writer
 from session_samples import START_NS, made_frames
 
 from mmt.core.errors import InputError, MmtError
-from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, frame_dtype
+from mmt.core.frames import ALL_CHANNELS, CHANNELS, FIELD_OF_CHANNEL, frame_dtype
 from mmt.core.version import __version__
 from mmt.session import OutputBlock, export_session, read_session, write_session
 from mmt.session.info import info
@@ -30,13 +30,13 @@ SCENE = {"session": {"name": "wood", "rate_hz": 1000}, "link": {"port": 8765}}
 
 @given(
     count=st.integers(0, 130),
-    channels=st.sets(st.sampled_from(CHANNELS), min_size=1),
+    channels=st.sets(st.sampled_from(ALL_CHANNELS), min_size=1),
     seed=st.integers(0, 2**32 - 1),
     data=st.data(),
 )
 @settings(max_examples=30, deadline=None)
 def test_frames_come_back_as_they_were_written(tmp_path_factory, count, channels, seed, data):
-    ordered = tuple(channel for channel in CHANNELS if channel in channels)
+    ordered = tuple(channel for channel in ALL_CHANNELS if channel in channels)
     steps = data.draw(st.lists(st.integers(1, 5000), min_size=count, max_size=count))
     frames = made_frames(count, ordered, seed=seed, steps=steps[: max(0, count - 1)])
     path = tmp_path_factory.mktemp("session") / "run.mcap"
@@ -195,7 +195,7 @@ def test_a_plain_mcap_reader_decodes_it_from_the_file_alone(tmp_path):
         attachments = {a.name: a.data for a in reader.iter_attachments()}
         metadata = {m.name: m.metadata for m in reader.iter_metadata()}
     assert [len(block.sequence) for block in blocks] == [20] * 50 + [10]
-    for field in FIELD_OF_CHANNEL.values():
+    for field in map(FIELD_OF_CHANNEL.get, CHANNELS):
         flat = [value for block in blocks for value in getattr(block, field)]
         np.testing.assert_array_equal(np.reshape(flat, (-1, 3)), frames[field])
     assert [t for block in blocks for t in block.time_ns] == frames["time_ns"].tolist()

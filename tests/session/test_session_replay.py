@@ -210,6 +210,8 @@ def test_what_cannot_be_replayed_is_refused():
     session = session_of(even_frames(5, ("force",)))
     with pytest.raises(InputError, match=r"no position and no acceleration.*it has force"):
         ReplaySource(session, CHANNELS)
+    with pytest.raises(InputError, match=r"the session has no orientation, which the scene needs"):
+        ReplaySource(session, ("force", "orientation"))
     for speed in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(InputError, match="it must be above zero"):
             ReplaySource(session, ("force",), speed=speed)

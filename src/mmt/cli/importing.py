@@ -31,8 +31,8 @@ Columns = Annotated[
     typer.Option(
         "--map",
         metavar="TARGET=COLUMN",
-        help="The column of time, position, force, acceleration (arrays), position_x ... "
-        "acceleration_z, position_time ..., or speed in place of position; -COLUMN turns the sign, "
+        help="The column of time, position, force, acceleration, orientation (arrays), position_x "
+        "..., orientation_w, position_time ..., or speed for position; -COLUMN turns the sign, "
         "COLUMN[2] is a component, COLUMN*0.5 scaled, a number a constant. May be repeated.",
     ),
 ]
@@ -83,6 +83,14 @@ Decimal = Annotated[str | None, typer.Option(help="The decimal sign of a text, .
 Missing = Annotated[
     list[str] | None, typer.Option(help="What stands for no value, such as 9999. May be repeated.")
 ]
+ToolAxes = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="CHANNEL",
+        help="Force or acceleration that turned with the tool: it is turned into the base's axes "
+        "by the orientation. May be repeated.",
+    ),
+]
 ReadingMemory = Annotated[
     float | None,
     typer.Option(
@@ -112,6 +120,7 @@ def inspect_file(
     separator: Separator = None,
     decimal: Decimal = None,
     missing: Missing = None,
+    tool_axes: ToolAxes = None,
     reading_memory: ReadingMemory = None,
     reading_time: ReadingTime = None,
 ) -> None:
@@ -162,6 +171,7 @@ def import_file(
     separator: Separator = None,
     decimal: Decimal = None,
     missing: Missing = None,
+    tool_axes: ToolAxes = None,
     reading_memory: ReadingMemory = None,
     reading_time: ReadingTime = None,
     offsets: Annotated[
@@ -208,6 +218,7 @@ def _options(given: dict[str, Any]) -> "ImportOptions":
         reading_memory_gb=given["reading_memory"],
         reading_time_s=given["reading_time"],
         missing=tuple(given["missing"] or ()),
+        tool_axes=tuple(given["tool_axes"] or ()),
         offsets=assignments(given.get("offsets") or [], "--offset"),
         **{name: given[name] for name in same},
     )

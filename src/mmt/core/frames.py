@@ -4,7 +4,8 @@ A block of frames is a structured array of shape (n,). All numbers are little-en
 that the bytes of a block are the same on the wire and in a file on every machine.
 
 Motion and force come once a frame. Acceleration may come at k times that rate, k samples a frame,
-evenly spaced, the last of them at the frame's own time.
+evenly spaced, the last of them at the frame's own time. The tool's orientation is in frames only
+where a scene asks for it.
 """
 
 import struct
@@ -39,17 +40,21 @@ AccelerationRateHz = Annotated[
 
 Number = TypeVar("Number", int, IntArray)
 
-Channel = Literal["position", "force", "acceleration"]
+Channel = Literal["position", "force", "acceleration", "orientation"]
 
 CHANNELS: Final[tuple[Channel, ...]] = ("position", "force", "acceleration")
-"""All channels, in the order of a frame's fields."""
+"""The usual channels, in the order of a frame's fields."""
+
+ALL_CHANNELS: Final[tuple[Channel, ...]] = (*CHANNELS, "orientation")
+"""All channels that a frame may have, in the order of its fields."""
 
 FIELD_OF_CHANNEL: Final[dict[Channel, str]] = {
     "position": "position_mm",
     "force": "force_n",
     "acceleration": "acceleration_m_s2",
+    "orientation": "orientation",
 }
-"""The field's name carries the unit."""
+"""The field's name carries the unit; an orientation is a unit quaternion and has none."""
 
 COMMAND_DTYPE: Final = np.dtype(
     [
@@ -82,11 +87,16 @@ def ordered_channels(channels: Iterable[str]) -> tuple[Channel, ...]:
         A name is no channel, or no name is given.
     """
     wanted = set(channels)
-    unknown = wanted - set(CHANNELS)
+    unknown = wanted - set(ALL_CHANNELS)
     if unknown or not wanted:
         given = ", ".join(sorted(unknown)) or "none"
-        raise InputError(f"channels: {given} given, allowed are {', '.join(CHANNELS)}")
-    return tuple(channel for channel in CHANNELS if channel in wanted)
+        raise InputError(f"channels: {given} given, allowed are {', '.join(ALL_CHANNELS)}")
+    return tuple(channel for channel in ALL_CHANNELS if channel in wanted)
+
+
+def axes_of(channel: Channel) -> str:
+    """Return the names of a channel's components, in their order: "xyz" or "wxyz"."""
+    return "wxyz" if channel == "orientation" else "xyz"
 
 
 def frame_dtype(
@@ -97,17 +107,19 @@ def frame_dtype(
     Fields: ``sequence`` (u4, counts from 0 and never repeats within a session),
     ``time_ns`` (i8, the follower's monotonic clock), then of the chosen channels
     ``position_mm``, ``force_n``, ``acceleration_m_s2``, each of shape (3,), f4. With k > 1
-    samples a frame ``acceleration_m_s2`` is (k, 3), the oldest first.
+    samples a frame ``acceleration_m_s2`` is (k, 3), the oldest first. ``orientation`` (4,), f4, is
+    the unit quaternion (w, x, y, z) that turns vectors from the tool's axes into those of the
+    other channels.
     """
     fields: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [
         ("sequence", "<u4"),
         ("time_ns", "<i8"),
     ]
-    several = (samples_per_frame, 3) if samples_per_frame > 1 else (3,)
-    fields += [
-        (FIELD_OF_CHANNEL[channel], "<f4", several if channel == "acceleration" else (3,))
-        for channel in ordered_channels(channels)
-    ]
+    for channel in ordered_channels(channels):
+        several = samples_per_frame > 1 and channel == "acceleration"
+        width = len(axes_of(channel))
+        shape = (samples_per_frame, width) if several else (width,)
+        fields.append((FIELD_OF_CHANNEL[channel], "<f4", shape))
     return np.dtype(fields)
 
 
@@ -141,7 +153,7 @@ def acceleration_samples(frames: RecordArray) -> SingleArray:
 def channels_of(dtype: np.dtype[np.void]) -> tuple[Channel, ...]:
     """Return the channels that a frame dtype carries."""
     names = dtype.names or ()
-    return tuple(channel for channel in CHANNELS if FIELD_OF_CHANNEL[channel] in names)
+    return tuple(channel for channel in ALL_CHANNELS if FIELD_OF_CHANNEL[channel] in names)
 
 
 def check_frames(frames: object, channels: Iterable[Channel] = CHANNELS) -> None:

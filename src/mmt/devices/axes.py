@@ -6,6 +6,7 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
+from mmt.core.quaternions import UNIT_VECTORS, Quaternion, product, quaternion_of_axes
 from mmt.devices.protocols import Vector
 
 Millimetres = Annotated[float, Field(ge=-1000, le=1000)]
@@ -43,6 +44,7 @@ class Axes:
         if parity * self._signs[0] * self._signs[1] * self._signs[2] < 0.0:
             raise ValueError(f"axes are {text!r}, which mirrors: turn the sign of one of them")
         self._origin = origin_mm
+        self._turn = quaternion_of_axes(*map(self.to_scene, UNIT_VECTORS))
 
     def to_scene(self, values: Sequence[float]) -> Vector:
         """Turn a velocity or a force of the device into the scene's axes."""
@@ -53,6 +55,10 @@ class Axes:
         """Turn a velocity or a force of the scene into the device's axes."""
         (a, b, c), signs = self._to, self._signs
         return (signs[a] * vector[a], signs[b] * vector[b], signs[c] * vector[c])
+
+    def turn_in_scene(self, orientation: Quaternion) -> Quaternion:
+        """Return an orientation in the scene's axes, from one in the device's."""
+        return product(self._turn, orientation)
 
     def place_in_scene(self, values: Sequence[float]) -> Vector:
         """Turn a position of the device (mm) into one of the scene."""

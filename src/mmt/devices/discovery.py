@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -62,6 +63,16 @@ def find_drivers() -> list[FoundDriver]:
     devices (`FoundPort`); and a text ``RATES`` for `FoundDriver.rates`.
     """
     return [_found(name, entries) for name, entries in sorted(drivers().items())]
+
+
+def drivers_with(role: Role, method: str) -> list[str]:
+    """Return the names of drivers for a role whose class has a method."""
+    able = []
+    for name in sorted(drivers()):
+        with suppress(MmtError):
+            if role in entry_points_by_role(name) and hasattr(load_factory(name, role), method):
+                able.append(name)
+    return able
 
 
 def _found(name: str, entries: Mapping[str, EntryPoint]) -> FoundDriver:

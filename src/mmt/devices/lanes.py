@@ -4,10 +4,12 @@ The value is interpolated on the line between two readings, or from more of them
 (`mmt.devices.vibration_lane`). Without readings around the instant there is no value.
 """
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
+from mmt.core.quaternions import Quaternion, unit_quaternion
 from mmt.devices.protocols import SensorReading, Vector
 from mmt.devices.sensor_clock import SensorClock
 
@@ -19,6 +21,9 @@ LONGEST_GAP_NS: Final = 1_500_000
 
 POLLED_GAP_NS: Final = 5_000_000
 """Longest gap between two polls of a device that is interpolated."""
+ORIENTATION_GAP_NS: Final = 50_000_000
+"""Longest gap between two orientations that is interpolated: at 100 rad/s2 it is off by 1.8
+degrees, and by 0.02 degrees between ticks that are 5 ms apart."""
 _FEW: Final = 10
 """Fewer readings than this do not tell a sensor's rate."""
 _KEPT: Final = 4096
@@ -135,6 +140,53 @@ class PolledLane(Lane):
     def at(self, host_ns: int) -> "tuple[float, ...] | Waiting | None":
         """Return the value of an instant; see `Lane`."""
         return self._interpolate(host_ns, self._longest_gap_ns)
+
+
+class OrientationLane(Lane):
+    """Recent orientations of the robot's tool, polled with its position.
+
+    Between two of them the value is interpolated on the line, and normalised. Up to 20 degrees
+    apart it is within 0.01 degrees of the rotation at constant speed.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.last: Quaternion | None = None
+        """The newest orientation, None if that was no unit quaternion."""
+        self.invalid = 0
+        """Number of orientations that were no unit quaternions."""
+        self._turns: deque[tuple[int, Quaternion | None]] = deque(maxlen=_KEPT)
+
+    @property
+    def spacing_ns(self) -> int:
+        """0, as of `PolledLane`."""
+        return 0
+
+    def record(self, value: Quaternion, now_ns: int) -> None:
+        """Add one orientation."""
+        self.last = unit_quaternion(value)
+        self.invalid += self.last is None
+        self._turns.append((now_ns, self.last))
+
+    def at(self, host_ns: int) -> "Quaternion | Waiting | None":
+        """Return the orientation at an instant; see `Lane`."""
+        turns = self._turns
+        if not turns or turns[-1][0] < host_ns:
+            return WAITING
+        while len(turns) > 1 and turns[1][0] <= host_ns:
+            turns.popleft()
+        (start_ns, start), (end_ns, end) = turns[0], turns[1 if len(turns) > 1 else 0]
+        span_ns = end_ns - start_ns
+        if start_ns == host_ns:
+            return start
+        if start_ns > host_ns or span_ns > ORIENTATION_GAP_NS or start is None or end is None:
+            return None
+        share = (host_ns - start_ns) / span_ns
+        if sum(a * b for a, b in zip(start, end, strict=True)) < 0.0:
+            end = (-end[0], -end[1], -end[2], -end[3])
+        w, x, y, z = (a + share * (b - a) for a, b in zip(start, end, strict=True))
+        norm = math.hypot(w, x, y, z)
+        return (w / norm, x / norm, y / norm, z / norm)
 
 
 def on_line(

@@ -15,6 +15,7 @@ from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
 from mmt.core import arrays
 from mmt.core.arrays import FloatArray
+from mmt.core.quaternions import Quaternion
 
 Vector = arrays.Vector
 """x, y, z as plain floats."""
@@ -128,6 +129,17 @@ class PositionKeeping(Protocol):
         """Return the newest positions (mm) that came between two times, oldest first.
 
         Each comes with its time (ns); all times are by the host's monotonic clock.
+        """
+
+
+@runtime_checkable
+class OrientationMeasuring(Protocol):
+    """A robot that measures the orientation of its tool; optional for a driver."""
+
+    def orientation(self) -> Quaternion:
+        """Return the tool's orientation (w, x, y, z) in the scene's axes, as new as the position.
+
+        Frames are left out while it is not finite or its norm is not 1.
         """
 
 

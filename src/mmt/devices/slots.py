@@ -5,14 +5,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, Final
 
-from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.lanes import Lane, PolledLane
+from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.devices.lanes import Lane, OrientationLane, PolledLane
 from mmt.devices.protocols import (
     Accelerometer,
     ArrivalStamping,
     Device,
     FaultExplaining,
     ForceSensor,
+    OrientationMeasuring,
     PositionKeeping,
     Robot,
     SampledSensor,
@@ -145,14 +146,28 @@ class RobotSlot(Slot):
     """The robot: commanded, then read if the scene needs its position.
 
     If ticks were held up and its driver has kept positions meanwhile, those are taken too.
+
+    Parameters
+    ----------
+    role, device
+        See `Slot`.
+    measures, turns
+        Whether the scene needs its position, and its tool's orientation.
+
+    Raises
+    ------
+    InputError
+        The driver does not measure the orientation; the message names those that do.
     """
 
     device: Robot
     lane: PolledLane
 
-    def __init__(self, role: str, device: Robot, *, measures: bool) -> None:
+    def __init__(self, role: str, device: Robot, *, measures: bool, turns: bool = False) -> None:
         super().__init__(role, device, PolledLane(_ROBOT_GAP_NS))
         self._measures = measures
+        self.orientation = OrientationLane()
+        self._turning = _turning(device) if turns else None
         self._keeping = device if isinstance(device, PositionKeeping) else None
         self._last_ns = 0
 
@@ -167,6 +182,16 @@ class RobotSlot(Slot):
                     self.lane.record(kept, time_ns)
             self.lane.record(position, now_ns)
             self._last_ns = now_ns
+        if self._turning is not None:
+            self.orientation.record(self._turning.orientation(), now_ns)
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Counts of the device and faults that its driver tolerated, for a program."""
+        invalid = (
+            {} if self._turning is None else {"invalid_orientations": self.orientation.invalid}
+        )
+        return {**super().summary, **invalid}
 
 
 class PolledSlot(Slot):
@@ -282,6 +307,18 @@ class SampledSlot(Slot):
             "clock_jumps": self.lane.clock.jumps,
             "faults": dict(self.device.faults),
         }
+
+
+def _turning(device: Robot) -> OrientationMeasuring:
+    """Return a robot as one that measures its tool's orientation, or raise `InputError`."""
+    if isinstance(device, OrientationMeasuring):
+        return device
+    from mmt.devices.discovery import drivers_with
+
+    raise InputError(
+        f"[session] orientation: {type(device).__name__} does not measure the orientation of its "
+        f"tool; robots that do are {', '.join(drivers_with('robot', 'orientation'))}"
+    )
 
 
 def slot_of(role: str, device: Any, lane: Lane | None = None) -> Slot:

@@ -19,8 +19,9 @@ from mmt.core.frames import (
     missing_band,
     ordered_channels,
 )
+from mmt.core.rotations import turn_into_scene
 from mmt.devices.frame_assembly import FrameAssembler, ReadingAges
-from mmt.devices.lanes import PolledLane
+from mmt.devices.lanes import Lane, OrientationLane, PolledLane
 from mmt.devices.polling import PhasePoller, Retry
 from mmt.devices.protocols import Accelerometer, ForceSensor, Pacing, Robot, SampledSensor, Vector
 from mmt.devices.slots import PolledSlot, RobotSlot, SampledSlot, Slot, failure, slot_of, summaries
@@ -39,6 +40,7 @@ _KEY_OF_CHANNEL: Final[dict[Channel, str]] = {
     "position": "robot",
     "force": "force_sensor",
     "acceleration": "accelerometer",
+    "orientation": "robot",
 }
 
 LossWatcher = Callable[[bool, str], None]
@@ -69,12 +71,16 @@ class DeviceSource:
         Samples of acceleration in a frame.
     tool
         Removes the load of the tool from the force; None to leave the force as measured.
+    tool_axes
+        Channels that are measured in the tool's axes; they are turned by the frame's orientation,
+        after the load was removed.
 
     Raises
     ------
     InputError
-        A channel has no device, frames need several samples of a polled accelerometer, or the
-        load of a tool is to be removed from frames without force or acceleration.
+        A channel has no device, frames need several samples of a polled accelerometer, the load
+        of a tool is to be removed from frames without force or acceleration, or the robot does
+        not measure the orientation that frames need.
     """
 
     def __init__(
@@ -87,6 +93,7 @@ class DeviceSource:
         on_lost: Literal["stop", "hold", "retract"] = "stop",
         samples_per_frame: int = 1,
         tool: "LoadRemover | None" = None,
+        tool_axes: Iterable[Channel] = (),
     ) -> None:
         self._channels = ordered_channels(channels)
         if tool is not None and not {"force", "acceleration"} <= set(self._channels):
@@ -95,11 +102,17 @@ class DeviceSource:
                 f"force and acceleration; its parts need {', '.join(self._channels)}"
             )
         self._tool = tool
+        self._turned = tuple(channel for channel in tool_axes if channel in self._channels)
         self._acceleration_hz = samples_per_frame * FRAMES_HZ
         self._on_lost = on_lost
         self._watcher: LossWatcher = lambda _lost, _sentence: None
         self._taker: FrameReceiver | None = None
-        robot_slot = RobotSlot("robot", robot, measures="position" in self._channels)
+        robot_slot = RobotSlot(
+            "robot",
+            robot,
+            measures="position" in self._channels,
+            turns="orientation" in self._channels,
+        )
         self._all: dict[str, Slot] = {"robot": robot_slot}
         if force_sensor is not None:
             self._all["force_sensor"] = slot_of("force sensor", force_sensor)
@@ -112,6 +125,10 @@ class DeviceSource:
         self._measuring = {
             FIELD_OF_CHANNEL[channel]: self._all[_KEY_OF_CHANNEL[channel]]
             for channel in self._channels
+        }
+        self._lanes: dict[str, Lane] = {
+            field: robot_slot.orientation if field == "orientation" else slot.lane
+            for field, slot in self._measuring.items()
         }
         if samples_per_frame > 1:
             acceleration = self._measuring.get(FIELD_OF_CHANNEL["acceleration"])
@@ -131,8 +148,7 @@ class DeviceSource:
     def _make_merger(self, needed_ns: int | None = None) -> FrameAssembler | None:
         if not self._sampled:
             return None
-        lanes = {field: slot.lane for field, slot in self._measuring.items()}
-        return FrameAssembler(lanes, self._dtype, PERIOD_NS, needed_ns)
+        return FrameAssembler(self._lanes, self._dtype, PERIOD_NS, needed_ns)
 
     def on_loss(self, callback: LossWatcher) -> None:
         """Set the function to call when a device is lost and when it is back."""
@@ -245,7 +261,7 @@ class DeviceSource:
         if merger is None or taker is None or not merger.lacking:
             return False
         self._look(self._sampled)
-        frames = self._unloaded(merger.frames())
+        frames = self._corrected(merger.frames())
         if len(frames):
             taker(frames)
         return merger.lacking and self._probed is None
@@ -280,25 +296,29 @@ class DeviceSource:
                 self._merger.give_up()
             frames = self._merger.frames()
             self._retry.tick(lacking=self._merger.lacking)
-            return self._unloaded(frames)
-        return self._unloaded(self._polled_frame(now_ns))
+            return self._corrected(frames)
+        return self._corrected(self._polled_frame(now_ns))
 
-    def _unloaded(self, frames: RecordArray) -> RecordArray:
-        """Return the frames, without the load of the tool."""
+    def _corrected(self, frames: RecordArray) -> RecordArray:
+        """Return the frames without the load of the tool, and in the scene's axes."""
         if self._tool is not None and len(frames):
             self._tool.remove(frames)
+        if self._turned and len(frames):
+            turn_into_scene(frames, self._turned)
         return frames
 
     def _polled_frame(self, now_ns: int) -> RecordArray:
-        if self._lost:
+        orientation = self._lanes.get("orientation")
+        if self._lost or (isinstance(orientation, OrientationLane) and orientation.last is None):
             return np.empty(0, dtype=self._dtype)
         frames = np.zeros(1, dtype=self._dtype)
         frames["sequence"] = (self._sequence - 1) % SEQUENCES
         frames["time_ns"] = now_ns
         for field, slot in self._measuring.items():
-            assert isinstance(slot.lane, PolledLane)  # noqa: S101 - none is sampled here
+            lane = self._lanes[field]
+            assert isinstance(lane, PolledLane | OrientationLane)  # noqa: S101 - none is sampled
             try:
-                frames[field][0] = slot.lane.last
+                frames[field][0] = lane.last
             except (TypeError, ValueError) as error:
                 raise failure(slot, error) from error
         return frames

@@ -140,6 +140,7 @@ def _devices(scene: Scene, table: Devices) -> FollowerSource:
         on_lost=table.on_lost,
         samples_per_frame=scene.session.samples_per_frame,
         tool=None if table.tool is None else _load_remover(table.tool),
+        tool_axes=table.tool_axes or (),
     )
 
 

@@ -72,10 +72,15 @@ class Devices(MotionLimits):
     force_sensor: Driver | None = None
     accelerometer: Driver | None = None
     tool: str | None = Field(None, min_length=1)
+    tool_axes: tuple[Literal["force", "acceleration"], ...] | None = None
     on_lost: Literal["stop", "hold", "retract"] = "stop"
 
     @model_validator(mode="after")
     def _tool_is_measured(self) -> Self:
         if self.tool is not None and (self.force_sensor is None or self.accelerometer is None):
             raise ValueError("tool: its load needs a force_sensor and an accelerometer on the tool")
+        if self.tool is not None and len(set(self.tool_axes or ())) == 1:
+            raise ValueError(
+                "tool: its load turns with both sensors: name both in tool_axes, or neither"
+            )
         return self

@@ -38,6 +38,7 @@ class SessionTable(Table):
     duration_s: float = Field(18.0, gt=0, le=86_400)
     rate_hz: Literal[1000] = 1000
     acceleration_rate_hz: AccelerationRateHz = 1000
+    orientation: bool | None = None
     seed: int = Field(1, ge=0, lt=2**63)
 
     @property
@@ -215,6 +216,8 @@ class SceneTables(Table):
         kept = [table.channels for table in keeping if isinstance(table, Recording | PassingTable)]
         if "all" in kept or (kept and not wanted):
             wanted |= {"position", "force", "acceleration"}
+        if wanted and self.session.orientation:
+            wanted.add("orientation")
         return ordered_channels(wanted) if wanted else ()
 
     def keep_frames(self) -> int:
@@ -300,6 +303,18 @@ def _source_rules(scene: SceneTables) -> Rules:
         (
             scene.link is not None and not scene.channels(),
             f"[link] would carry nothing: add {_any_of(carried)}",
+        ),
+        (
+            bool(scene.session.orientation) and scene.replay is None and scene.devices is None,
+            "[session] orientation is measured by a robot or recorded: add [devices] or [replay], "
+            "or leave it out",
+        ),
+        (
+            scene.devices is not None
+            and bool(scene.devices.tool_axes)
+            and not scene.session.orientation,
+            "tool_axes of [devices] are turned by the tool's orientation: add orientation = true "
+            "to [session]",
         ),
     ]
 

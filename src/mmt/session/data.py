@@ -15,6 +15,7 @@ from mmt.core.frames import (
     FRAMES_HZ,
     Channel,
     acceleration_samples,
+    axes_of,
     channels_of,
     samples_per_frame,
 )
@@ -72,7 +73,8 @@ class RecordedSession(Plottable):
 
     frames: RecordArray
     """Shape (n,), with the dtype of `mmt.core.frames.frame_dtype`: ``sequence``, ``time_ns`` and,
-    for the recorded channels, ``position_mm``, ``force_n`` and ``acceleration_m_s2``, (3,) each.
+    for the recorded channels, ``position_mm``, ``force_n`` and ``acceleration_m_s2``, (3,) each,
+    and ``orientation`` (4,).
     The acceleration is (k, 3) if a frame has k samples of it. Missing frames are jumps in
     ``sequence``."""
     scene: JsonObject | None = None
@@ -121,7 +123,7 @@ class RecordedSession(Plottable):
         return duration_s(self.frames)
 
     def vectors(self) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
-        """Return each channel's vectors, shape (n, 3), by field name.
+        """Return each channel's vectors, (n, 3), or quaternions, (n, 4), by field name.
 
         With k > 1 samples of acceleration per frame, the acceleration has the shape (n k, 3), and
         ``acceleration_time_s`` (n k,) has the time of each sample.
@@ -234,10 +236,10 @@ def clock_offset_ns(comparison: JsonObject, time_ns: int | IntArray) -> IntArray
     return np.asarray(int(comparison["clock_offset_ns"]) + gained_ns)
 
 
-def axis_columns(channel: Channel) -> tuple[str, str, str]:
-    """Return the three column names of a channel, as in ``position_x_mm``."""
-    unit = FIELD_OF_CHANNEL[channel].removeprefix(f"{channel}_")
-    return (f"{channel}_x_{unit}", f"{channel}_y_{unit}", f"{channel}_z_{unit}")
+def axis_columns(channel: Channel) -> tuple[str, ...]:
+    """Return the column names of a channel's components, as in ``position_x_mm``."""
+    unit = FIELD_OF_CHANNEL[channel].removeprefix(channel)
+    return tuple(f"{channel}_{axis}{unit}" for axis in axes_of(channel))
 
 
 def field_columns(channel: Channel, samples_per_frame: int) -> tuple[str, ...]:

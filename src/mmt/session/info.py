@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.core.frames import FIELD_OF_CHANNEL, Channel
+from mmt.core.frames import CHANNELS, Channel
 from mmt.core.printable import printable
 from mmt.session.data import JsonObject, RecordedSession, duration_s, missing_frames
 from mmt.session.files import read_session
@@ -109,7 +109,7 @@ def _size_bytes(path: Path) -> int:
 
 def _faults(session: RecordedSession) -> "SignalFaults | None":
     """Count faults with the filter of the modelling, about 1 us per frame."""
-    if not set(FIELD_OF_CHANNEL) <= set(session.channels):
+    if not set(CHANNELS) <= set(session.channels):
         return None
     from mmt.scene import Scene, Texture
     from mmt.scene.recorded import scene_of_recording

@@ -16,7 +16,7 @@ from google.protobuf.message import DecodeError
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
-from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, Channel, frame_dtype
+from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, Channel, frame_dtype
 
 FRAME_BLOCK: Final = "mmt.FrameBlock"
 OUTPUT_BLOCK: Final = "mmt.OutputBlock"
@@ -112,7 +112,7 @@ class FrameCodec:
     def __init__(self, schema: bytes, samples_per_frame: int = 1) -> None:
         self._message = message_class(schema, FRAME_BLOCK)
         fields = self._message.DESCRIPTOR.fields_by_name
-        self.channels = tuple(c for c in CHANNELS if FIELD_OF_CHANNEL[c] in fields)
+        self.channels = tuple(c for c in ALL_CHANNELS if FIELD_OF_CHANNEL[c] in fields)
         self.samples_per_frame = samples_per_frame
         self.dtype = frame_dtype(self.channels, samples_per_frame)
 

@@ -126,7 +126,9 @@ class ScalarCodec:
 
     def encode(self, frames: RecordArray) -> Iterator[tuple[int, int, bytes]]:
         """Yield sequence of the frame, time (ns) and message for each sample of frames (n,)."""
-        columns = [frames[field].reshape(-1, 3).tolist() for field in self._fields]
+        columns = [
+            frames[field].reshape(-1, len(names)).tolist() for field, names in self._fields.items()
+        ]
         several = len(columns[0]) // len(frames)
         times_ns = sample_times(frames["time_ns"], several, FRAME_PERIOD_NS).tolist()
         sequence = frames["sequence"].tolist()

@@ -16,7 +16,7 @@ from lerobot.teleoperators import Teleoperator
 from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
 
 from mmt.core.errors import MmtError
-from mmt.core.frames import CHANNELS
+from mmt.core.frames import ALL_CHANNELS
 from mmt.devices.protocols import Vector
 from mmt.session.data import axis_columns
 from mmt_bridges.lerobot.config_devices import MmtRobotConfig, MmtTeleoperatorConfig
@@ -27,7 +27,7 @@ from mmt_bridges.lerobot.settings import MovedBy, Settings
 
 ACTION_NAMES: Final = axis_columns("position")
 
-_OWN_NAMES: Final = frozenset(state_names(CHANNELS))
+_OWN_NAMES: Final = frozenset(state_names(ALL_CHANNELS))
 
 _SAME_MM: Final = 1e-3
 """Tolerance by which two actions are the same: LeRobot's processors may round them."""

@@ -64,7 +64,7 @@ def low_rate_rows(session: RecordedSession, fps: int) -> dict[str, Column]:
         )
         if c == "acceleration"
         else frames[FIELD_OF_CHANNEL[c]][newest]
-        for c in session.channels
+        for c in sorted(session.channels, key="acceleration".__eq__)  # as in `state_names`
     }
     state = np.concatenate(list(states.values()), axis=1)
     bad = np.flatnonzero(~np.isfinite(state).all(axis=1))

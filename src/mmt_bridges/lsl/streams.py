@@ -14,11 +14,16 @@ import numpy as np
 
 from mmt.core.errors import InputError, short_message
 from mmt.core.extras import require
-from mmt.core.frames import FIELD_OF_CHANNEL, Channel
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel, axes_of
 from mmt.leader.publishing import Block, Marker
 from mmt.session.data import FRAME_PERIOD_NS, axis_columns, sample_times, sampled_parts
 
-_UNITS: Final[dict[Channel, str]] = {"position": "mm", "force": "N", "acceleration": "m/s2"}
+_UNITS: Final[dict[Channel, str]] = {
+    "position": "mm",
+    "force": "N",
+    "acceleration": "m/s2",
+    "orientation": "quaternion",
+}
 MANUFACTURER: Final = "mmt"
 UTC_AHEAD: Final = "utc_ahead_ns"
 """UTC since 1970 minus LSL's clock, from which a reader knows the date of a recording."""
@@ -72,8 +77,9 @@ class Streams:
 
         names = ("frames", "acceleration")
         self._sampled: list[tuple[Any, Sequence[Channel], int]] = [
-            (outlet(names[k > 1], "Haptics", 3 * len(of), k * rate_hz, lsl.cf_float32, of), of, k)
+            (outlet(names[k > 1], "Haptics", width, k * rate_hz, lsl.cf_float32, of), of, k)
             for of, k in sampled_parts(channels, samples_per_frame)
+            for width in [sum(len(axes_of(channel)) for channel in of)]
         ]
         self._events = outlet("events", "Markers", 1, lsl.IRREGULAR_RATE, lsl.cf_string, ())
 
@@ -88,8 +94,9 @@ class Streams:
         stamps_ns = np.concatenate([b.frames["time_ns"] + b.ahead_ns for b in blocks])
         for outlet, channels, samples in self._sampled:
             values = [
-                np.concatenate([b.frames[FIELD_OF_CHANNEL[c]].reshape(-1, 3) for b in blocks])
+                np.concatenate([b.frames[FIELD_OF_CHANNEL[c]].reshape(-1, width) for b in blocks])
                 for c in channels
+                for width in [len(axes_of(c))]
             ]
             stamps_s = (sample_times(stamps_ns, samples, FRAME_PERIOD_NS) / 1e9).tolist()
             outlet.push_chunk(np.concatenate(values, axis=1), stamps_s)
@@ -103,7 +110,7 @@ def _describe(info: Any, channels: Sequence[Channel]) -> None:
     """Describe the channels, and that samples may be missing, so that importers keep the stamps."""
     described = info.desc().append_child("channels")
     for channel in channels:
-        for axis, label in zip("XYZ", axis_columns(channel), strict=True):
+        for axis, label in zip(axes_of(channel).upper(), axis_columns(channel), strict=True):
             one = described.append_child("channel")
             one.append_child_value("label", label)
             one.append_child_value("unit", _UNITS[channel])

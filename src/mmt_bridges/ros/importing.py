@@ -14,8 +14,8 @@ import numpy as np
 
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.core.frames import FIELD_OF_CHANNEL
-from mmt.session.data import JsonObject
+from mmt.core.frames import FIELD_OF_CHANNEL, axes_of
+from mmt.session.data import JsonObject, axis_columns
 from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.options import ImportOptions
 from mmt_bridges.ros.bag_files import decoded_messages
@@ -30,6 +30,10 @@ _STANDARD_NAMES: Final = {
     **{
         f"{topic.name}.{topic.field}": FIELD_OF_CHANNEL[channel]
         for channel, topic in CHANNEL_TOPICS.items()
+    },
+    **{
+        f"{CHANNEL_TOPICS['orientation'].name}.{CHANNEL_TOPICS['orientation'].field}.{axis}": name
+        for axis, name in zip(axes_of("orientation"), axis_columns("orientation"), strict=True)
     },
 }
 """Names in an exported session, by the fields that mmt writes."""

@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import FIELD_OF_CHANNEL, Channel
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel, axes_of
 from mmt.session.data import FRAME_PERIOD_NS, JsonObject, sample_times, to_json
 
 
@@ -38,6 +38,12 @@ CHANNEL_TOPICS: Final[dict[Channel, Topic]] = {
     ),
     "acceleration": Topic(
         "/mmt/acceleration", "sensor_msgs/msg/Imu", "linear_acceleration", frame_id="mmt_tool"
+    ),
+    "orientation": Topic(
+        "/mmt/orientation",
+        "geometry_msgs/msg/QuaternionStamped",
+        "quaternion",
+        frame_id="mmt_surface",
     ),
 }
 """The topics of the channels. The frame ``mmt_tool`` has the axes of ``mmt_surface``."""
@@ -66,6 +72,7 @@ class Messages:
             "position": self._point,
             "force": self._wrench,
             "acceleration": self._imu,
+            "orientation": self._quaternion,
         }
         self._vector = types["geometry_msgs/msg/Vector3"]
         self._zero = self._vector(0.0, 0.0, 0.0)
@@ -82,7 +89,7 @@ class Messages:
         made = []
         for channel in channels:
             vectors = frames[FIELD_OF_CHANNEL[channel]].astype(np.float64)
-            vectors = vectors.reshape(len(frames), -1, 3)
+            vectors = vectors.reshape(len(frames), -1, len(axes_of(channel)))
             values = (vectors / 1e3 if channel == "position" else vectors).tolist()
             at_ns = sample_times(frames["time_ns"] + since_ns, vectors.shape[1], FRAME_PERIOD_NS)
             stamps = at_ns.reshape(vectors.shape[:2]).tolist()
@@ -132,6 +139,11 @@ class Messages:
         turned, turning = (self._level, self._absent), (self._zero, self._absent)
         moved = (self._vector(*acceleration_m_s2), self._unknown)
         return self._of["sensor_msgs/msg/Imu"](header, *turned, *turning, *moved)
+
+    def _quaternion(self, header: Any, orientation: list[float]) -> Any:
+        w, x, y, z = orientation
+        quaternion = self._of["geometry_msgs/msg/Quaternion"](x, y, z, w)
+        return self._of["geometry_msgs/msg/QuaternionStamped"](header, quaternion)
 
     def _log(self, stamp_ns: int, sentence: str) -> Any:
         kind = self._of["rcl_interfaces/msg/Log"]

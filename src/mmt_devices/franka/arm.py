@@ -13,6 +13,7 @@ import time
 from typing import Any, Final, NamedTuple
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.quaternions import Quaternion
 from mmt.core.realtime import follow_real_time
 from mmt.devices.protocols import Vector
 from mmt_devices.franka.control import PositionControl
@@ -43,6 +44,8 @@ class ArmState(NamedTuple):
     """Of the end effector."""
     force_n: Vector
     """Force of the touched surface on the tool; all zero near a singularity."""
+    orientation: Quaternion
+    """Of the end effector."""
 
 
 class FrankaArm(threading.Thread):
@@ -68,7 +71,7 @@ class FrankaArm(threading.Thread):
         self.loss: str | None = None
         """Why the arm is lost, None while it is not."""
         self._failure: Exception | None = None
-        self.state = ArmState(0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        self.state = ArmState(0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
         self.control: PositionControl | None = None
         self.turns = 0
         self.turn_ns = time.monotonic_ns()
@@ -137,7 +140,9 @@ class FrankaArm(threading.Thread):
             self._silent += 1
             if self._silent > _SILENT_TURNS and now_ns - self._fresh_ns > _SILENT_NS:
                 raise ArmProblem("it sends no new state: check its power and its cable")
-        self.state = ArmState(time_ms, (1e3 * x, 1e3 * y, 1e3 * z), (0.0 - u, 0.0 - v, 0.0 - w))
+        a, b, c, real = state.O_T_EE.quaternion.tolist()
+        place_mm, force_n = (1e3 * x, 1e3 * y, 1e3 * z), (0.0 - u, 0.0 - v, 0.0 - w)
+        self.state = ArmState(time_ms, place_mm, force_n, (real, a, b, c))
 
     def check(self) -> ArmState:
         """Return the newest state.

@@ -8,6 +8,7 @@ from typing import Any, Final, Generic, TypeVar
 
 from mmt.core.errors import DeviceLost, InputError
 from mmt.core.extras import require
+from mmt.core.quaternions import Quaternion
 from mmt.devices.axes import Axes
 from mmt.devices.discovery import missing_package
 from mmt.devices.drivers import read_options
@@ -118,6 +119,16 @@ class FrankaRobot(_ArmDriver[FrankaRobotOptions]):
             The arm is lost, or has stopped; the message says why.
         """
         return self._axes.place_in_scene(self._connected().check().position_mm)
+
+    def orientation(self) -> Quaternion:
+        """Return the end effector's orientation (w, x, y, z), about a tick old.
+
+        Raises
+        ------
+        DeviceLost
+            The arm is lost, or has stopped.
+        """
+        return self._axes.turn_in_scene(self._connected().check().orientation)
 
     def write(self, position_mm: Vector) -> None:
         """Command a position (mm); count and ignore one that is not finite.

@@ -56,7 +56,7 @@ class RobotMode(Enum):
 
 @dataclass
 class Affine:
-    """A translation (m) and a rotation."""
+    """A translation (m) and a rotation, as the quaternion (x, y, z, w)."""
 
     translation: Any
     quaternion: Any
@@ -135,6 +135,8 @@ class EmulatedFranka:
     ----------
     position_m, pushes_n
         Position of the tip, and force (N) of the tip on what it touches, in the base frame.
+    rotation
+        Quaternion (x, y, z, w) of the tip in the base frame; the tool points down at first.
     mode, errors
         Mode of the robot, and its errors.
     powered, answering
@@ -146,6 +148,7 @@ class EmulatedFranka:
     """
 
     position_m: FloatArray = field(default_factory=lambda: np.array([0.5, 0.0, 0.3]))
+    rotation: FloatArray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
     pushes_n: Vector = (0.0, 0.0, 0.0)
     mode: RobotMode = RobotMode.Idle
     errors: list[str] = field(default_factory=list)
@@ -183,7 +186,7 @@ class EmulatedFranka:
                 self._advance(now_s - self._moved_s)
                 self._moved_s = now_s
             return RobotState(
-                Affine(self.position_m.copy(), (1.0, 0.0, 0.0, 0.0)),
+                Affine(self.position_m.copy(), self.rotation.copy()),
                 np.array([*self.pushes_n, 0.0, 0.0, 0.0]),
                 np.array([0.0, 0.0, 0.0, -1.6, 0.0, 1.6, 0.8]),
                 self.mode,

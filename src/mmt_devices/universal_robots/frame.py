@@ -4,6 +4,14 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
+from mmt.core.quaternions import (
+    UNIT_VECTORS,
+    Quaternion,
+    product,
+    quaternion_of_axes,
+    quaternion_of_vector,
+)
+
 Vector = tuple[float, float, float]
 """As in `mmt.devices.protocols`, which needs numpy; the arm's process must not import that."""
 
@@ -26,6 +34,7 @@ class SceneFrame:
         self._origin_mm = origin_mm
         self._rows = rotation_matrix(rotation_rad)
         self._columns = tuple(zip(*self._rows, strict=True))
+        self._turn = quaternion_of_axes(*map(self.to_scene, UNIT_VECTORS))
 
     def to_scene(self, vector: Sequence[float]) -> Vector:
         """Rotate a force from the base's axes into the scene's."""
@@ -34,6 +43,10 @@ class SceneFrame:
     def to_base(self, vector: Sequence[float]) -> Vector:
         """Rotate a vector from the scene's axes into the base's."""
         return _product(self._rows, vector)
+
+    def turn_in_scene(self, rotation_rad: Vector) -> Quaternion:
+        """Return the orientation of a rotation vector of the base, in the scene's axes."""
+        return product(self._turn, quaternion_of_vector(rotation_rad))
 
     def place_in_scene(self, position_m: Sequence[float]) -> Vector:
         """Convert a position from the base (m) to the scene (mm)."""

@@ -16,7 +16,7 @@ CONTROLLED: Final = b"C"
 """The arm takes commands from now on."""
 LOST: Final = b"L"
 """The arm takes no more commands; a text says why."""
-_STATE: Final = struct.Struct("<7dq")
+_STATE: Final = struct.Struct("<7dq3d")
 
 
 class UrState(NamedTuple):
@@ -30,14 +30,17 @@ class UrState(NamedTuple):
     """At the tool's centre point, in the base's axes."""
     time_ns: int
     """Time of arrival, by the host's monotonic clock."""
+    rotation_rad: Vector
+    """Rotation vector of the tool, in the base's frame."""
 
 
 def pack_state(state: UrState) -> bytes:
     """Return the body of a `STATE` message."""
-    return _STATE.pack(state.timestamp_s, *state.position_m, *state.force_n, state.time_ns)
+    (timestamp_s, position_m, force_n, time_ns, rotation_rad) = state
+    return _STATE.pack(timestamp_s, *position_m, *force_n, time_ns, *rotation_rad)
 
 
 def unpack_state(body: bytes) -> UrState:
     """Return the state in the body of a `STATE` message."""
-    timestamp_s, x, y, z, u, v, w, time_ns = _STATE.unpack(body)
-    return UrState(timestamp_s, (x, y, z), (u, v, w), time_ns)
+    timestamp_s, x, y, z, u, v, w, time_ns, a, b, c = _STATE.unpack(body)
+    return UrState(timestamp_s, (x, y, z), (u, v, w), time_ns, (a, b, c))

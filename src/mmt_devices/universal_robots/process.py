@@ -123,10 +123,10 @@ class ArmProcess:
                 )
             return
         self._timestamp_s, self._changed_s, self._empty = timestamp_s, now_s, 0
-        (x, y, z, *_), (u, v, w, *_) = receive.getActualTCPPose(), receive.getActualTCPForce()
+        (x, y, z, a, b, c), (u, v, w, *_) = receive.getActualTCPPose(), receive.getActualTCPForce()
         if self._control is not None:
             self._control.force_n = (u, v, w)
-        state = UrState(timestamp_s, (x, y, z), (u, v, w), time.monotonic_ns())
+        state = UrState(timestamp_s, (x, y, z), (u, v, w), time.monotonic_ns(), (a, b, c))
         self._pipes.send(to.STATE, to.pack_state(state))
 
     def _watch_control(self) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.extras import require
+from mmt.core.quaternions import Quaternion
 from mmt.devices.discovery import missing_package
 from mmt.devices.drivers import read_options
 from mmt.devices.protocols import Vector
@@ -92,6 +93,17 @@ class UrRobot:
         position_m = arm.read().position_m
         arm.check_control()
         return frame.place_in_scene(position_m)
+
+    def orientation(self) -> Quaternion:
+        """Return the tool's orientation (w, x, y, z) of the newest cycle of the controller.
+
+        Raises
+        ------
+        DeviceLost
+            The arm no longer answers.
+        """
+        arm, frame = self._connected()
+        return frame.turn_in_scene(arm.read().rotation_rad)
 
     def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
         """Return the newest positions (mm) that came between two times, the oldest first."""

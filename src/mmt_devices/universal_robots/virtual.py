@@ -5,6 +5,7 @@ from typing import Any, TypeVar
 
 from mmt.core.errors import MmtError
 from mmt.core.extras import require
+from mmt.core.quaternions import Quaternion
 from mmt.devices.drivers import Role
 from mmt.devices.protocols import Vector
 from mmt.testing.emulated.drivers import VirtualDevice
@@ -61,6 +62,10 @@ class VirtualUrRobot(_VirtualUr[UrRobot]):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("robot", ("host", "origin_mm", "rotation_rad"), options)
+
+    def orientation(self) -> Quaternion:
+        """Return the orientation that the real driver reads."""
+        return self._connected().orientation()
 
     def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
         """Return the positions that the real driver has kept."""

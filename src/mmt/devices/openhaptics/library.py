@@ -16,6 +16,7 @@ from mmt.devices.openhaptics.constants import HdError, explain
 
 CALLBACK: Final = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_void_p)
 Vector3: Final[Any] = ctypes.c_double * 3
+Matrix: Final[Any] = ctypes.c_double * 16
 VECTOR: Final = struct.Struct("3d")
 """Unpacks all numbers of a `Vector3` at once."""
 

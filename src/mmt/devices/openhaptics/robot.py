@@ -1,19 +1,23 @@
 """The follower's arm: a Phantom or Touch that is held at commanded positions."""
 
 import math
+from ctypes import c_uint32
 from ctypes.util import find_library
 from typing import Any, Final
 
 from mmt.core.arrays import step_towards
 from mmt.core.errors import InputError
+from mmt.core.quaternions import Quaternion, quaternion_of_axes
 from mmt.devices.drivers import read_options
+from mmt.devices.openhaptics.constants import CURRENT_TRANSFORM
 from mmt.devices.openhaptics.driver import HdDriver
-from mmt.devices.openhaptics.library import Stack
+from mmt.devices.openhaptics.library import Matrix, Stack
 from mmt.devices.openhaptics.options import HdRobotOptions
 from mmt.devices.openhaptics.servo import STUCK, Servo
 from mmt.devices.protocols import Vector
 
 _LONGEST_STEP_S: Final = 0.005
+_TRANSFORM: Final = c_uint32(CURRENT_TRANSFORM)
 _STUCK_NS: Final = 200_000_000
 """A position that stays exactly the same for this long under the largest force is stuck."""
 
@@ -54,6 +58,17 @@ class PositionServo(Servo):
         self._point = (0.0, 0.0, 0.0)
         self._pushed_at = (0.0, 0.0, 0.0)
         self._pushed_ns = 0
+        self.turns = False
+        """Whether the orientation of the stylus is measured, from the next tick on."""
+        self.transform: tuple[float, ...] = (0.0,) * 16
+        """Newest transform of the stylus, column by column, replaced as a whole."""
+        self._matrix = Matrix()
+
+    def _measure(self, now_ns: int) -> None:
+        super()._measure(now_ns)
+        if self.turns:
+            self._get(_TRANSFORM, self._matrix)
+            self.transform = tuple(self._matrix)
 
     def drive(self, now_ns: int) -> Vector:
         """Return the force of this tick, before it is limited and faded."""
@@ -118,6 +133,21 @@ class OpenHapticsRobot(HdDriver[PositionServo]):
             The robot does not answer any more.
         """
         return self._axes.place_in_scene(self._device.check().position)
+
+    def orientation(self) -> Quaternion:
+        """Return the orientation (w, x, y, z) of the stylus, at most a tick old.
+
+        It is measured from the first call on, whose own result is no unit quaternion.
+
+        Raises
+        ------
+        DeviceLost
+            The robot does not answer any more.
+        """
+        servo = self._device.check()
+        servo.turns = True
+        a, b, c, _, d, e, f, _, g, h, i, *_ = servo.transform
+        return self._axes.turn_in_scene(quaternion_of_axes((a, b, c), (d, e, f), (g, h, i)))
 
     def write(self, position_mm: Vector) -> None:
         """Command a position (mm); one that is not finite is counted and ignored.

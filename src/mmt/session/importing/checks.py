@@ -97,7 +97,8 @@ def assess(
     if speed_mm_s is not None:
         warnings += _of_position(np.ptp(samples.values["position"], axis=0), speed_mm_s, options)
     if "force" in samples.values:
-        warnings += _of_force(samples.values["force"], options)
+        turned = "force" in options.tool_axes
+        warnings += _of_force(frames["force_n"] if turned else samples.values["force"], options)
     if "acceleration" in samples.values:
         rate_hz = 1.0 / stamps["acceleration"].period_s
         warnings += _of_acceleration(samples.values["acceleration"], rate_hz, options)

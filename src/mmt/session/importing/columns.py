@@ -12,7 +12,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError, short_message
-from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
+from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, axes_of
 from mmt.session.data import JsonObject, axis_columns
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.samples import ROW_NUMBER
@@ -34,12 +34,12 @@ _SHOWN_CHARACTERS = 60
 
 STANDARD_NAMES: Final[Mapping[str, str]] = {
     "time": "time_s",
-    **{f"{channel}_time": f"{channel}_time_s" for channel in CHANNELS},
+    **{f"{channel}_time": f"{channel}_time_s" for channel in ALL_CHANNELS},
     **{str(channel): name for channel, name in FIELD_OF_CHANNEL.items()},
     **{
         f"{channel}_{axis}": name
-        for channel in CHANNELS
-        for axis, name in zip("xyz", axis_columns(channel), strict=True)
+        for channel in ALL_CHANNELS
+        for axis, name in zip(axes_of(channel), axis_columns(channel), strict=True)
     },
 }
 """Name of the column for each target that is not mapped."""

@@ -9,7 +9,7 @@ from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.frames import (
-    CHANNELS,
+    ALL_CHANNELS,
     FIELD_OF_CHANNEL,
     MOST_SAMPLES,
     SEQUENCES,
@@ -177,7 +177,7 @@ def _frames(
             "unit, as in --unit time=ms)? Otherwise allow a longer gap (--longest-gap), or move a "
             "file's times (--offset)"
         )
-    channels = [channel for channel in CHANNELS if channel in values]
+    channels = [channel for channel in ALL_CHANNELS if channel in values]
     frames = np.zeros(len(numbers), dtype=frame_dtype(channels, samples_per_frame))
     frames["sequence"] = numbers
     frames["time_ns"] = time_ns

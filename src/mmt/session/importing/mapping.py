@@ -10,7 +10,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, Channel
+from mmt.core.frames import ALL_CHANNELS, CHANNELS, FIELD_OF_CHANNEL, Channel, axes_of
 from mmt.core.units import DATE, QUANTITIES, unit_factor, unit_in_name
 from mmt.session.data import FRAME_PERIOD_S, sample_times
 from mmt.session.importing.columns import (
@@ -21,6 +21,7 @@ from mmt.session.importing.columns import (
     listed,
 )
 from mmt.session.importing.options import ImportOptions, Source
+from mmt.session.importing.quaternions import components_mapped, normalised
 from mmt.session.importing.samples import Samples, continued, name_of
 
 
@@ -44,7 +45,7 @@ def _shared(time_s: FloatArray, others: Iterable[FloatArray]) -> FloatArray:
 class _Mapping:
     def __init__(self, columns: SourceColumns, options: ImportOptions) -> None:
         self._columns = replace(columns, **_with_vectors(columns))
-        self._options = options
+        self._options = components_mapped(options, self._columns.values, columns.origin)
         self._origin = columns.origin
         self._notes: dict[str, None] = {}
         self._told: set[str] = set()
@@ -53,9 +54,9 @@ class _Mapping:
     def samples(self) -> Samples:
         values: dict[Channel, FloatArray] = {}
         times: dict[Channel, FloatArray] = {}
-        names = dict.fromkeys(CHANNELS, self._columns.row_name)
+        names = dict.fromkeys(ALL_CHANNELS, self._columns.row_name)
         sequence = self._columns.values.get("sequence")
-        for channel in CHANNELS:
+        for channel in ALL_CHANNELS:
             vectors = self._vectors(channel)
             if vectors is None:
                 continue
@@ -72,11 +73,12 @@ class _Mapping:
                 time_s = sample_times(time_s, several, period_s)
                 rows = np.repeat(np.arange(len(vectors)), several)
                 names[channel] = partial(name_of, names[channel], rows)
-            values[channel] = vectors.reshape(-1, 3)
+            values[channel] = vectors.reshape(-1, vectors.shape[-1])
             times[channel] = _shared(time_s, times.values())
         if not values:
+            fields = ", ".join(FIELD_OF_CHANNEL[channel] for channel in CHANNELS)
             raise InputError(
-                f"{self._origin}: it holds none of {', '.join(FIELD_OF_CHANNEL.values())}, and "
+                f"{self._origin}: it holds none of {fields}, and "
                 f"nothing is mapped to them (--map force_z=NAME); "
                 f"{listed(self._columns.names)}; mmt session inspect proposes a command"
             )
@@ -95,6 +97,9 @@ class _Mapping:
 
     def _vectors(self, channel: Channel) -> FloatArray | None:
         """Return a channel (n, 3), or (n, k, 3) for k samples per row; None if it is missing."""
+        if channel == "orientation":
+            turns = self._of_axes(channel)
+            return None if turns is None else normalised(turns)
         whole = self._column(channel, channel)
         if whole is not None:
             if whole.ndim == 1 and channel != "position":
@@ -105,11 +110,16 @@ class _Mapping:
                     f"{self._origin}: {channel} has shape {whole.shape}, it must have shape (n, 3)"
                 )
             return whole
-        axes = {axis: self._column(f"{channel}_{axis}", channel) for axis in "xyz"}
+        joined = self._of_axes(channel)
+        return self._path() if joined is None and channel == "position" else joined
+
+    def _of_axes(self, channel: Channel) -> FloatArray | None:
+        """Return a channel whose components are columns of their own, or None if it has none."""
+        axes = {axis: self._column(f"{channel}_{axis}", channel) for axis in axes_of(channel)}
         given = {axis: values for axis, values in axes.items() if values is not None}
         if not given:
-            return self._path() if channel == "position" else None
-        for axis in "xyz":
+            return None
+        for axis in axes:
             if axis not in given:
                 raise InputError(
                     f"{self._origin}: {channel}_{axis} is missing (the column "
@@ -120,11 +130,11 @@ class _Mapping:
         if len(shapes) != 1:
             sizes = ", ".join(" x ".join(map(str, shape)) for shape in sorted(shapes))
             raise InputError(
-                f"{self._origin}: the three axes of {channel} end in different rows: "
+                f"{self._origin}: the axes of {channel} end in different rows: "
                 f"{sizes or 'all are constants'}"
             )
         shape = shapes.pop()
-        return np.stack([np.broadcast_to(given[axis], shape) for axis in "xyz"], axis=-1)
+        return np.stack([np.broadcast_to(given[axis], shape) for axis in axes], axis=-1)
 
     def _path(self) -> FloatArray | None:
         """Integrate a mapped speed to positions (n, 3) along x; None if no speed is mapped."""
@@ -159,7 +169,7 @@ class _Mapping:
             values = values[:, source.component]
         sampled = quantity == "acceleration" and target not in self._options.columns
         lacks_rows = quantity in ("time", "speed") and values.ndim == 0
-        if target not in CHANNELS and (values.ndim > 1 + sampled or lacks_rows):
+        if target not in ALL_CHANNELS and (values.ndim > 1 + sampled or lacks_rows):
             raise InputError(
                 f"{self._origin}: {source.name} has shape {values.shape}, it must have shape (n,) "
                 f"for {target}; a component is mapped as in --map {target}={source.name}[0]"
@@ -213,6 +223,8 @@ class _Mapping:
 
     def _factor(self, target: str, quantity: str, source: Source) -> float:
         """Return the factor to the unit of frames, by the options, the file or the name."""
+        if quantity == "orientation":
+            return 1.0
         name, told = source.name, self._columns.units.get(source.name)
         given = self._options.units.get(target) or self._options.units.get(quantity)
         unit = told if told == DATE else given or told or unit_in_name(quantity, name)
@@ -256,7 +268,7 @@ class _Mapping:
             column = self._column(target, "time")
             if column is not None:
                 return self._options.columns.get(target, STANDARD_NAMES[target]), column
-        targets = [channel, *(f"{channel}_{axis}" for axis in "xyz")]
+        targets = [channel, *(f"{channel}_{axis}" for axis in axes_of(channel))]
         for target in [*targets, *(["speed"] if "speed" in self._options.columns else [])]:
             source = self._source(target, channel)
             if isinstance(source, Source) and source.name in self._columns.times:

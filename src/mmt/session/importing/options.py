@@ -6,20 +6,22 @@ from dataclasses import dataclass, field, fields
 from typing import Final
 
 from mmt.core.errors import InputError
-from mmt.core.frames import CHANNELS, check_acceleration_rate
+from mmt.core.frames import ALL_CHANNELS, axes_of, check_acceleration_rate
 from mmt.core.units import QUANTITIES, unit_factor
 from mmt.session.importing.stamps import StampChoice
 
-_AXES = "xyz"
-
 TARGETS: Final = (
     "time",
-    *(f"{channel}_time" for channel in CHANNELS),
-    *CHANNELS,
-    *(f"{channel}_{axis}" for channel in CHANNELS for axis in _AXES),
+    *(f"{channel}_time" for channel in ALL_CHANNELS),
+    *ALL_CHANNELS,
+    *(f"{channel}_{axis}" for channel in ALL_CHANNELS for axis in axes_of(channel)),
     "speed",
 )
-"""Targets to map columns to: times, vectors (n, 3), single axes, and speed for position."""
+"""Targets to map columns to: times, vectors (n, 3) and quaternions (n, 4), single axes of them,
+and speed for position."""
+
+TURNED: Final = ("force", "acceleration")
+"""Channels that may be given in the tool's axes."""
 
 MATCHED: Final = "match"
 """Value of an offset that is to be found by matching the content of the files."""
@@ -80,6 +82,8 @@ class ImportOptions:
     acceleration_rate_hz: int | None = None
     """Rate of the imported acceleration, 1000 to 10000 in steps of 1000; None: 1000, or the rate
     of an exported session."""
+    tool_axes: tuple[str, ...] = ()
+    """Which of `TURNED` are in the tool's axes; they are turned by the orientation."""
     offsets: Mapping[str, str] = field(default_factory=dict)
     """For several files, except the first: seconds to add to the times, or "match", by name."""
     reading_memory_gb: float | None = None
@@ -103,7 +107,7 @@ class ImportOptions:
             if unit_factor(quantity_of(target), unit) is None:
                 raise InputError(
                     f"--unit {target}={unit}: {unit} is no known unit of it; "
-                    f"known are {QUANTITIES[quantity_of(target)]}"
+                    f"known are {QUANTITIES.get(quantity_of(target), 'none')}"
                 )
         self._check_reading()
         for name in ("rate_hz", "longest_gap_s", "reading_memory_gb", "reading_time_s"):
@@ -119,6 +123,9 @@ class ImportOptions:
                 )
         if self.acceleration_rate_hz is not None:
             check_acceleration_rate(self.acceleration_rate_hz)
+        for channel in self.tool_axes:
+            if channel not in TURNED:
+                raise InputError(f"--tool-axes {channel}: it is {' or '.join(TURNED)}")
         if self.header is not None and self.header < 1:
             raise InputError(f"--header {self.header}: lines count from 1")
         if self.decimal not in (None, ".", ","):

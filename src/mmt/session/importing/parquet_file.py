@@ -10,7 +10,7 @@ import numpy.typing as npt
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, MOST_SAMPLES, frame_dtype
+from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, MOST_SAMPLES, frame_dtype
 from mmt.core.units import DATE
 from mmt.session.data import field_columns
 from mmt.session.importing.columns import (
@@ -24,7 +24,7 @@ from mmt.session.importing.options import ImportOptions
 _COUNTS: Final = range(1, MOST_SAMPLES + 1)
 _OF_FRAMES: Final = {
     *("sequence", "time_ns"),
-    *(name for c in CHANNELS for count in _COUNTS for name in field_columns(c, count)),
+    *(name for c in ALL_CHANNELS for count in _COUNTS for name in field_columns(c, count)),
 }
 _TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
@@ -143,7 +143,7 @@ def _frames(columns: Mapping[str, npt.NDArray[Any]]) -> RecordArray | None:
     """Return the frames (n,) of an exported session, or None if the columns were changed."""
     counts = {
         c: count
-        for c in CHANNELS
+        for c in ALL_CHANNELS
         for count in _COUNTS
         if set(field_columns(c, count)) <= columns.keys()
     }

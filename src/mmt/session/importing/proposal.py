@@ -138,9 +138,20 @@ def _guess(names: Sequence[str]) -> dict[str, str]:
             columns.pop(channel, None)
             constant = "0.0" if "0" in names else "0"
             columns |= dict.fromkeys(sorted(axes - set(columns)), constant)
+    quaternion = {f"orientation_{axis}" for axis in "wxyz"}
+    if not quaternion <= set(columns):
+        columns = {target: name for target, name in columns.items() if target not in quaternion}
     if any(name.startswith("position") for name in (*columns, *names)):
         columns.pop("speed", None)
     return columns
+
+
+def _orientation_target(joined: str) -> str | None:
+    """Return the target of a quaternion, or a component of one, that a name in words suggests."""
+    found = re.fullmatch(r"(?:q|quat|quaternion|orientation)(xyzw|wxyz|[wxyz])", joined)
+    if found is None:
+        return None
+    return f"orientation_{found[1]}" if len(found[1]) == 1 else "orientation"
 
 
 def _with_vectors(names: Sequence[str]) -> Iterator[str]:
@@ -165,6 +176,8 @@ def _target(name: str) -> str | None:
     words = re.findall(r"[a-z]+[0-9]?", spaced.lower())
     for end in range(len(words), max(0, len(words) - 3), -1):  # the last words may be a unit
         joined, behind = "".join(words[:end]), "_".join(words[end:])
+        if not behind and (target := _orientation_target(joined)):
+            return target
         if _TIME.match(joined) and (not behind or unit_factor("time", behind)):
             return "time"
         for quantity, pattern in _WORDS.items():

@@ -9,7 +9,8 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.core.frames import FIELD_OF_CHANNEL, FRAMES_HZ, Channel, samples_per_frame
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, FRAMES_HZ, Channel, samples_per_frame
+from mmt.core.rotations import turn_into_scene
 from mmt.session.data import RecordedSession
 from mmt.session.formats import find_format, suffixes
 from mmt.session.importing.checks import ImportReport, assess
@@ -99,6 +100,8 @@ def import_columns(
         frames, stamps, resampled = to_frames(
             samples, options.longest_gap_s, options.stamps, options.acceleration_rate_hz
         )
+        frames, notes = _turned(frames, options)
+        samples = replace(samples, notes=(*samples.notes, *notes))
         later_ns = int(frames["time_ns"][0]) if resampled else _first_ns(frames, stamps)
     began_ns = columns.began_utc_ns
     session = RecordedSession(
@@ -112,6 +115,21 @@ def import_columns(
     report = assess(frames, samples, stamps, options, resampled=resampled)
     notes = [note for part in read for note in part.notes]
     return session, replace(report, warnings=(*notes, *samples.notes, *report.warnings))
+
+
+def _turned(frames: RecordArray, options: ImportOptions) -> tuple[RecordArray, list[str]]:
+    """Turn the channels that are in the tool's axes, in place; return the frames, and a note."""
+    channels = [channel for channel in CHANNELS if channel in options.tool_axes]
+    if not channels:
+        return frames, []
+    needed: list[Channel] = [*channels, "orientation"]
+    lacking = [each for each in needed if FIELD_OF_CHANNEL[each] not in (frames.dtype.names or ())]
+    if lacking:
+        raise InputError(
+            f"--tool-axes {channels[0]}: there is no {lacking[0]}; map its columns (--map)"
+        )
+    turn_into_scene(frames, channels)
+    return frames, [f"{' and '.join(channels)} were turned from the tool's axes"]
 
 
 def _first_ns(frames: RecordArray, stamps: Mapping[Channel, Stamps]) -> int:

@@ -18,6 +18,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.frames import Channel
+from mmt.core.rotations import without_flips
 from mmt.session.importing.samples import Samples
 from mmt.session.importing.stamps import Stamps
 
@@ -52,6 +53,8 @@ def resample(
 ) -> tuple[IntArray, dict[Channel, FloatArray]]:
     """Return frame numbers (n,) and channels (n, k, 3); k is `samples_per_frame` or 1 for motion.
 
+    An orientation (n, 1, 4) is interpolated like a vector, and normalised.
+
     Frame number 0 is at the earliest time of all channels. A frame exists if every channel has
     samples around it that are no further apart than `longest_gap_s` (None: five of that
     channel's median intervals, but 5 to 100 ms). Other frames are missing. A stretch of fewer
@@ -66,7 +69,7 @@ def resample(
         several = samples_per_frame if vibrates else 1
         fine, rows = _resample_channel(
             time_s,
-            values,
+            without_flips(values) if channel == "orientation" else values,
             longest_gap_s,
             RATE_HZ * several,
             even=_is_even(stamps[channel]),
@@ -78,6 +81,8 @@ def resample(
         whole = counts == several
         present = present[whole]
         rows = rows[first[whole][:, None] + np.arange(several)]
+        if channel == "orientation":
+            rows /= np.linalg.norm(rows, axis=2, keepdims=True)
         if numbers is None:
             numbers = present
         else:

@@ -9,7 +9,8 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
-from mmt.core.frames import Channel
+from mmt.core.frames import Channel, axes_of
+from mmt.core.quaternions import LARGEST_OFF
 
 _LONGEST_S = 4_200_000.0
 """Longest session, limited by frame numbers of 32 bits."""
@@ -29,7 +30,7 @@ ROW_NUMBER = "row {}, counted from 0"
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Channels (n, 3) with their times (n,), in the units of frames.
+    """Channels (n, 3), orientation (n, 4), with their times (n,), in the units of frames.
 
     Channels of one rate share one array of times.
     """
@@ -53,7 +54,8 @@ class Samples:
         Raises
         ------
         InputError
-            Times decrease or are too few, or a value is not finite; the message names the row.
+            Times decrease or are too few, a value is not finite, or an orientation is no unit
+            quaternion; the message names the row.
         """
         for channel, values in self.values.items():
             self._check_time(channel, self.times[channel])
@@ -62,11 +64,22 @@ class Samples:
                 value = values[rows[0], axes[0]]
                 what = "empty or NaN" if np.isnan(value) else value
                 raise InputError(
-                    f"{self.origin}: {channel}_{'xyz'[axes[0]]} is {what} in "
+                    f"{self.origin}: {channel}_{axes_of(channel)[axes[0]]} is {what} in "
                     f"{self.row_name(channel, rows[0])}, and {len(set(rows.tolist())) - 1} "
                     "more rows are no such numbers as frames hold; --blanks-as-gaps leaves out "
                     "what is empty"
                 )
+            if channel == "orientation":
+                self._check_norms(np.linalg.norm(values, axis=1))
+
+    def _check_norms(self, norms: FloatArray) -> None:
+        rows = np.flatnonzero(np.abs(norms - 1.0) > LARGEST_OFF)
+        if len(rows):
+            raise InputError(
+                f"{self.origin}: orientation is {norms[rows[0]]:.3g} long in "
+                f"{self.row_name('orientation', rows[0])}, and {len(rows) - 1} more rows are no "
+                "unit quaternions"
+            )
 
     def row_name(self, channel: Channel, row: int | np.integer[Any]) -> str:
         """Return the name of a channel's row in messages."""

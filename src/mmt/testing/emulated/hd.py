@@ -8,7 +8,7 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
@@ -109,6 +109,7 @@ class EmulatedHd:
             ctypes.c_uint, ctypes.c_int, ctypes.c_double, ctypes.c_double,
         ]  # fmt: skip
         self._stub.mmt_stub_place.argtypes = [ctypes.c_uint, doubles]
+        self._stub.mmt_stub_turn.argtypes = [ctypes.c_uint, doubles]
         self._stub.mmt_stub_look.argtypes = [ctypes.c_uint, doubles]
         self._stub.mmt_stub_ticks.restype = ctypes.c_ulong
         self._stub.mmt_stub_own_ns.restype = ctypes.c_longlong
@@ -180,6 +181,10 @@ class EmulatedHd:
     def place(self, position_mm: Vector, *, device: int = 0) -> None:
         """Put a tip somewhere, at rest."""
         self._stub.mmt_stub_place(device, _Three(*position_mm))
+
+    def turn(self, columns: Sequence[float], *, device: int = 0) -> None:
+        """Turn a stylus: the nine numbers of its rotation matrix, column by column."""
+        self._stub.mmt_stub_turn(device, _Nine(*columns))
 
     def tip_state(self, *, device: int = 0) -> EmulatedTipState:
         """Return the true state of a tip, and the force of its motors."""

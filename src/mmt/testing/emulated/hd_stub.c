@@ -127,6 +127,17 @@ static void spoil(double told[3], double *values)
     if (faults[GARBLED] && ticks % 50 == 2) values[0] = NAN;
 }
 
+static void place_and_turn(const Device *device, double values[16])
+{
+    memset(values, 0, 16 * sizeof(double));
+    for (int i = 0; i < 3; i++) {
+        memcpy(values + 4 * i, device->turned + 3 * i, 3 * sizeof(double));
+        values[5 * i] += 1;
+    }
+    memcpy(values + 12, device->position, 3 * sizeof(double));
+    values[15] = 1;
+}
+
 void hdGetDoublev(Enum what, double *values)
 {
     Device *device = opened(current);
@@ -139,10 +150,11 @@ void hdGetDoublev(Enum what, double *values)
     case 0x2051: from = device->velocity; break;
     case 0x2700: from = device->asked; break;
     }
-    if (!from) { push(0x0100); return; }
+    if (!from && what != 0x2052) { push(0x0100); return; }
     pthread_mutex_lock(&state);
-    memcpy(values, from, 3 * sizeof(double));
-    if (what != 0x2700) spoil(device->told[what == 0x2051], values);
+    if (!from) place_and_turn(device, values);
+    else memcpy(values, from, 3 * sizeof(double));
+    if (from && what != 0x2700) spoil(device->told[what == 0x2051], values);
     pthread_mutex_unlock(&state);
 }
 

@@ -13,6 +13,7 @@ typedef struct {
     int open, framed, held, walled;
     char name[64];
     double position[3], velocity[3], motor[3], asked[3], hand[3];
+    double turned[9];    /* the columns of its rotation, minus those of none */
     double told[2][3];   /* the newest position and velocity that were given out */
     double hand_n_mm, wall_mm, wall_n_mm;
     int output, clamping;

@@ -164,6 +164,15 @@ void mmt_stub_place(Enum handle, const double *position_mm)
     pthread_mutex_unlock(&state);
 }
 
+void mmt_stub_turn(Enum handle, const double *columns)
+{
+    if (handle >= DEVICES) return;
+    pthread_mutex_lock(&state);
+    memcpy(devices[handle].turned, columns, sizeof devices[handle].turned);
+    for (int i = 0; i < 3; i++) devices[handle].turned[4 * i] -= 1;
+    pthread_mutex_unlock(&state);
+}
+
 /* position (mm), velocity (mm/s) and motor force (N), three each */
 void mmt_stub_look(Enum handle, double *values)
 {
