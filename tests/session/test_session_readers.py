@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.io.wavfile
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
@@ -557,3 +557,32 @@ def test_names_over_two_rows_are_all_reachable(tmp_path):
     frames = import_session(tmp_path / "a.csv", columns={"time": "Time", **mapped}).frames
     np.testing.assert_allclose(frames["position_mm"], POSITION_MM, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(frames["force_n"], FORCE_N, rtol=1e-5)
+
+
+OWNERS = {
+    "orientation": None,
+    "angular_velocity": None,
+    "torque": None,
+    "linear_acceleration": "acceleration",
+    "wrench.force": "force",
+    "pose.position": "position",
+    "acc": "acceleration",
+}
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.sampled_from(sorted(OWNERS)), unique=True, min_size=2), st.sampled_from("./"))
+def test_an_axis_is_one_of_what_stands_before_it(owners, sign):
+    assume(sum(OWNERS[owner] == "acceleration" for owner in owners) < 2)
+    names = [f"{owner}{sign}{axis}" for owner in owners for axis in "xyz"]
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "a.csv")
+        path.write_text(",".join(["t", *names]) + "\n" + "1,2,3,4,5,6,7\n" * 3)
+        proposed = propose(path).options.columns
+    expected = {
+        f"{OWNERS[owner]}_{axis}": f"{owner}{sign}{axis}"
+        for owner in owners
+        for axis in "xyz"
+        if OWNERS[owner]
+    }
+    assert proposed == {"time": "t", **expected}

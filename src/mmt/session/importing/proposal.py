@@ -3,7 +3,7 @@
 import re
 import shlex
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -34,6 +34,8 @@ _WORDS: Final = {
 _TIME: Final = re.compile(
     r"^(t|times?|timestamps?|stamps?|clock|secs?|seconds|zeit|temps|tiempo|tempo|date|datetime)$"
 )
+_AXIS_OF: Final = re.compile(r"(.+)[./]([xyzwXYZW])")
+"""Matches an axis of something, as in ``wrench.force.x``."""
 _TIME_STEPS: Final = (("s", 0.05), ("ms", 50.0), ("us", 50e3), ("ns", 50e6))
 """Largest step of times for each unit, if rows come at 20 Hz or faster."""
 _EXCEL_DAYS: Final = (20_000.0, 80_000.0)
@@ -128,8 +130,10 @@ def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOpti
 def _guess(names: Sequence[str]) -> dict[str, str]:
     """Guess the columns from their names; return them by target."""
     columns: dict[str, str] = {}
+    axes = [match for name in names if (match := _AXIS_OF.fullmatch(name))]
+    owners = {match[0 if match[2] in "wW" else 1] for match in axes}  # a quaternion is no position
     for name in _with_vectors(names):
-        target = None if name in STANDARD_NAMES.values() else _target(name)
+        target = None if name in STANDARD_NAMES.values() else _target(name, owners)
         if target and target not in columns and STANDARD_NAMES.get(target) not in names:
             columns[target] = name
     for channel in CHANNELS:  # a sensor of one or two axes
@@ -167,8 +171,17 @@ def _with_vectors(names: Sequence[str]) -> Iterator[str]:
     )
 
 
-def _target(name: str) -> str | None:
-    """Return the target that a column's name suggests, or None."""
+def _target(name: str, owners: Collection[str]) -> str | None:
+    """Return the target that a column's name suggests, or None.
+
+    `owners` are the names before a dot or slash and an axis, of all columns. An axis of anything
+    else than a known quantity is taken for one of position only if nothing else has axes.
+    """
+    if axis := _AXIS_OF.fullmatch(name):
+        owner, letter = re.split(r"[./]", axis[1])[-1], axis[2].lower()
+        target = next((q for q, parts in MESSAGE_PARTS.items() if owner == parts[0]), None)
+        target = target or _target(f".{owner}", ()) or ("position" if len(owners) == 1 else "")
+        return f"{target}_{letter}" if target in CHANNELS and letter != "w" else None
     if name.startswith("/"):  # a topic
         last = name.rsplit(".", 1)[-1]
         return next((q for q, parts in MESSAGE_PARTS.items() if last in parts), None)
