@@ -24,8 +24,8 @@ ROWS = 60
 STEP_NS = 2_000_000
 
 
-def write(path, channels):
-    """Write channels (topic, schema, schema's encoding, encoding, messages) of one rate."""
+def write(path, channels, rows=range(ROWS)):
+    """Write rows of channels (topic, schema, its encoding, encoding, messages) of one rate."""
     with path.open("wb") as stream:
         writer = Writer(stream, chunk_size=4096)
         writer.start()
@@ -33,7 +33,7 @@ def write(path, channels):
         for topic, (kind, encoding, data), message_encoding, _ in channels:
             schema = writer.register_schema(kind, encoding, data)
             numbers.append(writer.register_channel(topic, message_encoding, schema))
-        for row in range(ROWS):
+        for row in rows:
             for number, (*_, messages) in zip(numbers, channels, strict=True):
                 at_ns = BEGAN_NS + row * STEP_NS
                 writer.add_message(number, at_ns, messages[row], at_ns)
@@ -229,3 +229,58 @@ def test_a_folder_without_description_is_read_file_by_file(tmp_path: Path) -> No
     (tmp_path / "b.mcap").unlink()
     with pytest.raises(InputError, match=r"no \.mcap or \.db3 file in this folder"):
         import_session(tmp_path)
+
+
+@settings(max_examples=10, deadline=None)
+@given(cuts=st.sets(st.integers(1, ROWS - 1), min_size=1, max_size=12), data=st.data())
+def test_a_bag_of_several_files_is_one_recording(tmp_path_factory, cuts, data):
+    folder = tmp_path_factory.mktemp("bag")
+    parts = np.split(np.arange(ROWS), sorted(cuts))
+    names = data.draw(st.permutations(range(len(parts))))  # bag_10.mcap stands before bag_2.mcap
+    received = (BEGAN_NS + STEP_NS * np.arange(ROWS)).tolist()
+    channels = [("/ft", JSON, "json", wrench(FORCES, received, [""] * ROWS))]
+    for name, rows in zip(names, parts, strict=True):
+        write(folder / f"{name}.mcap", channels, rows.tolist())
+    frames = import_session(folder, columns={"force": "/ft"}).frames
+    np.testing.assert_allclose(frames["force_n"][::2], FORCES, rtol=1e-6)
+
+
+@pytest.mark.parametrize("per_s", [1, 10**3, 10**6, 10**9])
+def test_a_stamp_that_is_a_number_is_a_date_in_any_unit(tmp_path, per_s):
+    stamps = [(BEGAN_NS - 10**9 + row * STEP_NS) / (10**9 // per_s) for row in range(ROWS)]
+    messages = [json.dumps({"timestamp": s, "v": r}).encode() for r, s in enumerate(stamps)]
+    write(tmp_path / "a.mcap", [("/v", JSON, "json", messages)])
+    read = read_columns(tmp_path / "a.mcap", bool)
+    np.testing.assert_allclose(read.times["/v.v"], np.arange(ROWS) * STEP_NS / 1e9, atol=1e-6)
+    np.testing.assert_array_equal(read.values["/v.timestamp"], stamps)
+    assert any("times are those of the headers" in note for note in read.notes)
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.lists(st.permutations("abc"), min_size=ROWS, max_size=ROWS), st.integers(0, ROWS))
+def test_lists_keep_the_order_of_their_first_names(tmp_path_factory, orders, others):
+    path = tmp_path_factory.mktemp("bag") / "a.mcap"
+    orders = [*orders[:others], *([["d", "e", "f"]] * (ROWS - others))] or orders
+    place = {name: number for number, name in enumerate("abcdef")}
+    messages = [
+        json.dumps({"name": list(order), "effort": [place[n] + 10 * row for n in order]}).encode()
+        for row, order in enumerate(orders)
+    ]
+    write(path, [("/js", JSON, "json", messages)])
+    read = read_columns(path, bool)
+    first = [place[name] for name in orders[0]]
+    rows = np.array([row for row, order in enumerate(orders) if {*order} == {*orders[0]}])
+    np.testing.assert_array_equal(read.values["/js.effort"], first + 10 * rows[:, None])
+    np.testing.assert_array_equal(read.values[f"/js.effort.{orders[0][0]}"], first[0] + 10 * rows)
+
+
+def test_transforms_are_called_by_their_child(tmp_path):
+    def message(row):
+        child = ["tool", "camera"][row % 2]
+        return {"transforms": [{"child_frame_id": child, "transform": {"x": row, "y": 0, "z": 0}}]}
+
+    messages = [json.dumps(message(row)).encode() for row in range(ROWS)]
+    write(tmp_path / "a.mcap", [("/tf", JSON, "json", messages)])
+    values = read_columns(tmp_path / "a.mcap", bool).values
+    np.testing.assert_array_equal(values["/tf.transforms.tool.transform"][:, 0] % 2, 0)
+    np.testing.assert_array_equal(values["/tf.transforms.camera.transform"][:, 0] % 2, 1)

@@ -24,8 +24,8 @@ class DecodedMessage(NamedTuple):
     """A message; `message` consists of numbers, texts, lists, dictionaries and dataclasses."""
 
     topic: str
-    source: object
-    """The publisher, as far as the file tells publishers apart."""
+    source: int
+    """Number of the publisher on its topic, as far as the file tells publishers apart."""
     kind: str
     """Name of the message's type."""
     in_si_units: bool
@@ -36,7 +36,7 @@ class DecodedMessage(NamedTuple):
 
 class _Raw(NamedTuple):
     topic: str
-    source: object
+    source: int
     kind: str
     encoding: str
     definition: bytes
@@ -46,10 +46,10 @@ class _Raw(NamedTuple):
 
 def decoded_messages(path: Path, notes: list[str]) -> Iterator[DecodedMessage]:
     """Yield the messages of a bag or an MCAP file; add a note for each topic with lost messages."""
-    decoders: dict[tuple[object, str], Decode | None] = {}
+    decoders: dict[tuple[int, str, str, bytes], Decode | None] = {}
     lost: dict[str, list[Any]] = {}
     for raw in _raw_messages(path, notes):
-        key = raw.source, raw.topic
+        key = raw.source, raw.topic, raw.kind, raw.definition
         known = key in decoders
         if known and (decoders[key] is None or len(raw.data) > _LARGE_BYTES):
             if decoders[key] is None:
@@ -92,13 +92,16 @@ def _raw_messages(path: Path, notes: list[str]) -> Iterator[_Raw]:
 
 def _of_mcap(path: Path, notes: list[str]) -> Iterator[_Raw]:
     problems: list[str] = []
+    publishers: dict[str, dict[int, int]] = {}
     for schema, channel, message in iterate_mcap(path, problems):
         if channel.topic == FRAMES_TOPIC and schema is not None and "mmt" in schema.name:
             raise InputError("a session of mmt is one as it is, without import")
         definition = schema.data if schema is not None else b""
         kind = schema.name if schema is not None else ""
+        of_topic = publishers.setdefault(channel.topic, {})
+        source = of_topic.setdefault(channel.id, len(of_topic))
         yield _Raw(
-            *(channel.topic, (path.name, channel.id), kind, channel.message_encoding),
+            *(channel.topic, source, kind, channel.message_encoding),
             *(definition, message.log_time, message.data),
         )
     if problems:

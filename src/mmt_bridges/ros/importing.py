@@ -81,6 +81,7 @@ class _Source(SourceStamps):
     def __init__(self, topic: str, frame: str) -> None:
         super().__init__(topic)
         self.frame = frame
+        self.labels: list[str] = []
         self.values: dict[str, list[Any]] = {}
         self.rows: dict[str, list[int]] = {}
         self.names: set[str] = set()
@@ -112,7 +113,13 @@ class _Gathered:
         key = (topic, decoded.source, frame)
         source = self._sources.get(key) or self._sources.setdefault(key, _Source(topic, frame))
         row = source.stamp(decoded.received_ns, _stamp_ns(header) or _stamp_ns(members))
+        labels = _labels_in(members)
+        source.labels = source.labels or labels
         for field, value in _numbers("", message):
+            if labels != source.labels and field.count(".") == 1 and _is_list(value, len(labels)):
+                if sorted(labels) != sorted(source.labels):
+                    continue  # each label has its own field
+                value = value[[labels.index(label) for label in source.labels]]  # noqa: PLW2901
             source.names.add(field)
             if decoded.in_si_units and type(value) is tuple and field.split(".")[-1] in _METRES:
                 source.in_metres.add(field)
@@ -140,6 +147,7 @@ class _Gathered:
         units: dict[str, str] = {}
         for source in self._sources.values():
             label = labels[source]
+            received_ns = source.times_ns(receipt=True)
             time_s = (source.times_ns(receipt=receipt) - origin_ns) / 1e9
             for field in source.names:
                 standard = _STANDARD_NAMES.get(label + field)
@@ -151,8 +159,10 @@ class _Gathered:
                     if len({np.shape(value) for value in column}) > 1:
                         notes.append(f"{name} has lists of several lengths and was left out")
                         break
-                    values[name] = np.array(column, dtype=np.float64)
-                    times[name] = time_s[source.rows[field]]
+                    rows = np.array(source.rows[field])
+                    order = np.argsort(received_ns[rows], kind="stable")  # files may be in any
+                    values[name] = np.array(column, dtype=np.float64)[order]
+                    times[name] = time_s[rows[order]]
                     units |= {name: "m"} if field in source.in_metres else {}
         return SourceColumns(
             origin=origin,
@@ -210,7 +220,11 @@ def _names_in(kind: type) -> list[str]:
 
 def _stamp_ns(members: Mapping[str, Any]) -> int:
     """Return the stamp among the members of a header or of a message; 0 if there is none."""
-    stamp = _members(members.get("stamp", members.get("timestamp")))
+    told = members.get("stamp", members.get("timestamp"))
+    if isinstance(told, int | float):  # in JSON, in any unit
+        dates_ns = (told * unit for unit in (1_000_000_000, 1_000_000, 1000, 1))
+        return next((int(ns) for ns in dates_ns if _EARLIEST_DATE_NS <= ns < 1 << 63), 0)
+    stamp = _members(told)
     seconds = stamp.get("sec", stamp.get("seconds"))
     if seconds is None:
         return 0
@@ -227,13 +241,12 @@ def _numbers(name: str, message: Any) -> Iterator[tuple[str, Any]]:
             if all(isinstance(each, _NUMBER) for each in vector):
                 yield name, vector
                 return
-        labels = members.get("name")
-        named = isinstance(labels, list) and all(isinstance(label, str) for label in labels)
+        labels = _labels_in(members)
         for each, value in members.items():
-            if each in {"header", "stamp", "timestamp"}:
+            if each in {"header", "stamp", "timestamp"} and not isinstance(value, _NUMBER):
                 continue
             yield from _numbers(f"{name}.{each}", value)
-            if named and labels and np.ndim(value) == 1 and len(value) == len(labels):
+            if labels and np.ndim(value) == 1 and len(value) == len(labels):
                 for label, one in zip(labels, value, strict=True):
                     yield from _numbers(f"{name}.{each}.{label}", one)
     elif isinstance(message, _NUMBER):
@@ -247,4 +260,18 @@ def _of_list(name: str, values: Any) -> Iterator[tuple[str, Any]]:
         yield name, np.asarray(values, dtype=np.float64)
     elif all(map(_members, values)):
         for place, each in enumerate(values):
-            yield from _numbers(f"{name}.{place}", each)
+            # publishers of /tf share the topic, each with a list of its own frames
+            frame = _members(each).get("child_frame_id")
+            yield from _numbers(f"{name}.{frame or place}", each)
+
+
+def _labels_in(members: Mapping[str, Any]) -> list[str]:
+    """Return the names that a message gives to the elements of its lists; [] if it gives none."""
+    labels = members.get("name")
+    if not isinstance(labels, list) or not all(isinstance(label, str) for label in labels):
+        return []
+    return labels
+
+
+def _is_list(value: Any, length: int) -> bool:
+    return isinstance(value, np.ndarray) and len(value) == length

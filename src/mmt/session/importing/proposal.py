@@ -130,8 +130,8 @@ def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOpti
 def _guess(names: Sequence[str]) -> dict[str, str]:
     """Guess the columns from their names; return them by target."""
     columns: dict[str, str] = {}
-    axes = [match for name in names if (match := _AXIS_OF.fullmatch(name))]
-    owners = {match[0 if match[2] in "wW" else 1] for match in axes}  # a quaternion is no position
+    found = [match for name in names if (match := _AXIS_OF.fullmatch(name))]
+    owners = {match[0 if match[2] in "wW" else 1] for match in found}  # a quaternion is no position
     for name in _with_vectors(names):
         target = None if name in STANDARD_NAMES.values() else _target(name, owners)
         if target and target not in columns and STANDARD_NAMES.get(target) not in names:
