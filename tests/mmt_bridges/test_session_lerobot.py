@@ -475,7 +475,7 @@ def test_a_table_of_another_program_is_read(tmp_path):
         tmp_path / "mine.parquet", columns={"time": "t", "position": "tcp.pos"}
     )
     np.testing.assert_allclose(session.frames["position_mm"][:, 0], np.arange(count) / 10)
-    with pytest.raises(InputError, match="note holds string, not numbers"):
+    with pytest.raises(InputError, match="note does not hold numbers"):
         import_session(tmp_path / "mine.parquet", columns={"time": "t", "position_x": "note"})
 
 

@@ -1,6 +1,9 @@
 """Every kind of file, written with any names, units, order and holes, is read as it was meant."""
 
 import gzip
+import re
+import zipfile
+from decimal import Decimal
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -14,6 +17,7 @@ from hypothesis import strategies as st
 from mmt.core.errors import InputError
 from mmt.core.units import unit_factor, unit_in_name
 from mmt.session import import_session
+from mmt.session.importing.cells import Numbers
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
@@ -586,3 +590,174 @@ def test_an_axis_is_one_of_what_stands_before_it(owners, sign):
         if OWNERS[owner]
     }
     assert proposed == {"time": "t", **expected}
+
+
+MOMENTS = np.datetime64("2026-01-31T23:59:59.800000") + np.rint(TIME_S * 1e6).astype("m8[us]")
+FORMS_OF_TIMES = {
+    "numbers": TIME_S,
+    "column": TIME_S[:, None],
+    "dates": MOMENTS,
+    "durations": MOMENTS - MOMENTS[0],
+    "texts": np.array([f"{time_s:.6f}" for time_s in TIME_S]),
+    "texts of dates": MOMENTS.astype(str),
+    "decimals": np.array([Decimal(n) / 1000 for n in range(ROWS)]),
+}
+
+
+def write_parquet(path, columns, unit=""):
+    pa = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    arrays = [
+        pa.array(list(c)) if c.ndim == 2 or c.dtype == object else pa.array(c)
+        for c in columns.values()
+    ]
+    told = {"Units": unit} if unit else None
+    fields = [
+        pa.field(n, a.type, metadata=told if n == "force" else None)
+        for n, a in zip(columns, arrays, strict=True)
+    ]
+    parquet.write_table(pa.table(arrays, schema=pa.schema(fields)), path)
+
+
+def write_hdf5(path, columns, unit=""):
+    with pytest.importorskip("h5py").File(path, "w") as file:
+        for name, column in columns.items():
+            file[name] = column.astype("S") if column.dtype.kind == "U" else column
+        file["force"].attrs.update({"UNIT": unit} if unit else {})
+
+
+@pytest.mark.parametrize(
+    ("kind", "form"),
+    [
+        *(("npz", form) for form in FORMS_OF_TIMES if form != "decimals"),
+        *(
+            ("h5", form)
+            for form in FORMS_OF_TIMES
+            if form not in ("dates", "durations", "decimals")
+        ),
+        *(("parquet", form) for form in FORMS_OF_TIMES if form != "column"),
+    ],
+)
+def test_times_and_vectors_of_arrays_may_have_any_form(tmp_path, kind, form):
+    path = tmp_path / f"a.{kind}"
+    force = FORCE_N if kind == "parquet" else FORCE_N.T
+    columns = {"t": FORMS_OF_TIMES[form], "force": force}
+    {"npz": lambda p, c: np.savez(p, **c), "h5": write_hdf5, "parquet": write_parquet}[kind](
+        path, columns
+    )
+    mapped = {"time": "t", "force": "force"}
+    frames = import_session(path, columns=mapped).frames
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, rtol=1e-6)
+    assert len(frames) == ROWS
+
+
+@pytest.mark.parametrize(("kind", "write"), [("h5", write_hdf5), ("parquet", write_parquet)])
+@pytest.mark.parametrize("unit", ["mN", "V"])
+def test_the_unit_among_a_columns_attributes_is_its_unit(tmp_path, kind, write, unit):
+    path = tmp_path / f"a.{kind}"
+    write(path, {"t": TIME_S, "force": 1e3 * FORCE_N}, unit)
+    mapped = {"time": "t", "force": "force"}
+    if unit == "V":
+        with pytest.raises(InputError, match="is in 'V' by the file"):
+            import_session(path, columns=mapped)
+        return
+    frames = import_session(path, columns=mapped).frames
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, rtol=1e-6)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(1e-3, 1e-2), st.floats(-1, 1), st.sets(st.integers(1, ROWS - 2), max_size=5))
+def test_packed_numbers_are_unpacked_behind_any_link(scale, offset, holes):
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "a.h5")
+        with pytest.importorskip("h5py").File(path, "w") as file:
+            import h5py
+
+            counts = np.rint((FORCE_N - offset) / scale).astype("i2")
+            counts[sorted(holes)] = -32768
+            file["raw/force"], file["raw/t"] = counts, TIME_S
+            told = {"scale_factor": scale, "add_offset": offset, "_FillValue": np.int16(-32768)}
+            file["raw/force"].attrs.update(told)
+            file["raw/again"] = h5py.SoftLink("/raw")
+            file["now"], file["lost"] = h5py.SoftLink("/raw"), h5py.SoftLink("/nowhere")
+        mapped = {"time": "now.t", "force": "now.force"}
+        frames = import_session(path, columns=mapped, blanks_as_gaps=True).frames
+    there = np.setdiff1d(np.arange(ROWS), sorted(holes))
+    np.testing.assert_array_equal(frames["sequence"], there)
+    np.testing.assert_allclose(frames["force_n"], FORCE_N[there], atol=0.51 * scale)
+
+
+@pytest.mark.parametrize("kind", ["h5", "parquet"])
+def test_members_of_structures_are_columns(tmp_path, kind):
+    path = tmp_path / f"a.{kind}"
+    if kind == "h5":
+        inner = [("x", "f8"), ("y", "f4"), ("z", "f8")]
+        table = np.zeros(ROWS, [("t", "f8"), ("tip", [("force", inner)])])
+        table["t"] = TIME_S
+        for axis, column in zip("xyz", FORCE_N.T, strict=True):
+            table["tip"]["force"][axis] = column
+        with pytest.importorskip("h5py").File(path, "w") as file:
+            file["log"] = table
+    else:
+        pa = pytest.importorskip("pyarrow")
+        from pyarrow import parquet
+
+        inner = pa.StructArray.from_arrays([pa.array(c) for c in FORCE_N.T], list("xyz"))
+        outer = pa.StructArray.from_arrays([inner], ["force"])
+        parquet.write_table(pa.table({"t": TIME_S, "tip": outer}), path)
+    proposed = propose(path).options
+    frames = import_recording(path, proposed)[0].frames
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, rtol=1e-6)
+
+
+@pytest.mark.parametrize("stated", ["A1", "A1:B20", "A1:Z9999"])
+def test_a_workbook_is_read_whole_whatever_size_it_states(tmp_path, stated):
+    book = pytest.importorskip("openpyxl").Workbook()
+    for row in (["t", "Fz"], *zip(TIME_S.tolist(), FORCE_N[:, 2].tolist(), strict=True)):
+        book.active.append(row)
+    book.save(tmp_path / "whole.xlsx")
+    with (
+        zipfile.ZipFile(tmp_path / "whole.xlsx") as source,
+        zipfile.ZipFile(tmp_path / "a.xlsx", "w") as target,
+    ):
+        for name in source.namelist():
+            content = source.read(name)
+            target.writestr(name, re.sub(rb'ref="A1:B\d+"', f'ref="{stated}"'.encode(), content))
+    frames = import_session(tmp_path / "a.xlsx", columns={"time": "t", "force": "Fz"}).frames
+    np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        lambda s: f"{s // 3600:.0f}:{s // 60 % 60:02.0f}:{s % 60:09.6f}",
+        lambda s: f"{s // 60 % 60:02.0f}:{s % 60:06.3f}",
+        lambda s: f"0 days {s // 3600:02.0f}:{s // 60 % 60:02.0f}:{s % 60:09.6f}",
+        lambda s: f"{s // 3600 - 12:02.0f}:{s // 60 % 60:02.0f}:{s % 60:09.6f} PM",
+        lambda s: f"2026/01/31 {s // 3600:02.0f}:{s // 60 % 60:02.0f}:{s % 60:09.6f}",
+    ],
+)
+def test_times_of_day_are_read_in_the_forms_of_common_programs(tmp_path, form):
+    cells = [f"{form(53999.8 + t)},{z:.9g}" for t, z in zip(TIME_S, FORCE_N[:, 2], strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["when,Fz", *cells]))
+    frames = import_session(tmp_path / "a.csv", columns={"time": "when", "force": "Fz"}).frames
+    np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
+    assert len(frames) == ROWS
+
+
+@settings(max_examples=30, deadline=None)
+@given(thousands=st.lists(st.integers(1, 999_999), min_size=2), decimals=st.integers(2, 4))
+def test_a_comma_is_a_decimal_sign_only_where_it_must_be(thousands, decimals):
+    number = Numbers(ImportOptions())
+    for value in thousands:
+        number(f"{value:,}")
+    if max(thousands) < 1000:
+        number.check("a.csv")
+    else:
+        with pytest.raises(InputError, match="--decimal"):
+            number.check("a.csv")
+    number = Numbers(ImportOptions())
+    found = [number(f"{v / 1000:.{decimals}f}".replace(".", ",")) for v in (1, *thousands)]
+    number.check("a.csv")
+    np.testing.assert_allclose(found, np.array([1, *thousands]) / 1000, atol=0.51 / 10**decimals)

@@ -104,6 +104,7 @@ def unit_in_name(quantity: str, name: str) -> str:
 def _plain(text: str) -> str:
     """Return a unit in ASCII: micro as u, powers as figures, no blanks, dots or brackets."""
     text = unicodedata.normalize("NFKC", text).replace("μ", "u").replace("\N{MINUS SIGN}", "-")
+    text = re.sub(r"\s+since\b.*", "", text)  # times in netCDF
     text = re.sub(r"\s*\bper\b\s*", "/", text)
     return re.sub(r"[\s·⋅*^()\[\]]|\.$", "", text)
 

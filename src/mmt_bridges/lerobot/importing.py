@@ -18,7 +18,7 @@ from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import FRAMES_HZ
 from mmt.session.data import RecordedSession
-from mmt.session.importing.columns import SourceColumns, distinct
+from mmt.session.importing.columns import SourceColumns, distinct, reading
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.parquet_file import read_numbers, read_parquet, read_schema
 from mmt_bridges.lerobot.layout import (
@@ -204,7 +204,8 @@ class _Rows:
         needed |= {name for column, (name, _) in columns.items() if wanted(column)}
         read = self.numbers([*needed, "timestamp"])
         time_s = _times(read["frame_index"], read["timestamp"], self.info["fps"])
-        values: dict[str, FloatArray] = {n: read[n].astype(np.float64) for n in sorted(needed)}
+        with reading(self.origin, "a data set of numbers", (ValueError, TypeError)):
+            values: dict[str, FloatArray] = {n: read[n].astype(np.float64) for n in sorted(needed)}
         for column, (name, place) in columns.items():
             if name in needed and wanted(column):
                 values[column] = _component(values[name], place, column, self.origin)

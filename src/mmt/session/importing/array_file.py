@@ -13,6 +13,7 @@ from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.frames import FRAMES_HZ, MOST_SAMPLES, frame_dtype
 from mmt.session.data import FRAME_PERIOD_NS
+from mmt.session.importing.cells import columns_of, numbers_in
 from mmt.session.importing.columns import (
     BEGAN,
     OF_THE_SESSION,
@@ -41,8 +42,8 @@ def read_archive(
         arrays, names = load_arrays(path, lambda name: name in OF_THE_SESSION or wanted(name))
     return SourceColumns(
         origin=origin,
-        values={n: _numbers(a, n, origin) for n, a in arrays.items() if n not in OF_THE_SESSION},
         names=names,
+        **columns_of({n: a for n, a in arrays.items() if n not in OF_THE_SESSION}, origin),
         **beside_columns(arrays, origin),
     )
 
@@ -63,11 +64,11 @@ def read_array(path: Path, wanted: Callable[[str], bool], _options: ImportOption
     if array.dtype.names:
         columns = {name: array[name] for name in array.dtype.names}
     else:
-        columns = _numbered(array)
+        columns = _numbered(numbers_in(array, "it", origin)[0])
     return SourceColumns(
         origin=origin,
-        values={n: _numbers(a, n, origin) for n, a in columns.items() if wanted(n)},
         names=list(columns),
+        **columns_of({n: a for n, a in columns.items() if wanted(n)}, origin),
     )
 
 
@@ -127,10 +128,3 @@ def _frames(acceleration_m_s2: FloatArray, rate_hz: int) -> RecordArray | None:
 def _numbered(array: Any) -> dict[str, Any]:
     upright = array[:, None] if array.ndim == 1 else array
     return {str(place): column for place, column in enumerate(upright.T, start=1)}
-
-
-def _numbers(array: Any, name: str, origin: str) -> FloatArray:
-    try:
-        return np.asarray(array, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{origin}: {name} does not hold numbers: {error}") from error

@@ -1,17 +1,36 @@
 """Parse the cells of tables: numbers, dates, times of day, and marks of missing values."""
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, date, datetime, time, timedelta
-from typing import Final, TypeAlias
+from decimal import Decimal
+from typing import Any, Final, TypeAlias
 
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+from mmt.core.units import DATE
 from mmt.session.importing.options import ImportOptions
 
-Cell: TypeAlias = str | float | date | time | timedelta | None
+Cell: TypeAlias = str | float | Decimal | date | time | timedelta | None
 
 MISSING: Final = frozenset(
     ("", "na", "n/a", "#n/a", "#na", "#nv", "nan", "null", "none", "nil", "-", "--", "---", "?")
-) | {"#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!"}
-_DATES: Final = ("%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%M:%S.%f")
+) | {"#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!", "<na>", "nat", "undefined"}
+_NO_NUMBER: Final = re.compile(r"[-+]?(1\.#\w+|nan\(\w+\))")
+"""Matches what C libraries print for NaN, in lower case."""
+_DATES: Final = (
+    *(f"%d.%m.%Y %H:%M:%S{part}" for part in (".%f", "")),
+    *(f"%Y/%m/%d %H:%M:%S{part}" for part in (".%f", "")),
+)
+_TIMES: Final = ("%H:%M:%S.%f", "%H:%M:%S", "%M:%S.%f", "%I:%M:%S.%f %p", "%I:%M:%S %p")
+_DURATION: Final = re.compile(r"(\d+) days?[.,]? \+?(.+)")
+_GROUPED: Final = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
+"""Matches a number that may have a comma before its thousands."""
+_TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+_MOST_COMPONENTS = 16
+"""Arrays with at most so many rows, and more columns, have their samples along the columns."""
 
 
 def text_of(cell: Cell) -> str:
@@ -33,8 +52,9 @@ class Numbers:
     """Parser of cells: returns a number, or None for a missing value; ValueError for other text."""
 
     def __init__(self, options: ImportOptions) -> None:
-        self.commas = ""
-        """A cell whose comma was taken for the decimal sign, or "" if there was none."""
+        self._commas = ""
+        self._grouped = ""
+        self._points = ""
         self._missing = MISSING | {text.strip().lower() for text in options.missing}
         self._thousands = {".": ",", ",": "."}.get(options.decimal or "")
         self._plain = not (options.missing or options.decimal)
@@ -43,13 +63,17 @@ class Numbers:
         """Return the number in a cell, or None for a missing value."""
         if self._plain and isinstance(cell, str | float | int):
             try:
-                return float(cell)
+                value = float(cell)
             except ValueError:
                 pass
+            else:
+                if not self._points and isinstance(cell, str) and "." in cell:
+                    self._points = cell
+                return value
         text = text_of(cell)
-        if text.lower() in self._missing:
+        if text.lower() in self._missing or _NO_NUMBER.fullmatch(text.lower()):
             return None
-        found = float(cell) if isinstance(cell, float | int) else seconds_of(cell)
+        found = float(cell) if isinstance(cell, float | int | Decimal) else seconds_of(cell)
         if found is not None:
             return found
         if self._thousands:
@@ -57,8 +81,27 @@ class Numbers:
         if "," not in text or "." in text:
             return float(text)
         value = float(text.replace(",", ".", 1))
-        self.commas = self.commas or text
+        if _GROUPED.fullmatch(text):
+            self._grouped = self._grouped or text
+        else:
+            self._commas = self._commas or text
         return value
+
+    def check(self, origin: str) -> None:
+        """Check that the decimal sign of the cells so far is certain.
+
+        Raises
+        ------
+        InputError
+            A comma may stand before decimals or before thousands.
+        """
+        comma = self._commas or self._grouped
+        if comma and (self._points or not self._commas):
+            raise InputError(
+                f"{origin}: there are numbers with a comma ({comma}) and "
+                f"{'with a point' if self._points else 'no other decimals'}: say which is the "
+                "decimal sign (--decimal . or --decimal ,)"
+            )
 
     def reads(self, cell: Cell) -> bool:
         """Return whether a cell holds a number."""
@@ -72,15 +115,52 @@ class Numbers:
             return False
         return True
 
-    def has_point(self, cell: Cell) -> bool:
-        """Return whether a cell holds a number with a decimal point."""
-        return (
-            isinstance(cell, str)
-            and "." in cell
-            and self._plain
-            and self.reads(cell)
-            and seconds_of(cell) is None
-        )
+
+def numbers_in(values: Any, name: str, origin: str) -> tuple[FloatArray, str]:
+    """Return an array's numbers, and the unit `DATE` if it holds dates or times, else "".
+
+    Texts are parsed as the cells of tables. Vectors become (n,), and arrays with samples along the
+    columns are transposed to (n, k).
+
+    Raises
+    ------
+    InputError
+        The array `name` holds something else.
+    """
+    array, unit = np.asarray(values), ""
+    if array.dtype.kind in "mM":
+        ticks = array.astype(np.int64) / _TICKS.get(np.datetime_data(array.dtype)[0], np.nan)
+        array, unit = np.where(np.isnat(array), np.nan, ticks), DATE
+    elif array.dtype.kind in "SUO":
+        number, cells = Numbers(ImportOptions()), array.ravel().tolist()
+        cells = [
+            cell.decode(errors="replace") if isinstance(cell, bytes) else cell for cell in cells
+        ]
+        try:
+            found = [number(cell) for cell in cells]
+        except (ValueError, TypeError) as error:
+            raise InputError(f"{origin}: {name} does not hold numbers: {error}") from error
+        number.check(f"{origin}: {name}")
+        unit = DATE if any(seconds_of(cell) is not None for cell in cells[:1]) else ""
+        array = np.array(found, dtype=np.float64).reshape(array.shape)
+    elif array.dtype.kind not in "iufb":
+        raise InputError(f"{origin}: {name} holds {array.dtype}, not numbers")
+    numbers: FloatArray = array.astype(np.float64)
+    if numbers.ndim == 2:
+        if numbers.shape[0] <= _MOST_COMPONENTS < numbers.shape[1]:
+            numbers = numbers.T
+        if numbers.shape[1] == 1:
+            numbers = numbers[:, 0]
+    return numbers, unit
+
+
+def columns_of(arrays: Mapping[str, Any], origin: str) -> dict[str, Any]:
+    """Return arrays as the fields ``values`` and ``units`` of `SourceColumns`; see `numbers_in`."""
+    found = {name: numbers_in(array, name, origin) for name, array in arrays.items()}
+    return {
+        "values": {name: numbers for name, (numbers, _) in found.items()},
+        "units": {name: unit for name, (_, unit) in found.items() if unit},
+    }
 
 
 def seconds_of(cell: Cell) -> float | None:
@@ -98,17 +178,21 @@ def seconds_of(cell: Cell) -> float | None:
     return None
 
 
-def _moment(text: str) -> datetime | time | None:
+def _moment(text: str) -> datetime | time | timedelta | None:
     if ":" not in text:
         return None
+    if duration := _DURATION.fullmatch(text):
+        seconds_s = seconds_of(duration[2])
+        return None if seconds_s is None else timedelta(int(duration[1]), seconds_s)
     for read in (datetime.fromisoformat, time.fromisoformat):
         try:
             return read(text)
         except ValueError:
             continue
-    for form in _DATES:
+    for form in (*_DATES, *_TIMES):
         try:
-            return datetime.strptime(text, form).replace(tzinfo=UTC)
+            found = datetime.strptime(text, form).replace(tzinfo=UTC)
         except ValueError:
             continue
+        return found if form in _DATES else found.time()
     return None

@@ -74,6 +74,14 @@ class SourceColumns:
     """Number of the episode that was read, or None if the file has no episodes."""
 
 
+def told_unit(attributes: Mapping[Any, Any]) -> str:
+    """Return the unit among the attributes of a column, or "" if there is none."""
+    for name, value in attributes.items():
+        if text_in(name).lower() in ("unit", "units"):
+            return ", ".join(dict.fromkeys(map(text_in, np.ravel(value))))
+    return ""
+
+
 @contextmanager
 def reading(
     origin: str, kind: str, damage: tuple[type[Exception], ...] = (Exception,)

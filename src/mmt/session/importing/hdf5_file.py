@@ -2,23 +2,28 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
 from mmt.core.extras import require
+from mmt.session.importing.cells import columns_of
 from mmt.session.importing.columns import (
     BEGAN,
     SourceColumns,
     beside_columns,
     distinct,
     reading,
-    text_in,
+    told_unit,
 )
 from mmt.session.importing.options import ImportOptions
 
-_UNIT_ATTRIBUTES: Final = ("units", "unit", "Units", "Unit", "UNITS")
+_SCALES: Final = {"scale_factor": 1.0, "add_offset": 0.0}
+_BLANKS: Final = ("_FillValue", "missing_value")
+_PACKING: Final = {*_SCALES, *_BLANKS}
+"""Attributes of packed values, by the conventions of netCDF."""
+_Set: TypeAlias = tuple[str, Any, tuple[str, ...]]
+"""Name of a column, its data set, and the path of the field within."""
 _OF_MMT: Final = {"sequence", "time_ns"}
 """Data sets that identify an exported session; in other files ``scene`` may be anything."""
 
@@ -26,7 +31,8 @@ _OF_MMT: Final = {"sequence", "time_ns"}
 def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> SourceColumns:
     """Read the wanted data sets of a file; of an exported session also scene, events and so on.
 
-    The attribute ``units`` of a data set is its unit.
+    The attribute ``units`` of a data set is its unit; those of netCDF scale and offset packed
+    values, and say which are missing.
 
     Raises
     ------
@@ -40,50 +46,62 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
     with reading(origin, "an HDF5 file"), h5py.File(path, "r") as file:
         sets = list(_data_sets(file))
         names, notes = distinct([name for name, _, _ in sets])
-        values, units = {}, {}
-        for name, (_, item, field) in zip(names, sets, strict=True):
-            if wanted(name):
-                values[name] = _numbers(file, item[()] if field is None else item[field])
-                units[name] = _unit(item)
+        found = {
+            name: (_values(file, item, fields), told_unit(item.attrs))
+            for name, (_, item, fields) in zip(names, sets, strict=True)
+            if wanted(name)
+        }
         exported = file.keys() >= _OF_MMT
         own = {"scene_json": "scene", "events_json": "events", "annotations": "annotations"}
         stored = {name: file[path][()] for name, path in own.items() if path in file and exported}
         stored |= {BEGAN: file.attrs.get(BEGAN)} if exported else {}
+    columns = columns_of({name: values for name, (values, _) in found.items()}, origin)
+    told = {name: unit for name, (_, unit) in found.items() if unit}
     return SourceColumns(
         origin=origin,
-        values=values,
+        values=columns["values"],
         names=names,
-        units={name: unit for name, unit in units.items() if unit},
+        units=told | columns["units"],
         notes=notes,
         **beside_columns(stored, origin),
     )
 
 
-def _data_sets(group: Any) -> Iterator[tuple[str, Any, str | None]]:
-    """Yield name, data set and field (or None) for data sets of numbers or of references."""
-    found: list[tuple[str, Any, str | None]] = []
-
-    def look(path: str, item: Any) -> None:
-        name = path.replace("/", ".")
-        if "#" in path or not hasattr(item, "dtype"):  # "#" marks internal groups of MATLAB
-            return
-        fields = [n for n in item.dtype.names or () if item.dtype[n].base.kind in "iufb"]
-        found.extend((f"{name}.{field}", item, field) for field in fields)
-        if item.dtype.kind in "iufbO" and item.shape is not None:
-            found.append((name, item, None))
-
-    group.visititems(look)
-    return iter(found)
+def _data_sets(group: Any, prefix: str = "", above: tuple[Any, ...] = ()) -> Iterator[_Set]:
+    """Yield the data sets of numbers, texts or references, also those behind links."""
+    for name, item in group.items():  # a broken link has no item
+        if "#" in name or item is None or item in above:  # "#" marks internal groups of MATLAB
+            continue
+        if not hasattr(item, "dtype"):
+            if hasattr(item, "items"):
+                yield from _data_sets(item, f"{prefix}{name}.", (*above, group))
+        elif item.shape is not None:
+            yield from (
+                (f"{prefix}{'.'.join((name, *fields))}", item, fields)
+                for fields in _fields(item.dtype)
+            )
 
 
-def _numbers(file: Any, values: Any) -> FloatArray:
-    """Return values as numbers; references are replaced by the stacked arrays behind them."""
-    values = np.asarray(values)
-    if values.dtype.kind == "O":
-        values = np.stack([np.squeeze(file[reference][()]) for reference in values.flat])
-    return np.asarray(values, dtype=np.float64)
+def _fields(kind: Any) -> Iterator[tuple[str, ...]]:
+    """Yield the path of each field of numbers or texts in a type; () if the type is one itself."""
+    for name in kind.names or ():
+        yield from ((name, *fields) for fields in _fields(kind[name].base))
+    if kind.kind in "iufbOS":
+        yield ()
 
 
-def _unit(item: Any) -> str:
-    told = next((item.attrs[name] for name in _UNIT_ATTRIBUTES if name in item.attrs), "")
-    return ", ".join(dict.fromkeys(map(text_in, np.ravel(told))))
+def _values(file: Any, item: Any, fields: tuple[str, ...]) -> Any:
+    """Return values, unpacked by the attributes of netCDF; references by the arrays behind them."""
+    import h5py
+
+    values = np.asarray(item[fields[0]] if fields else item[()])
+    for field in fields[1:]:
+        values = values[field]
+    if values.dtype.kind == "O" and isinstance(next(iter(values.flat), None), h5py.Reference):
+        return np.stack([np.squeeze(file[reference][()]) for reference in values.flat])
+    if values.dtype.kind in "iuf" and not _PACKING.isdisjoint(item.attrs):
+        blank = [item.attrs[name] for name in _BLANKS if name in item.attrs]
+        missing = np.isin(values, np.ravel(blank)) if blank else False
+        scale, offset = (float(np.ravel(item.attrs.get(n, d))[0]) for n, d in _SCALES.items())
+        values = np.where(missing, np.nan, scale * values + offset)
+    return values.T if "MATLAB_class" in item.attrs else values

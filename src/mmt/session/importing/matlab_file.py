@@ -1,7 +1,6 @@
 """Read MATLAB files: variables, and the fields of structures as ``structure.field``."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -9,6 +8,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.extras import require
+from mmt.session.importing.cells import columns_of
 from mmt.session.importing.columns import (
     OF_THE_SESSION,
     SourceColumns,
@@ -20,17 +20,14 @@ from mmt.session.importing.options import ImportOptions
 
 _OF_MMT: Final = {"sequence", "time_s"}
 """Variables that identify an exported session."""
-_MOST_COMPONENTS = 16
-"""Arrays with at most so many rows, and more columns, have their samples along the columns."""
 
 
 def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> SourceColumns:
     """Read the wanted variables of a ``.mat`` file of any version, 7.3 by h5py.
 
-    Vectors become (n,), and arrays with samples along the columns are transposed to (n, k).
-    Elements of a structure array or cell array are joined if their shapes are equal, else named
-    ``name{1}`` and on. Tables and timetables are objects that only MATLAB can read; convert them
-    to structures with table2struct.
+    Numbers and vectors in a structure array or cell array are joined if their shapes are equal;
+    other elements are named ``name{1}`` and on. Tables and timetables are objects that only MATLAB
+    can read; convert them to structures with table2struct.
 
     Raises
     ------
@@ -44,9 +41,8 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
     with reading(origin, "a MATLAB file"):
         try:
             content = loadmat(path, squeeze_me=True, struct_as_record=True, appendmat=False)
-        except NotImplementedError:  # version 7.3 is HDF5, with transposed arrays
-            read = read_hdf5(path, wanted, options)
-            return replace(read, values={n: _upright(v.T) for n, v in read.values.items()})
+        except NotImplementedError:  # version 7.3 is HDF5
+            return read_hdf5(path, wanted, options)
         own = content.keys() & OF_THE_SESSION if content.keys() >= _OF_MMT else ()
         belongings = {name: content.pop(name) for name in own}
         beside = beside_columns(belongings, origin)
@@ -58,8 +54,8 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
     }
     return SourceColumns(
         origin=origin,
-        values={n: _upright(v) for n, v in variables.items() if wanted(n)},
         names=list(variables),
+        **columns_of({n: v for n, v in variables.items() if wanted(n)}, origin),
         **beside,
     )
 
@@ -74,8 +70,10 @@ def _flattened(name: str, value: Any) -> Iterator[tuple[str, FloatArray]]:
     elif kind is not None and kind.hasobject:
         elements = list(value.flat)
         shapes = {getattr(each, "shape", ()) for each in elements}
-        if len(shapes) == 1 and all(
-            isinstance(each, int | float | np.ndarray) for each in elements
+        if (
+            len(shapes) == 1
+            and len(shapes.pop()) < 2
+            and all(isinstance(each, int | float | np.ndarray) for each in elements)
         ):
             joined = np.asarray(elements)
             if joined.dtype.kind in "iufb":
@@ -88,11 +86,3 @@ def _flattened(name: str, value: Any) -> Iterator[tuple[str, FloatArray]]:
         and np.asarray(value).dtype.kind in "iufb"
     ):
         yield name, np.asarray(value, dtype=np.float64)
-
-
-def _upright(values: FloatArray) -> FloatArray:
-    """Return vectors as (n,) and arrays as (n, k)."""
-    values = np.squeeze(values)
-    if values.ndim == 2 and values.shape[0] <= _MOST_COMPONENTS < values.shape[1]:
-        return values.T
-    return values

@@ -1,6 +1,6 @@
 """Read Parquet files: columns of numbers and of lists of numbers, and exported sessions."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,13 +11,14 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, MOST_SAMPLES, frame_dtype
-from mmt.core.units import DATE
 from mmt.session.data import field_columns
+from mmt.session.importing.cells import columns_of
 from mmt.session.importing.columns import (
     OF_THE_SESSION,
     SourceColumns,
     beside_columns,
     reading,
+    told_unit,
 )
 from mmt.session.importing.options import ImportOptions
 
@@ -26,7 +27,6 @@ _OF_FRAMES: Final = {
     *("sequence", "time_ns"),
     *(name for c in ALL_CHANNELS for count in _COUNTS for name in field_columns(c, count)),
 }
-_TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
 def read_parquet(
@@ -43,22 +43,23 @@ def read_parquet(
         hold numbers, or the session's scene or events are not valid.
     """
     origin = f"import {path}"
-    names, metadata, dated = read_schema(path, origin)
+    names, metadata, units = read_schema(path, origin)
     values = read_numbers([path], [name for name in names if wanted(name)], origin)
     stored = {n: metadata.get(f"mmt.{n.removesuffix('_json')}".encode()) for n in OF_THE_SESSION}
     own = _OF_FRAMES & set(names) if _is_session(names) else ()
+    columns = columns_of(values, origin)
     return SourceColumns(
         origin=origin,
-        values={name: column.astype(np.float64) for name, column in values.items()},
+        values=columns["values"],
         names=names,
-        units=dict.fromkeys(dated, DATE),
+        units={**units, **columns["units"]},
         frames=_frames(read_numbers([path], own, origin)) if own else None,
         **beside_columns(stored, origin),
     )
 
 
-def read_schema(path: Path, origin: str) -> tuple[list[str], Mapping[bytes, bytes], list[str]]:
-    """Return the names of a file's columns, its metadata, and the names of columns of times.
+def read_schema(path: Path, origin: str) -> tuple[list[str], Mapping[bytes, bytes], dict[str, str]]:
+    """Return the names of a file's columns, its metadata, and the units in that of the columns.
 
     Raises
     ------
@@ -66,8 +67,19 @@ def read_schema(path: Path, origin: str) -> tuple[list[str], Mapping[bytes, byte
         pyarrow is not installed, or the file is missing or not Parquet.
     """
     schema = _read(lambda parquet: parquet.read_schema(path), origin)
-    dated = [field.name for field in schema if hasattr(field.type, "unit")]
-    return list(schema.names), schema.metadata or {}, dated
+    leaves = list(_leaves(schema))
+    told = {name: told_unit(field.metadata or {}) for name, field in leaves}
+    units = {name: unit for name, unit in told.items() if unit}
+    return [name for name, _ in leaves], schema.metadata or {}, units
+
+
+def _leaves(fields: Iterable[Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield name and field of each column, of a structure those of its members."""
+    for field in fields:
+        if hasattr(field.type, "get_field_index"):
+            yield from _leaves(field.type, f"{prefix}{field.name}.")
+        else:
+            yield f"{prefix}{field.name}", field
 
 
 def read_numbers(
@@ -77,6 +89,8 @@ def read_numbers(
     filters: Sequence[tuple[str, str, int]] | None = None,
 ) -> dict[str, npt.NDArray[Any]]:
     """Return columns, (n,) or (n, k), of files with equal columns, concatenated.
+
+    They hold numbers, or what `mmt.session.importing.cells.numbers_in` takes for such.
 
     Parameters
     ----------
@@ -98,7 +112,11 @@ def read_numbers(
     if not names:
         return {}
     files = [str(path) for path in paths]
-    table = _read(lambda parquet: parquet.read_table(files, columns=names, filters=filters), origin)
+    stored = _read(lambda parquet: parquet.read_schema(files[0]).names, origin)
+    whole = [each for each in stored if any(f"{n}.".startswith(f"{each}.") for n in names)]
+    table = _read(lambda parquet: parquet.read_table(files, columns=whole, filters=filters), origin)
+    while any(hasattr(kind, "get_field_index") for kind in table.schema.types):
+        table = table.flatten()
     return {name: _numbers(table.column(name), name, origin) for name in names}
 
 
@@ -120,19 +138,21 @@ def _numbers(column: Any, name: str, origin: str) -> npt.NDArray[Any]:
         array = pa.concat_arrays(array.chunks) if array.chunks else pa.array([], kind)
     lists = pa.types.is_list(kind) or pa.types.is_large_list(kind)
     if lists or pa.types.is_fixed_size_list(kind):
-        flat, rows = array.flatten(), len(array)
-        width = len(flat) // rows if rows else 0
-        if not set(pc.list_value_length(array).to_pylist()) <= {width}:
+        given, flat = array.is_valid().to_numpy(zero_copy_only=False), array.flatten()
+        width = len(flat) // given.sum() if given.any() else 0
+        if not set(pc.list_value_length(array).to_pylist()) <= {width, None}:
             raise InputError(f"{origin}: the lists of {name} are not all of one length")
-        return _numbers(pa.chunked_array([flat]), name, origin).reshape(rows, width)
-    if hasattr(kind, "unit"):  # a date, a time of day, a duration
-        ticks = pc.cast(array, pa.int32() if pa.types.is_time32(kind) else pa.int64())
-        seconds: npt.NDArray[Any] = ticks.to_numpy(zero_copy_only=False).astype(np.float64)
-        return seconds / _TICKS[kind.unit]
-    if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)):
-        raise InputError(f"{origin}: {name} holds {kind}, not numbers")
+        rows = _numbers(pa.chunked_array([flat]), name, origin).reshape(-1, width)
+        return rows if given.all() else _spread(rows, given)
     numbers: npt.NDArray[Any] = array.to_numpy(zero_copy_only=False)
-    return numbers.astype(np.float64) if numbers.dtype == object else numbers
+    return numbers
+
+
+def _spread(rows: npt.NDArray[Any], given: npt.NDArray[np.bool_]) -> npt.NDArray[Any]:
+    """Return rows (m, k) at the places that are `given` (n,), as (n, k) with NaN elsewhere."""
+    spread = np.full((len(given), rows.shape[1]), np.nan)
+    spread[given] = rows
+    return spread
 
 
 def _is_session(names: Sequence[str]) -> bool:

@@ -30,6 +30,7 @@ def read_spreadsheet(
         book: Any = openpyxl.load_workbook(path, read_only=True, data_only=True)
         try:
             sheet = _sheet(book, options.sheet, origin)
+            sheet.reset_dimensions()  # some programs state too small ones
             columns = read_table(origin, sheet.iter_rows(values_only=True), wanted, options)
         finally:
             book.close()
@@ -42,7 +43,7 @@ def read_spreadsheet(
 
 def _sheet(book: Any, name: str | None, origin: str) -> Any:
     if name is None:
-        return book.active
+        return book.active if book.active in book.worksheets else book.worksheets[0]
     if name not in book.sheetnames and name.isdecimal():
         name = dict(enumerate(book.sheetnames, start=1)).get(int(name), name)
     if name not in book.sheetnames:

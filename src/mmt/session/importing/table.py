@@ -61,11 +61,7 @@ def read_table(
     columns, lines, remarks = _read_rows(
         origin, chain(start[first:], rest), first + 1, places, number
     )
-    if number.commas and any(map(number.has_point, chain(*start[first:]))):
-        raise InputError(
-            f"{origin}: there are numbers with a comma ({number.commas}) and with a point: say "
-            "which is the decimal sign (--decimal . or --decimal ,)"
-        )
+    number.check(origin)
     dated = [n for n, p in places.items() if any(_is_date(row, p) for row in start[first:])]
     return SourceColumns(
         origin=origin,
