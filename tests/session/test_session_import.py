@@ -193,7 +193,7 @@ def wrong_value(row, axis, value):
         (wrong_time(7, np.nan), "time of force is nan in row 7, counted from 0"),
         (wrong_time(7, 0.01), r"force is 0\.01 s in row 7.*after 0\.012 s; times must not fall"),
         (
-            {"time_s": np.array([0.0, 1, 1, 5]), "force_n": np.ones((4, 3))},
+            {"time_s": np.array([0.0, 1, 1, 5]), "force_n": np.eye(4, 3)},
             "1 s in row 2.*row before",
         ),
         (wrong_time(7, 1e9), "is 0.016 s in row 8.*after 1e"),

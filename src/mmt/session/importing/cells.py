@@ -184,7 +184,8 @@ def _moment(text: str) -> datetime | time | timedelta | None:
     if duration := _DURATION.fullmatch(text):
         seconds_s = seconds_of(duration[2])
         return None if seconds_s is None else timedelta(int(duration[1]), seconds_s)
-    for read in (datetime.fromisoformat, time.fromisoformat):
+    with_minutes = text.count(":") == 1 and "." in text  # not 10:30.5 for half a second past 10:30
+    for read in () if with_minutes else (datetime.fromisoformat, time.fromisoformat):
         try:
             return read(text)
         except ValueError:

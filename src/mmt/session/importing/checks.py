@@ -36,7 +36,6 @@ _CLIPPED_STEP = 5
 """Least ratio of rows at the largest value to rows at the next one for a warning."""
 _OUTLIER: Final = 20.0
 """Least ratio of a value to nearly all others (all but one row in 1000) for a warning."""
-_HIGHEST_RATE_HZ = 1e6
 _NOTED_JITTER = 0.05
 """Least jitter for a warning, in periods."""
 
@@ -149,11 +148,6 @@ def _of_stamps(stamps: Mapping[Channel, Stamps]) -> list[str]:
 
 def _of_clock(channels: str, stamps: Stamps) -> list[str]:
     sentences = []
-    if stamps.period_s < 1 / _HIGHEST_RATE_HZ:
-        sentences.append(
-            f"{channels}: there are {1 / stamps.period_s:.2g} rows a second; is the time in "
-            "another unit, as dates of Excel in d? Then say --unit time=d"
-        )
     if stamps.jitter_s > _NOTED_JITTER * stamps.period_s:
         size = f"{1e3 * stamps.jitter_s:.2f} ms rms, {1e3 * stamps.largest_s:.1f} ms at most"
         clock = f"a clock of {1.0 / stamps.period_s:.1f} Hz"

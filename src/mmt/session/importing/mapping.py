@@ -177,7 +177,8 @@ class _Mapping:
         factor = source.factor * self._factor(target, quantity, source)
         scaled = values if factor == 1.0 else factor * values
         if quantity == "time":
-            scaled, notes = continued(scaled, abs(factor))
+            of_day = self._columns.units.get(source.name) == DATE
+            scaled, notes = continued(scaled, abs(factor), of_day=of_day)
             self._note(*(f"{source.name} {note}" for note in notes))
         return scaled
 

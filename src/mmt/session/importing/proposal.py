@@ -38,9 +38,10 @@ _AXIS_OF: Final = re.compile(r"(.+)[./]([xyzwXYZW])")
 """Matches an axis of something, as in ``wrench.force.x``."""
 _TIME_STEPS: Final = (("s", 0.05), ("ms", 50.0), ("us", 50e3), ("ns", 50e6))
 """Largest step of times for each unit, if rows come at 20 Hz or faster."""
-_EXCEL_DAYS: Final = (20_000.0, 80_000.0)
-"""Range of dates in days since 1900: years 1954 to 2119. `_EXCEL_STEP` is the step at 20 Hz."""
-_EXCEL_STEP = 6e-7
+_FIRST_OF_DAYS = 20_000.0
+"""Least date in days, since 1900 (Excel), the year 0 (MATLAB) or 4713 BC; year 1954 in Excel."""
+_STEP_OF_DAYS = 6e-7
+"""Largest step of dates in days, if rows come at 20 Hz or faster."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ def _guess(names: Sequence[str]) -> dict[str, str]:
     columns: dict[str, str] = {}
     found = [match for name in names if (match := _AXIS_OF.fullmatch(name))]
     owners = {match[0 if match[2] in "wW" else 1] for match in found}  # a quaternion is no position
-    for name in _with_vectors(names):
+    for name in sorted(_with_vectors(names), key=lambda name: name.lower() == "date"):
         target = None if name in STANDARD_NAMES.values() else _target(name, owners)
         if target and target not in columns and STANDARD_NAMES.get(target) not in names:
             columns[target] = name
@@ -216,8 +217,9 @@ def _time_unit(columns: SourceColumns, options: ImportOptions) -> dict[str, str]
     named = name != STANDARD_NAMES["time"] and unit_in_name("time", name)
     if told or named or time.ndim != 1 or len(time) < 2:
         return {}
-    step = (float(time[-1]) - float(time[0])) / (len(time) - 1)
-    if 0 < step < _EXCEL_STEP and _EXCEL_DAYS[0] < time[0] < _EXCEL_DAYS[1]:
+    steps = np.diff(time)
+    step = float(np.median(steps) or np.mean(steps))  # rows in batches share a time
+    if 0 < step < _STEP_OF_DAYS and time[0] > _FIRST_OF_DAYS:
         return {"time": "d"}
     unit = next((unit for unit, largest in _TIME_STEPS if step <= largest), "s")
     return {} if unit == "s" or not np.isfinite(step) else {"time": unit}

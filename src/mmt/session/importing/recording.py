@@ -94,6 +94,8 @@ def import_columns(
         parts = [to_samples(c, o) for c, o in zip(read, each, strict=True)]
         if options.blanks_as_gaps:
             parts = [part.without_blanks() for part in parts]
+        if all(part.sequence is None for part in parts):
+            parts = [part.without_repeats() for part in parts]
         for part in parts:
             part.check()
         samples = joined(parts, [file.name for file in files], options)

@@ -18,8 +18,14 @@ _LONGEST_S = 4_200_000.0
 _LARGEST = float(np.finfo(np.float32).max)
 """Frames are in single precision."""
 
-_COUNTS: Final = (2.0**16, 2.0**32, 86400.0)
-"""Counts at which a counter wraps; the last is a day in seconds."""
+_COUNTS: Final = (2.0**8, 2.0**16, 2.0**24, 2.0**32)
+"""Counts at which a counter wraps."""
+_FIELD_S: Final = 1.0
+"""Time at which the parts of a second wrap, such as ``tv_usec``."""
+_HOUR_S: Final = 3600.0
+_CLOCKS_S: Final = (_HOUR_S, 12 * _HOUR_S, 24 * _HOUR_S)
+"""Times at which clocks wrap; by an hour also where summer time ends."""
+_HIGHEST_RATE_HZ: Final = 1e6
 _FEW_ROWS = 16
 _PAUSE_S = 1.0
 """Assumed pause before a clock that restarted; the true length is unknown."""
@@ -97,6 +103,35 @@ class Samples:
             times[channel] = shared.setdefault((id(time_s), whole.tobytes()), time_s[whole])
         return replace(self, values=values, times=times, row_names=names)
 
+    def without_repeats(self) -> "Samples":
+        """Return the samples without rows that repeat the time and all values of the row before.
+
+        If there is any row of an equal time and other values, rows came in batches: all are kept.
+        """
+        shared: dict[int, list[Channel]] = {}
+        for channel, time_s in self.times.items():
+            shared.setdefault(id(time_s), []).append(channel)
+        values, times, names, notes = dict(self.values), dict(self.times), dict(self.row_names), []
+        for channels in shared.values():
+            alike = np.flatnonzero(np.diff(times[channels[0]]) == 0)
+            steps = (
+                self.values[channel][alike + 1] - self.values[channel][alike]
+                for channel in channels
+            )
+            if not len(alike) or any(map(np.any, steps)):
+                continue
+            rows = np.delete(np.arange(len(times[channels[0]])), alike + 1)
+            time_s = times[channels[0]][rows]
+            notes.append(
+                f"{', '.join(channels)}: {len(alike)} rows were written twice and left out"
+            )
+            for channel in channels:
+                values[channel], times[channel] = values[channel][rows], time_s
+                names[channel] = partial(name_of, names[channel], rows)
+        return replace(
+            self, values=values, times=times, row_names=names, notes=(*self.notes, *notes)
+        )
+
     def _check_time(self, channel: Channel, time_s: FloatArray) -> None:
         if len(time_s) < 2:
             raise InputError(
@@ -116,10 +151,24 @@ class Samples:
                 f"{self.row_name(channel, row)}, after {time_s[row - 1]:.9g} s; times must not fall"
             )
         span_s = time_s[-1] - time_s[0]
+        steps_s = np.diff(time_s)
+        longest = int(np.argmax(steps_s))
+        if span_s > _LONGEST_S and steps_s[longest] > span_s / 2:
+            raise InputError(
+                f"{self.origin}: the time of {channel} jumps by {steps_s[longest]:.9g} s in "
+                f"{self.row_name(channel, longest + 1)}, as of a clock that was set; import the "
+                "parts by themselves, or say the rows a second (--rate HZ)"
+            )
         if span_s > _LONGEST_S:
             raise InputError(
                 f"{self.origin}: the times of {channel} span {span_s:.3g} s, a session lasts 49 "
                 "days at most; say their unit, as in --unit time=ms (or us, ns)"
+            )
+        typical_s = float(np.median(steps_s))
+        if 0 < typical_s < 1 / _HIGHEST_RATE_HZ:
+            raise InputError(
+                f"{self.origin}: {channel} has {1 / typical_s:.2g} rows a second; say the unit of "
+                "its times, as in --unit time=d for dates of Excel and MATLAB"
             )
 
 
@@ -128,27 +177,39 @@ def name_of(name: Callable[[int], str], rows: IntArray | Sequence[int], place: i
     return name(int(rows[place]))
 
 
-def continued(time_s: FloatArray, count_s: float) -> tuple[FloatArray, list[str]]:
+def continued(
+    time_s: FloatArray, count_s: float, *, of_day: bool = False
+) -> tuple[FloatArray, list[str]]:
     """Continue times (n,) after a counter wrapped or restarted; return the times, and notes.
 
-    One count is `count_s`. Other decreases, such as of a single time, are left as they are.
+    One count is `count_s`. Other decreases, such as of a single time, are left as they are. Times
+    `of_day` may also skip an hour, where summer time begins.
     """
     steps_s = np.diff(time_s)
     falls = np.flatnonzero(steps_s < 0)
-    if not len(falls) or len(falls) > len(time_s) / _FEW_ROWS:
-        return time_s, []
-    near_s = 2 * _FEW_ROWS * float(np.median(steps_s))
+    near_s = 2 * _FEW_ROWS * float(np.median(steps_s)) if len(steps_s) else 0.0
     added_s = np.zeros(len(time_s))
     notes: dict[str, None] = {}
+    if of_day:
+        skips = np.flatnonzero((steps_s >= _HOUR_S) & (steps_s <= _HOUR_S + near_s))
+        added_s[skips + 1] = -_HOUR_S
+        notes |= dict.fromkeys(["skips an hour, which was left out"] if len(skips) else [])
+    if not len(falls) or len(falls) > len(time_s) / _FEW_ROWS:
+        return time_s + np.cumsum(added_s), list(notes)
+    finest_s = [_FIELD_S] if count_s < _FIELD_S else []
+    wraps_s = sorted([*(count * count_s for count in _COUNTS), *finest_s, *_CLOCKS_S])
     for fall, following in zip(falls, [*falls[1:], len(time_s) - 1], strict=True):
         drop_s = -steps_s[fall]
-        wraps_s = [count * count_s for count in _COUNTS[:2]] + [_COUNTS[2]]
         wrap_s = next((w for w in wraps_s if -1e-9 * w <= w - drop_s <= near_s), None)
         few = time_s[fall + 1 : following + 1][:_FEW_ROWS]
         if wrap_s is not None:
             added_s[fall + 1] = wrap_s
             notes["wraps, and was continued"] = None
-        elif len(few) == _FEW_ROWS and few[-1] < time_s[fall] and steps_s[fall - 1] <= near_s:
+        elif (
+            len(few) == _FEW_ROWS
+            and few[0] < few[-1] < time_s[fall]
+            and steps_s[fall - 1] <= near_s
+        ):
             added_s[fall + 1] = drop_s + _PAUSE_S
             notes[f"begins anew, which was put {_PAUSE_S:g} s after what was before"] = None
     return time_s + np.cumsum(added_s), list(notes)

@@ -199,6 +199,8 @@ def _fit_stretch(stamps_s: FloatArray, window: int) -> _Line | None:
     block = min(_BLOCK_WINDOWS * window, len(stamps_s) // 4)
     for numbers in (np.arange(len(stamps_s)), _with_missing(stamps_s, window), in_steps):
         period_s, time_s = _through(stamps_s, numbers, block)
+        if period_s <= np.spacing(np.abs(stamps_s).max()):  # rows of one time
+            continue
         off_s = stamps_s - time_s
         drift_s = np.quantile(np.abs(_block_medians(off_s, block)), 0.9)
         left_s = float(np.mean(np.abs(off_s)))
