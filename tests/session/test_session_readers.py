@@ -750,7 +750,7 @@ def test_times_of_day_are_read_in_the_forms_of_common_programs(tmp_path, form):
     (tmp_path / "a.csv").write_text("\n".join(["when,Fz", *cells]))
     frames = import_session(tmp_path / "a.csv", columns={"time": "when", "force": "Fz"}).frames
     np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
-    assert len(frames) == ROWS
+    np.testing.assert_array_equal(frames["sequence"], np.arange(ROWS))
 
 
 @settings(max_examples=30, deadline=None)
@@ -768,3 +768,179 @@ def test_a_comma_is_a_decimal_sign_only_where_it_must_be(thousands, decimals):
     found = [number(f"{v / 1000:.{decimals}f}".replace(".", ",")) for v in (1, *thousands)]
     number.check("a.csv")
     np.testing.assert_allclose(found, np.array([1, *thousands]) / 1000, atol=0.51 / 10**decimals)
+
+
+@pytest.mark.parametrize("shift_s", [-3600, 3600])
+def test_an_hour_of_summer_time_is_no_gap(tmp_path, shift_s):
+    when = MOMENTS + np.where(np.arange(ROWS) < 100, 0, shift_s).astype("m8[s]")
+    path = table_of(tmp_path / "a.csv", when)
+    session, report = import_recording(path, ImportOptions({"time": "t", "force": "Fz"}))
+    np.testing.assert_array_equal(session.frames["sequence"], np.arange(ROWS))
+    assert re.search("hour|wraps", " ".join(report.warnings))
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.integers(0, ROWS - 1), min_size=1, max_size=2 * ROWS))
+def test_rows_that_were_written_twice_count_once(again):
+    rows = np.sort([*range(ROWS), *again])
+    with TemporaryDirectory() as folder:
+        path = table_of(Path(folder, "a.csv"), TIME_S[rows], FORCE_N[rows, 2])
+        options = ImportOptions({"time": "t", "force": "Fz"})
+        session, report = import_recording(path, options)
+    np.testing.assert_allclose(session.frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
+    assert f"{len(again)} rows were written twice" in " ".join(report.warnings)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda t: 739_000.5 + t / 86400, "say the unit of its times, as in --unit time=d"),
+        (lambda t: np.where(t < 0.1, t, t + 1.7e9), r"jumps by 1\.7e\+09 s in line 102"),
+        (lambda t: np.where(t < 0.1, t, 0), "times must not fall"),
+    ],
+    ids=["days", "set", "zeros"],
+)
+def test_times_that_cannot_be_are_refused_with_the_reason(tmp_path, change, reason):
+    path = table_of(tmp_path / "a.csv", [f"{t:.12f}" for t in change(TIME_S)])
+    with pytest.raises(InputError, match=reason):
+        import_session(path, columns={"time": "t", "force": "Fz"})
+    proposed = propose(path).options
+    assert proposed.units == ({"time": "d"} if "=d" in reason else {})
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    kind=st.sampled_from(["no cell", "a cell more", "a comment"]),
+    places=st.sets(st.integers(3, ROWS - 2), min_size=1, max_size=3),
+    sign=st.sampled_from([",", "\t", " "]),
+)
+def test_a_damaged_line_costs_itself_alone(kind, places, sign):
+    lines = [sign.join(f"{v:.6f}" for v in row) for row in np.column_stack([TIME_S, FORCE_N])]
+    for place in places:
+        cells = lines[place].split(sign)
+        lines[place] = {
+            "no cell": sign.join([cells[0], *cells[2:]]),
+            "a cell more": sign.join([*cells, "7"]),
+            "a comment": f"# {lines[place]}",
+        }[kind]
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "a.txt")
+        path.write_text("\n".join([sign.join(["t", "Fx", "Fy", "Fz"]), *lines]))
+        columns = {"time": "t", **{f"force_{axis}": f"F{axis}" for axis in "xyz"}}
+        session, report = import_recording(path, ImportOptions(columns))
+    there = np.setdiff1d(np.arange(ROWS), sorted(places))
+    np.testing.assert_array_equal(session.frames["sequence"], there)
+    np.testing.assert_allclose(session.frames["force_n"], FORCE_N[there], atol=1e-6)
+    assert "left out" in " ".join(report.warnings)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    until=st.integers(0, ROWS - 20),
+    word=st.sampled_from(["nan", "", "1.#QNAN", "<NA>"]),
+    head=st.booleans(),
+    late=st.integers(1, 5),
+)
+def test_a_sensor_that_starts_late_costs_no_row_of_the_others(until, word, head, late):
+    names = ["t", "x", "y", "z", "Fx", "Fy", "Fz"]
+    rows = [[f"{v:.6f}" for v in r] for r in np.column_stack([TIME_S, POSITION_MM, FORCE_N])]
+    for row in rows[:until]:
+        row[-late:] = [word] * late
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "a.csv")
+        path.write_text("\n".join(",".join(row) for row in [*([names] if head else []), *rows]))
+        named = names if head else [str(place) for place in range(1, 8)]
+        targets = ["time", "position_x", "position_y", "position_z"]
+        columns = dict(zip(targets, named[:4], strict=True)) | {"position_y": "0.0"}
+        frames = import_session(path, columns=columns, blanks_as_gaps=True).frames
+    there = until if late > 3 else 0  # then z is blank, too
+    np.testing.assert_allclose(frames["position_mm"][:, 0], POSITION_MM[there:, 0], atol=1e-5)
+
+
+@pytest.mark.parametrize("sign", [" ", "\t", ","])
+@pytest.mark.parametrize("quote", ['"', ""])
+def test_row_numbers_without_a_name_move_no_column(tmp_path, sign, quote):
+    """As ``write.table`` of R writes them."""
+    names = [f"{quote}{name}{quote}" for name in ("t", "Fx", "Fy", "Fz")]
+    rows = [
+        sign.join([f"{quote}{number}{quote}", *(f"{v:.6f}" for v in row)])
+        for number, row in enumerate(np.column_stack([TIME_S, FORCE_N]), start=1)
+    ]
+    (tmp_path / "a.txt").write_text("\n".join([sign.join(names), *rows]))
+    proposed = propose(tmp_path / "a.txt").options
+    frames = import_recording(tmp_path / "a.txt", proposed)[0].frames
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-6)
+
+
+VICON = """Trajectories
+1000
+,,pen:tip,,,cap:top,,
+Frame,Sub Frame,X,Y,Z,X,Y,Z
+,,mm,mm,mm,mm,mm,mm
+"""
+MOTIVE = """Format Version,1.23,Take Name,One,Length Units,Millimeters
+
+,Type,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body
+,Name,pen,pen,pen,pen,pen,pen,pen
+,ID,1,1,1,1,1,1,1
+,,Rotation,Rotation,Rotation,Rotation,Position,Position,Position
+Frame,Time (Seconds),X,Y,Z,W,X,Y,Z
+"""
+QUALISYS = """NO_OF_FRAMES\t300
+TIME_STAMP\t2026-01-01, 10:00:00.000\t123.4
+MARKER_NAMES\ttip
+Frame\tTime\ttip X\ttip Y\ttip Z
+"""
+LABVIEW = """LabVIEW Measurement
+Separator\tTab
+***End_of_Header***
+
+Samples\t300\t300\t300
+Time\t10:30:00.1\t10:30:00.1\t10:30:00.1
+Delta_X\t0.001\t0.001\t0.001
+***End_of_Header***
+Time\tX\tY\tZ\tComment
+"""
+
+
+@pytest.mark.parametrize(
+    ("above", "sign", "columns"),
+    [
+        (VICON, ",", ["n", "0", "x", "y", "z", "0", "0", "0"]),
+        (MOTIVE, ",", ["n", "t", "0", "0", "0", "1", "x", "y", "z"]),
+        (QUALISYS, "\t", ["n", "t", "x", "y", "z"]),
+        (LABVIEW, "\t", ["t", "x", "y", "z", ""]),
+    ],
+    ids=["vicon", "motive", "qualisys", "labview"],
+)
+def test_the_names_of_measuring_programs_are_found(tmp_path, above, sign, columns):
+    values = {"n": np.arange(ROWS), "t": TIME_S, **dict(zip("xyz", POSITION_MM.T, strict=True))}
+    rows = [
+        sign.join(f"{values[c][r]:g}" if c in values else c for c in columns) for r in range(ROWS)
+    ]
+    below = ["", "Devices", "2000", "Frame,Sub Frame,Fx", ",,N", "1,0,7", "1,1,7"]
+    lines = [*rows, *(below if above is VICON else [])]
+    (tmp_path / "a.txt").write_text(above + "\n".join(lines))
+    if above is VICON:
+        mapped = {f"position_{axis}": f"pen:tip.{axis.upper()}" for axis in "xyz"}
+        options = ImportOptions(mapped, rate_hz=1000)
+    else:
+        options = propose(tmp_path / "a.txt").options
+    session, report = import_recording(tmp_path / "a.txt", options)
+    np.testing.assert_allclose(session.frames["position_mm"], POSITION_MM, atol=1e-3)
+    assert any("another table" in text for text in report.warnings) == (above is VICON)
+
+
+@settings(max_examples=10, deadline=None)
+@given(share=st.floats(0.4, 0.95))
+def test_a_packed_text_that_is_cut_off_is_read_as_far_as_it_goes(share):
+    with TemporaryDirectory() as folder:
+        path = table_of(Path(folder, "a.csv"), TIME_S)
+        packed = gzip.compress(path.read_bytes())
+        (path.parent / "a.csv.gz").write_bytes(packed[: int(share * len(packed))])
+        options = ImportOptions({"time": "t", "force": "Fz"})
+        session, report = import_recording(path.parent / "a.csv.gz", options)
+    count = len(session.frames)
+    assert 0.5 * share * ROWS < count < ROWS
+    np.testing.assert_allclose(session.frames["force_n"][:, 2], FORCE_N[:count, 2], rtol=1e-6)
+    assert "cut off" in " ".join(report.warnings)

@@ -39,12 +39,11 @@ def text_of(cell: Cell) -> str:
 
 
 def weigh_numbers(rows: Iterable[Sequence[Cell]], options: ImportOptions) -> int:
-    """Return the count of numeric cells minus that of others, over rows that have a number."""
+    """Return the count of numeric cells minus that of texts, over rows that have a number."""
     number, weight = Numbers(options), 0
     for row in rows:
-        filled = [cell for cell in row if text_of(cell)]
-        numbers = sum(map(number.reads, filled))
-        weight += 2 * numbers - len(filled) if numbers else 0
+        numbers = sum(map(number.reads, row))
+        weight += numbers - sum(not number.takes(cell) for cell in row) if numbers else 0
     return weight
 
 

@@ -1,12 +1,13 @@
 """Read a sheet of an Excel workbook; by default the one that was active when it was saved."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from mmt.core.errors import InputError
 from mmt.core.extras import require
+from mmt.session.importing.cells import Cell
 from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.table import read_table
@@ -31,7 +32,8 @@ def read_spreadsheet(
         try:
             sheet = _sheet(book, options.sheet, origin)
             sheet.reset_dimensions()  # some programs state too small ones
-            columns = read_table(origin, sheet.iter_rows(values_only=True), wanted, options)
+            rows = _padded(sheet.iter_rows(values_only=True))
+            columns = read_table(origin, rows, wanted, options)
         finally:
             book.close()
         if options.sheet is not None or len(book.sheetnames) == 1:
@@ -39,6 +41,14 @@ def read_spreadsheet(
         others = ", ".join(name for name in book.sheetnames if name != sheet.title)
         note = f"this is the sheet {sheet.title}; --sheet takes another: {others}"
         return replace(columns, notes=(note, *columns.notes))
+
+
+def _padded(rows: Iterable[Sequence[Cell]]) -> Iterator[Sequence[Cell]]:
+    """Yield rows with blanks to the width of the widest before; they end with their last cell."""
+    width = 0
+    for row in rows:
+        width = max(width, len(row))
+        yield [*row, *[None] * (width - len(row))]
 
 
 def _sheet(book: Any, name: str | None, origin: str) -> Any:

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
 from mmt.core.units import DATE, is_unit
 from mmt.session.importing.cells import MISSING, Cell, Numbers, seconds_of, text_of
@@ -20,10 +21,15 @@ from mmt.session.importing.samples import name_of
 _LOOKED_AT = 200
 """Number of rows that are examined to find the first row of numbers."""
 _SHOWN_CHARACTERS: Final = 40
+_SHOWN_LINES: Final = 8
+_FEW: Final = 0.01
+"""Largest share of rows that count as damaged."""
+_NAMES_NEAR: Final = 6
+"""Number of rows in which the names follow notes that look like numbers."""
 _FEWEST_NAMES = 3
 """Least number of columns for which a first row 0, 1, ... or 1, 2, ... is taken for names."""
-_UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?[^\s\d\])][^\])]*?)\s*[\])]$")
-"""Matches a name and a unit in brackets; a number in brackets is an index, part of the name."""
+_UNIT = re.compile(r"^(.*?)\s*[\[(]\s*(?![xyzXYZ]\s*[\])])([^\])]*?[^\s\d\])][^\])]*?)\s*[\])]$")
+"""Matches a name and a unit in brackets; an index or axis in brackets is part of the name."""
 
 
 def read_table(
@@ -38,8 +44,9 @@ def read_table(
     Units are read from a row between the two, or from brackets after a name. Without a header the
     columns are named "1", "2" and on. Cells without a value become NaN, but are left out at a
     column's end: columns may differ in length. Dates become seconds since 1970, times of day
-    seconds since midnight. Lines of text between the numbers, and a cut-off last line, are
-    skipped.
+    seconds since midnight. Equal names get the name above them, as ``tip.X``. Skipped are lines of
+    text between the numbers, few lines of another number of cells, a cut-off last line, and a
+    second table below.
 
     Raises
     ------
@@ -49,14 +56,20 @@ def read_table(
     start, rest, first = _split(rows, options)
     if not any(map(_filled, start)):
         raise InputError(f"{origin}: the file is empty")
-    header, units_row, first, notes = _header(start, first, options)
+    header, over, units_row, first, notes = _header(start, first, options)
     bare, bracketed = zip(*map(_name_and_unit, header), strict=True)
-    names, doubled = distinct(bare)
-    units = {name: unit for name, unit in zip(names, bracketed, strict=True) if unit}
-    for name, unit in zip(names, map(text_of, units_row), strict=False):
-        if unit.lower() not in MISSING:
-            units[name] = unit.strip("[]() ")
-    places = {name: place for place, name in enumerate(names) if wanted(name)}
+    names, doubled = distinct(_grouped(bare, over))
+    told = [text_of(unit) for unit in units_row[: len(names)]]
+    units: dict[str, str] = {}
+    places: dict[str, int] = {}
+    for called in (distinct(bare)[0], names):  # equal names can also be told by their number
+        units |= {name: unit for name, unit in zip(called, bracketed, strict=True) if unit}
+        units |= {
+            name: unit.strip("[]() ")
+            for name, unit in zip(called, told, strict=False)
+            if unit.lower() not in MISSING
+        }
+        places |= {name: place for place, name in enumerate(called) if wanted(name)}
     number = Numbers(options)
     columns, lines, remarks = _read_rows(
         origin, chain(start[first:], rest), first + 1, places, number
@@ -65,7 +78,7 @@ def read_table(
     dated = [n for n, p in places.items() if any(_is_date(row, p) for row in start[first:])]
     return SourceColumns(
         origin=origin,
-        values={name: np.array(values) for name, values in columns.items() if name != BEGAN},
+        values={name: values for name, values in columns.items() if name != BEGAN},
         names=names,
         units=units | dict.fromkeys(dated, DATE),
         row_name=partial(name_of, "line {}".format, lines),
@@ -80,10 +93,11 @@ def _read_rows(
     begin: int,
     places: Mapping[str, int],
     number: Numbers,
-) -> tuple[dict[str, "array[float]"], "array[int]", list[str]]:
+) -> tuple[dict[str, FloatArray], IntArray, list[str]]:
     """Return the numbers by column, the line number of each row, and notes on skipped lines."""
     columns = {name: array("d") for name in places}
-    lines, texts, cut = array("q"), [], []
+    lines, widths, texts, notes = array("q"), array("q"), [], []
+    names: Sequence[Cell] = ()
     for line, row in enumerate(rows, start=begin):
         cells = [row[place] if place < len(row) else None for place in places.values()]
         try:
@@ -91,6 +105,7 @@ def _read_rows(
         except ValueError as error:
             if not any(number.reads(cell) for cell in row):
                 texts.append(line)
+                names = row if _filled(row) > 1 else names
                 continue
             name, cell = next(
                 (n, c) for n, c in zip(places, cells, strict=True) if not number.takes(c)
@@ -101,21 +116,41 @@ def _read_rows(
             ) from error
         if not row:
             continue
-        cut += [line] if len(row) <= max(places.values(), default=0) else []
+        if names and widths and widths[-1] != _filled(row) == _filled(names):
+            notes.append(f"another table begins above line {line}: it was left out, as all below")
+            break
+        names = ()
         for column, value in zip(columns.values(), values, strict=True):
             if value is not None:
                 column.extend([np.nan] * (len(lines) - len(column)))
                 column.append(value)
         lines.append(line)
-    remarks = []
+        widths.append(len(row))
     if texts:
-        remarks.append(f"{len(texts)} lines of text were left out, the first is line {texts[0]}")
-    if len(lines) > 1 and cut == [lines[-1]]:
-        remarks.append(f"the last line, {cut[0]}, is cut off, and was left out")
-        for column in columns.values():
-            del column[len(lines) - 1 :]
-        lines.pop()
-    return columns, lines, remarks
+        notes.append(f"{len(texts)} lines of text were left out, the first is line {texts[0]}")
+    damaged = _damaged(np.array(widths))
+    if len(damaged) and damaged[0] == len(lines) - 1:
+        notes.append(f"the last line, {lines[-1]}, is cut off, and was left out")
+    elif len(damaged):
+        shown = ", ".join(str(lines[row]) for row in damaged[:_SHOWN_LINES].tolist())
+        notes.append(f"{len(damaged)} lines have more or fewer cells and were left out: {shown}")
+    left = {
+        name: np.delete(column, damaged[damaged < len(column)]) for name, column in columns.items()
+    }
+    return left, np.delete(lines, damaged), notes
+
+
+def _damaged(widths: IntArray) -> IntArray:
+    """Return the rows of another number of cells than most, if they are few and among the others.
+
+    Many such rows, or several at the end, are columns that have other rates or lengths.
+    """
+    usual = int(np.bincount(widths).argmax()) if len(widths) > 1 else 0
+    others = np.flatnonzero(widths != usual)
+    inside = others[others < np.max(np.flatnonzero(widths == usual), initial=0)]
+    if len(others) == 1 and others[0] == len(widths) - 1 and widths[-1] < usual:
+        return others
+    return inside if len(inside) <= _FEW * len(widths) else inside[:0]
 
 
 def _split(
@@ -128,6 +163,8 @@ def _split(
     number = Numbers(options)
     while place < len(start):
         if _is_data(start[place : place + _LOOKED_AT], number):
+            while place > (options.header or 0) and _begins(start[place - 1], start[place], number):
+                place -= 1
             return start, rest, place
         place += 1
         start.extend(islice(rest, 1))
@@ -136,17 +173,17 @@ def _split(
 
 def _header(
     rows: Sequence[Sequence[Cell]], first: int | None, options: ImportOptions
-) -> tuple[Sequence[Cell], Sequence[Cell], int, list[str]]:
-    """Return the row of names, the row of units, the index of the first numbers, and notes."""
+) -> tuple[Sequence[Cell], Sequence[Cell], Sequence[Cell], int, list[str]]:
+    """Return the rows of names, names above and units, the index of the first numbers, notes."""
     if options.header is not None:
         if options.header > len(rows) or not _filled(rows[options.header - 1]):
             raise InputError(f"--header {options.header}: there is nothing in this line")
         begin = options.header if first is None else first
         units = next((row for row in rows[options.header : begin] if _is_units(row)), ())
-        return rows[options.header - 1], units, begin, []
+        return rows[options.header - 1], (), units, begin, []
     if first is None:  # no numbers, only names
         named = next(n for n, row in enumerate(rows) if _filled(row))
-        return rows[named], (), named + 1, []
+        return rows[named], (), (), named + 1, []
     width = len(rows[first])
     above = [row for row in rows[:first] if _filled(row)]
     while above and 2 * _filled(above[-1]) <= _filled(rows[first]):
@@ -157,13 +194,38 @@ def _header(
         wide = max(width, len(above[-1]))
         pairs = zip_longest(above[-1], over[:wide], range(1, wide + 1))
         names = [text_of(name) or text_of(group) or str(place) for name, group, place in pairs]
-        return names, units, first, []
+        if names[width:] == [] and len(above[-1]) == width - 1 and _are_counted(rows[first:]):
+            return ["", *names[:-1]], (), units, first, []
+        return names, over, units, first, []
     texts = list(map(text_of, rows[first]))
     counted = [[str(start + place) for place in range(width)] for start in (0, 1)]
     if width >= _FEWEST_NAMES and texts in counted and len(rows) > first + 1:
         note = f"line {first + 1}, {texts[0]} to {texts[-1]}, was taken for the columns' names"
-        return rows[first], (), first + 1, [note]
-    return counted[1], (), first, []
+        return rows[first], (), (), first + 1, [note]
+    return counted[1], (), (), first, []
+
+
+def _grouped(names: Sequence[str], over: Sequence[Cell]) -> list[str]:
+    """Return names, equal ones with the name above them, or the nearest one to the left of it."""
+    counts, group, found = Counter(names), "", []
+    for name, above in zip_longest(names, map(text_of, over[: len(names)]), fillvalue=""):
+        group = above or group
+        found.append(f"{group}.{name}" if group and counts[name] > 1 else name)
+    return found
+
+
+def _are_counted(rows: Sequence[Sequence[Cell]]) -> bool:
+    """Return whether rows begin with their number, which has no name, as R writes them."""
+    filled = [list(map(text_of, row)) for row in rows if _filled(row)]
+    return len(filled) > 1 and all(
+        row[0] == str(number) and row[-1] for number, row in enumerate(filled, start=1)
+    )
+
+
+def _begins(row: Sequence[Cell], following: Sequence[Cell], number: Numbers) -> bool:
+    """Return whether a row before one of numbers is of them, too, with some values missing."""
+    numbers = any(map(number.reads, row)) and all(map(number.takes, row))
+    return numbers and len(row) == len(following)
 
 
 def _is_data(rows: Sequence[Sequence[Cell]], number: Numbers) -> bool:
@@ -181,6 +243,9 @@ def _is_data(rows: Sequence[Sequence[Cell]], number: Numbers) -> bool:
     counts = Counter(place for row in rows for place in places(row))
     mostly = {place for place, count in counts.items() if 2 * count > len(rows)}
     filled = {place for place in mostly if place < len(rows[0]) and text_of(rows[0][place])}
+    near = [row for row in rows[1:_NAMES_NEAR] if _filled(row) > 1 and not places(row)]
+    if near and not all(number.takes(rows[0][place]) for place in filled):
+        return False
     return 2 * len(filled) >= len(mostly) and 2 * len(places(rows[0]) & filled) > len(filled)
 
 

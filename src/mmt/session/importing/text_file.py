@@ -4,6 +4,7 @@ import csv
 import gzip
 import zlib
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final, TextIO
@@ -42,12 +43,15 @@ def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions)
     with reading(origin, "text in columns", damage):
         encoding = _encoding(path)
         with _opened(path, encoding) as stream:
-            lines = list(islice(_lines(stream), (options.header or 0) + _LOOKED_AT))
+            lines = list(islice(_lines(stream, []), (options.header or 0) + _LOOKED_AT))
         if any("\0" in line for line in lines):
             raise InputError(f"{origin}: this is not text in columns, it holds zero bytes")
         delimiter = options.delimiter or _delimiter(lines[-_LOOKED_AT:], options)
+        cut: list[str] = []
         with _opened(path, encoding) as stream:
-            return read_table(origin, _rows(_lines(stream), delimiter), wanted, options)
+            rows = _rows(_lines(stream, cut), delimiter)
+            columns = read_table(origin, rows, wanted, options)
+        return replace(columns, notes=(*columns.notes, *cut))
 
 
 def _opened(path: Path, encoding: str) -> TextIO:
@@ -64,41 +68,70 @@ def _encoding(path: Path) -> str:
     for mark, encoding in _BEGINNINGS.items():
         if begin.startswith(mark):
             return encoding
-    if len(begin) == 4 and begin[1] == begin[3] == 0 != begin[0]:
-        return "utf-16-le"
+    for name, zeros, others in (
+        ("utf-16-le", begin[1::2], begin[::2]),
+        ("utf-16-be", begin[::2], begin[1::2]),
+    ):
+        if len(begin) == 4 and not any(zeros) and all(others):
+            return name
     try:
         with _opened(path, "utf-8") as stream:
             while stream.read(1 << 20):
                 pass
+    except EOFError:
+        return "utf-8"  # it is cut off
     except UnicodeDecodeError:
         return "cp1252"  # such as a degree or mu sign from a measuring program
     return "utf-8"
 
 
-def _lines(stream: TextIO) -> Iterator[str]:
-    while line := stream.readline(_LONGEST_LINE):
-        if len(line) == _LONGEST_LINE:
-            raise InputError(f"a line has more than {_LONGEST_LINE} characters, which no table has")
-        yield line
+def _lines(stream: TextIO, cut: list[str]) -> Iterator[str]:
+    """Yield the lines, of a packed file that is cut off as far as it goes, with a note in `cut`."""
+    try:
+        while line := stream.readline(_LONGEST_LINE):
+            if len(line) == _LONGEST_LINE:
+                raise InputError(
+                    f"a line has more than {_LONGEST_LINE} characters, which no table has"
+                )
+            yield line
+    except EOFError:
+        cut.append("the packed file is cut off, and was read as far as it goes")
 
 
 def _rows(lines: Iterator[str], delimiter: str) -> Iterator[Sequence[str]]:
-    uncommented = (
-        line.lstrip("#%").lstrip(" ") if line[:1] in ("#", "%") else line for line in lines
-    )
+    uncommented = _uncommented(lines)
     if delimiter == " ":
-        return (line.split() for line in uncommented)
+        return (_apart(line) for line in uncommented)
     return csv.reader(uncommented, delimiter=delimiter, skipinitialspace=True)
+
+
+def _uncommented(lines: Iterator[str]) -> Iterator[str]:
+    """Yield lines without their comment signs; of comments among numbers only the sign."""
+    numbers = 0
+    for line in lines:
+        if line[:1] in ("#", "%"):
+            yield line[0] if numbers > 1 else line.lstrip("#%").lstrip(" ")
+            continue
+        begin = line.lstrip(' \t"+-.')[:1]
+        numbers += begin.isdigit()
+        yield line
+
+
+def _apart(line: str) -> list[str]:
+    if '"' not in line:
+        return line.split()
+    return next(csv.reader([line.strip()], delimiter=" ", skipinitialspace=True))
 
 
 def _delimiter(lines: list[str], options: ImportOptions) -> str:
     """Return the separator that gives most numbers, then occurs most, then is first in `_SIGNS`."""
 
-    def worth(sign: str) -> tuple[int, int]:
+    def worth(sign: str) -> tuple[float, int]:
         try:
             numbers = weigh_numbers(_rows(iter(lines), sign), options)
         except csv.Error:  # a wide table's line, taken for one cell, is too long
             numbers = 0
-        return numbers, sum(sign in line for line in lines)
+        each = round(numbers / max(1, len(lines)), 1)  # a date in the notes must not decide
+        return each, sum(sign in line for line in lines)
 
     return max(_SIGNS, key=worth)
