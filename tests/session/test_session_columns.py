@@ -309,6 +309,12 @@ def test_a_wrong_unit_or_axis_is_said_with_what_mends_it(tmp_path, arrays, reaso
             np.vstack([ACCELERATION_M_S2[:500]] + [ACCELERATION_M_S2[500:501]] * 2500),
             "held one value for 2.5 s",
         ),
+        (
+            "acceleration_m_s2",
+            ACCELERATION_M_S2[np.arange(3000) // 10 * 10],
+            "about 100 values a second, not 1000",
+        ),
+        ("position_mm", spoilt(POSITION_MM, 700, -9999.0), "jumps by 9999 mm at row 701, and 2"),
     ],
 )
 def test_a_dead_a_clipped_a_held_sensor_and_a_wrong_number_are_said(

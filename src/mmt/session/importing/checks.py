@@ -30,6 +30,10 @@ _LEAST_LEFT_OUT = 0.01
 """Least share of the power above the kept band for a warning."""
 _WELCH_ROWS: Final = 1024
 _LONGEST_HELD_S = 0.05
+_FARTHEST_MM: Final = 10.0
+"""Least step from row to row that is no stroke, if it is far beyond nearly all others."""
+_MOSTLY_HELD: Final = 0.4
+"""Least share of rows that repeat the values before for a warning."""
 _LEAST_CLIPPED = 0.005
 """Least share of rows at the largest value for a warning."""
 _CLIPPED_STEP = 5
@@ -94,6 +98,7 @@ def assess(
         speed_mm_s = _high_speed_mm_s(frames)
     warnings = _of_stamps(stamps) if resampled else []
     if speed_mm_s is not None:
+        warnings += _of_jumps(samples.values["position"], stamps["position"].time_s)
         warnings += _of_position(np.ptp(samples.values["position"], axis=0), speed_mm_s, options)
     if "force" in samples.values:
         turned = "force" in options.tool_axes
@@ -188,6 +193,20 @@ def _of_position(range_mm: FloatArray, speed_mm_s: float, options: ImportOptions
     return []
 
 
+def _of_jumps(position_mm: FloatArray, time_s: FloatArray) -> list[str]:
+    """Warn of steps that no hand makes, as of a lost marker."""
+    steps_mm = np.linalg.norm(np.diff(position_mm, axis=0), axis=1)
+    speeds_mm_s = steps_mm / np.diff(time_s)
+    usual_mm_s = float(np.percentile(speeds_mm_s, 99, method="lower"))
+    far = np.flatnonzero((steps_mm > _FARTHEST_MM) & (speeds_mm_s > _OUTLIER * usual_mm_s))
+    if not len(far):
+        return []
+    return [
+        f"position: it jumps by {steps_mm[far[0]]:.4g} mm at row {far[0] + 2}, and {len(far)} "
+        "times in all; --missing VALUE --blanks-as-gaps leaves out what stands for no position"
+    ]
+
+
 def _of_force(force_n: FloatArray, options: ImportOptions) -> list[str]:
     size_n = np.linalg.norm(force_n, axis=1)
     high_n = float(np.percentile(size_n, 99))
@@ -269,6 +288,12 @@ def _of_sensor(channel: str, values: FloatArray, rate_hz: float) -> list[str]:
         return [f"{channel}: it never changes; is it the right column, and was the sensor on?"]
     if channel == "acceleration" and longest > _LONGEST_HELD_S * rate_hz:
         sentences.append(f"{channel}: it held one value for {longest / rate_hz:.3g} s")
+    elif channel == "acceleration" and np.mean(still) > _MOSTLY_HELD:
+        own_hz = rate_hz * (1 - float(np.mean(still)))
+        sentences.append(
+            f"{channel}: most rows repeat the one before, so it has about {own_hz:.0f} values a "
+            f"second, not {rate_hz:.0f}; import its own times, or its rows alone"
+        )
     for axis, signed in zip("xyz", values.T, strict=True):
         column = np.abs(signed)
         high = float(np.max(column))
