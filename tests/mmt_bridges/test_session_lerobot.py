@@ -481,7 +481,10 @@ def test_a_table_of_another_program_is_read(tmp_path):
 
 @pytest.mark.parametrize(
     ("values", "said"),
-    [([[1.0], [2.0, 3.0]], "are not all of one length"), ([[1.0, 2.0], None], "not all of one")],
+    [
+        ([[1.0], [2.0, 3.0]], "are not all of one length"),
+        ([[1.0, 2.0, 3.0], None], "position_x is empty or NaN in row 1"),
+    ],
 )
 def test_lists_of_several_lengths_are_refused(tmp_path, values, said):
     pq.write_table(pa.table({"t": [0.0, 1.0], "p": values}), tmp_path / "mine.parquet")
