@@ -134,7 +134,9 @@ def _guess(names: Sequence[str]) -> dict[str, str]:
     found = [match for name in names if (match := _AXIS_OF.fullmatch(name))]
     owners = {match[0 if match[2] in "wW" else 1] for match in found}  # a quaternion is no position
     for name in sorted(_with_vectors(names), key=lambda name: name.lower() == "date"):
-        target = None if name in STANDARD_NAMES.values() else _target(name, owners)
+        axis = _AXIS_OF.fullmatch(name)
+        target = _target_of_axis(axis[1], axis[2].lower(), owners) if axis else _target(name)
+        target = None if name in STANDARD_NAMES.values() else target
         if target and target not in columns and STANDARD_NAMES.get(target) not in names:
             columns[target] = name
     for channel in CHANNELS:  # a sensor of one or two axes
@@ -172,17 +174,8 @@ def _with_vectors(names: Sequence[str]) -> Iterator[str]:
     )
 
 
-def _target(name: str, owners: Collection[str]) -> str | None:
-    """Return the target that a column's name suggests, or None.
-
-    `owners` are the names before a dot or slash and an axis, of all columns. An axis of anything
-    else than a known quantity is taken for one of position only if nothing else has axes.
-    """
-    if axis := _AXIS_OF.fullmatch(name):
-        owner, letter = re.split(r"[./]", axis[1])[-1], axis[2].lower()
-        target = next((q for q, parts in MESSAGE_PARTS.items() if owner == parts[0]), None)
-        target = target or _target(f".{owner}", ()) or ("position" if len(owners) == 1 else "")
-        return f"{target}_{letter}" if target in CHANNELS and letter != "w" else None
+def _target(name: str) -> str | None:
+    """Return the target that a column's name suggests, or None."""
     if name.startswith("/"):  # a topic
         last = name.rsplit(".", 1)[-1]
         return next((q for q, parts in MESSAGE_PARTS.items() if last in parts), None)
@@ -207,6 +200,17 @@ def _target(name: str, owners: Collection[str]) -> str | None:
             ):
                 return quantity
     return None
+
+
+def _target_of_axis(owner: str, letter: str, owners: Collection[str]) -> str | None:
+    """Return the target of an axis by the name before it, its owner.
+
+    If that is no known quantity, the axis is one of position if nothing else has axes.
+    """
+    last = re.split(r"[./]", owner)[-1]
+    target = next((q for q, parts in MESSAGE_PARTS.items() if last == parts[0]), None)
+    target = target or _target(f".{last}") or ("position" if len(owners) == 1 else "")
+    return f"{target}_{letter}" if target in CHANNELS and letter != "w" else None
 
 
 def _time_unit(columns: SourceColumns, options: ImportOptions) -> dict[str, str]:
