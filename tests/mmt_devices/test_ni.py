@@ -170,10 +170,10 @@ def test_what_one_task_cannot_do_is_refused_and_the_other_goes_on(closing) -> No
         with pytest.raises(InputError, match=words):
             wrong.connect()
     with pytest.raises(MmtError, match="AI_TermCfg Possible Values: DAQmx_Val_RSE"):
-        inputs(9, backend=box).connect()
+        (refused := inputs(9, backend=box)).connect()
     first.close()
     first.connect()
-    assert read_some(first, 5)
+    assert read_some(first, 5), f"without {refused.channels}"
     first.close()
     with pytest.raises(InputError, match=r"1100000 samples a second .* 1000000 that Dev1 \(USB-62"):
         inputs(*range(22), backend=Larger(level), rate_hz=50_000.0).connect()

@@ -107,6 +107,7 @@ class SharedInputs(ABC, Generic[Channel]):
         self._faults: Counter[str] = Counter()
         self._waiting: deque[VoltageReading] = deque(maxlen=_MOST_WAITING)
         self._shared: SharedBoard[Channel] | None = None
+        self._admitted = False
         _MADE.add(self)
 
     @abstractmethod
@@ -156,8 +157,11 @@ class SharedInputs(ABC, Generic[Channel]):
             shared = (
                 next((each for each in OPEN_BOARDS if each.serves(self)), None) or SharedBoard()
             )
+            if not self._admitted:
+                _MADE.discard(self)  # if it is refused, others' streams do without its channels
             shared.admit(self)
-            self._shared = shared
+            _MADE.add(self)
+            self._shared, self._admitted = shared, True
             if shared not in OPEN_BOARDS:
                 OPEN_BOARDS.append(shared)
 

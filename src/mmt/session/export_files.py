@@ -169,5 +169,5 @@ def write_hdf5(path: Path, session: RecordedSession) -> None:
             file.attrs["began_utc_ns"] = session.began_utc_ns
             began = datetime.fromtimestamp(session.began_utc_ns / 1e9, UTC)
             file.attrs["began_utc"] = began.isoformat(timespec="milliseconds")
-    with replacing(path) as part:
-        part.write_bytes(image.getbuffer())
+    with image.getbuffer() as content, replacing(path) as part:
+        part.write_bytes(content)

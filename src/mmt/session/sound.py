@@ -62,8 +62,8 @@ def write_wav(path: Path, session: RecordedSession) -> None:
     size = sound.tell() - 8
     sound.seek(4)
     sound.write(struct.pack("<I", size))
-    with replacing(path) as part:
-        part.write_bytes(sound.getbuffer())
+    with sound.getbuffer() as content, replacing(path) as part:
+        part.write_bytes(content)
 
 
 def read_comment(path: Path) -> dict[str, Any]:

@@ -27,8 +27,8 @@ def read_spreadsheet(
     require("openpyxl")
     import openpyxl
 
-    with reading(origin, "an .xlsx workbook with a table"):
-        book: Any = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    with reading(origin, "an .xlsx workbook with a table"), path.open("rb") as file:
+        book: Any = openpyxl.load_workbook(file, read_only=True, data_only=True)
         try:
             sheet = _sheet(book, options.sheet, origin)
             sheet.reset_dimensions()  # some programs state too small ones
