@@ -12,18 +12,19 @@ import pytest
 UPDATE: Final = """
 import json, os
 from pathlib import Path
-import mmt
+import mmt, sys
 from mmt.texture.online.history import stream_blocks
 from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.settings import ModellingSettings
 
 def cpu_ns():
     tasks = Path("/proc/self/task").iterdir()
     own = {int(task.name): int((task / "schedstat").read_text().split()[0]) for task in tasks}
     return own.pop(os.getpid()), sum(own.values()), len(own)
 
-frames, _ = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=12.0)
+frames, _ = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=30.0)
 for number in range(2):  # the first compiles
-    modeller, before = OnlineModeller(), cpu_ns()
+    modeller, before = OnlineModeller(ModellingSettings(inputs=sys.argv[1])), cpu_ns()
     for block in stream_blocks([frames], 1000):
         modeller.update(block)
     after = cpu_ns()
@@ -32,10 +33,11 @@ print(json.dumps([after[0] - before[0], after[1] - before[1], after[2]]))
 
 
 @pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="needs Linux's schedstat")
-def test_an_update_uses_no_threads_of_blas() -> None:
+@pytest.mark.parametrize("inputs", ["isotropic", "anisotropic"])
+def test_an_update_uses_no_threads_of_blas(inputs: str) -> None:
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "4"}
     result = subprocess.run(
-        [sys.executable, "-c", UPDATE],
+        [sys.executable, "-c", UPDATE, inputs],
         env=environment,
         capture_output=True,
         text=True,

@@ -114,7 +114,8 @@ def numerics_of(scene: Scene) -> list[str]:
     table = scene.rendering
     if table is not None and (table.model is not None or scene.is_given("model")):
         # such a model is built in this process, a growing one in the one that models
-        names += ["mmt.texture.model.rendered", "mmt.texture.field.posterior"]
+        field = "mmt.texture.field"
+        names += ["mmt.texture.model.rendered", f"{field}.posterior", f"{field}.shape_smoothing"]
     return names
 
 

@@ -29,6 +29,7 @@ from scipy.special import ndtri
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
+from mmt.texture.linear_algebra import product
 
 Values = TypeVar("Values", FloatArray, IntArray)
 
@@ -293,20 +294,19 @@ def mean_on_grid(
     """
     all_weights, rough = weights.sum(axis=0), np.square(every[:, 3]) @ weights
     length = CELL_WIDTHS[every.shape[1] > _PLANAR]
-    total = (matern(axes.u, at.u, length) * rough) @ matern(axes.v, at.v, length).T
+    total = product(matern(axes.u, at.u, length) * rough, matern(at.v, axes.v, length))
     total += SLOPES[0][1] ** 2 * (all_weights @ at.u) * axes.u[:, None]
     total += SLOPES[1][1] ** 2 * (all_weights @ at.v) * axes.v
     total += _FREE * all_weights.sum()
     for own, setting in zip(weights, every, strict=True):
-        u, v = matern(axes.u, at.u, setting[1]), matern(axes.v, at.v, setting[2])
-        total += (u * (setting[0] ** 2 * own)) @ v.T
+        u, v = matern(axes.u, at.u, setting[1]), matern(at.v, axes.v, setting[2])
+        total += product(u * (setting[0] ** 2 * own), v)
     if every.shape[1] == _PLANAR:
         return np.asarray(total[np.newaxis])
     turning = np.zeros((len(axes.heading), total.size))
     for own, setting in zip(weights, every, strict=True):
-        u = matern(axes.u, at.u, _HEADED_LENGTHS * setting[1])
-        v = matern(axes.v, at.v, _HEADED_LENGTHS * setting[2])
-        both = (u[:, None, :] * v[None, :, :]).reshape(-1, len(own))
-        around = _around(axes.heading, at.heading, setting)
-        turning += (around * own) @ both.T
+        u = matern(at.u, axes.u, _HEADED_LENGTHS * setting[1])
+        v = matern(at.v, axes.v, _HEADED_LENGTHS * setting[2])
+        both = (u[:, :, None] * v[:, None, :]).reshape(len(own), -1)
+        turning += product(_around(axes.heading, at.heading, setting) * own, both)
     return np.asarray(total + turning.reshape(len(axes.heading), *total.shape))

@@ -18,21 +18,28 @@ If smoothing reduces the least gap of a set of frequencies to less than half tha
 (for a boundary point, the nearest sample's), the set is moved back towards the fitted one: convex
 combinations of ordered frequencies are ordered.
 
-Cost: five symmetric eigenproblems, four of at most `_CHOICE` samples and one of at most `LARGEST`;
-more samples are first pooled by cells.
+Cost: five covariances are made tridiagonal, O(n^3), four of at most `_CHOICE` samples and one of at
+most `LARGEST`; more samples are first pooled by cells. Then each noise takes O(n) for a frequency.
 """
 
 from itertools import product
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.linalg import eigh
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.field.cells import distinct_rows
 from mmt.texture.interpolation.vertices import boundary
 from mmt.texture.linear_algebra import nearest_rows
+from mmt.texture.linear_algebra import product as matrix_product
 from mmt.texture.space.samples import TextureSamples
+from mmt.texture.tridiagonal import (
+    Tridiagonal,
+    rotated,
+    shifted_solutions,
+    shifted_squares,
+    tridiagonal,
+)
 
 LARGEST: Final = 128
 """Largest number of nodes of the process; more samples are pooled."""
@@ -49,12 +56,13 @@ _RETURN: Final = 0.9
 _TINY: Final = 1e-12
 
 
-class _Spectrum(NamedTuple):
-    """Eigenvalues (k,) and vectors (k, k) of the whitened covariance, root weights (k,)."""
+class _Reduced(NamedTuple):
+    """The whitened covariance of k nodes, and Q' times their whitened frequencies, (k, order)."""
 
-    values: FloatArray
-    vectors: FloatArray
+    matrix: Tridiagonal
+    rotated: FloatArray
     roots: FloatArray
+    """Of the weights, (k,)."""
 
 
 def smoothed(
@@ -82,14 +90,13 @@ def smoothed(
     middle = (known @ values) / known.sum()
     values = values - middle
     chosen = np.unique(np.linspace(0, len(nodes) - 1, min(len(nodes), _CHOICE)).round().astype(int))
-    scales, spectrum = _best_scales(nodes[chosen], values[chosen], known[chosen])
+    scales, reduced = _best_scales(nodes[chosen], values[chosen], known[chosen])
     if len(chosen) < len(nodes):
-        spectrum = _decompose(_covariance(nodes, nodes, scales), known)
-    rotated = _rotate(spectrum, values)
-    noise = _costs(spectrum, rotated).argmin(axis=0)
-    filtered = rotated / (spectrum.values[:, None] + np.square(_NOISE[noise]))
-    gains = spectrum.roots[:, None] * (spectrum.vectors @ filtered)
-    result = _covariance(asked, nodes, scales) @ gains + middle
+        reduced = _reduced(_covariance(nodes, nodes, scales), values, known)
+    noise = _costs(reduced).argmin(axis=0)
+    filtered = shifted_solutions(reduced.matrix, reduced.rotated, np.square(_NOISE[noise]))
+    gains = reduced.roots[:, None] * filtered
+    result = matrix_product(_covariance(asked, nodes, scales), gains) + middle
     return _kept_apart(result, fitted)
 
 
@@ -123,41 +130,28 @@ def _covariance(a: FloatArray, b: FloatArray, scales: tuple[float, float]) -> Fl
     return np.asarray(linear + along * force)
 
 
-def _decompose(covariance: FloatArray, weights: FloatArray) -> _Spectrum:
+def _reduced(covariance: FloatArray, values: FloatArray, weights: FloatArray) -> _Reduced:
     roots = np.sqrt(weights)
-    values, vectors = eigh(
-        covariance * np.multiply.outer(roots, roots),
-        overwrite_a=True,
-        check_finite=False,
-        driver="evd",
-    )
-    return _Spectrum(np.maximum(values, 0.0), vectors, roots)
+    matrix = tridiagonal(covariance * np.multiply.outer(roots, roots))
+    return _Reduced(matrix, rotated(matrix, roots[:, None] * values), roots)
 
 
-def _rotate(spectrum: _Spectrum, values: FloatArray) -> FloatArray:
-    return np.asarray(spectrum.vectors.T @ (spectrum.roots[:, None] * values))
-
-
-def _costs(spectrum: _Spectrum, rotated: FloatArray) -> FloatArray:
+def _costs(reduced: _Reduced) -> FloatArray:
     """Return minus the log evidence of each noise for each frequency, shape (16, order)."""
-    damped = spectrum.values + np.square(_NOISE)[:, None]
-    squares = (1.0 / damped) @ np.square(rotated)
+    squares, logarithms = shifted_squares(reduced.matrix, reduced.rotated, np.square(_NOISE))
     middle, spread = _USUAL_NOISE
     off = (np.log(_NOISE) - middle) / spread
-    half = 0.5 * len(rotated) * np.log(squares + _TINY)
-    return np.asarray(half + (0.5 * np.log(damped).sum(axis=1) + 0.5 * off * off)[:, None])
+    half = 0.5 * len(reduced.rotated) * np.log(squares + _TINY)
+    return np.asarray(half + (0.5 * logarithms + 0.5 * off * off)[:, None])
 
 
 def _best_scales(
     points: FloatArray, values: FloatArray, weights: FloatArray
-) -> tuple[tuple[float, float], _Spectrum]:
-    choices, spectra, costs = list(product(*_SCALES)), [], []
-    for scales in choices:
-        spectrum = _decompose(_covariance(points, points, scales), weights)
-        costs.append(float(_costs(spectrum, _rotate(spectrum, values)).min(axis=0).sum()))
-        spectra.append(spectrum)
-    best = int(np.argmin(costs))
-    return choices[best], spectra[best]
+) -> tuple[tuple[float, float], _Reduced]:
+    choices = list(product(*_SCALES))
+    every = [_reduced(_covariance(points, points, scales), values, weights) for scales in choices]
+    best = int(np.argmin([_costs(reduced).min(axis=0).sum() for reduced in every]))
+    return choices[best], every[best]
 
 
 def _pooled(

@@ -1,0 +1,155 @@
+"""Symmetric matrices made tridiagonal, for many systems that differ by a multiple of the identity.
+
+``C = Q T Q'`` by Householder reflections (Golub and Van Loan, Matrix Computations, 2013, algorithm
+8.3.1), so that ``C + s I = Q (T + s I) Q'`` takes O(k) for each right-hand side and shift s, by the
+factors L D L' of the tridiagonal matrix. It must be positive definite.
+
+Eigenvectors would take longer, and LAPACK's start the threads of BLAS, whose waiting doubles the
+processor time of an update; see `mmt.texture.linear_algebra`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.compiled import kernel
+
+
+class Tridiagonal(NamedTuple):
+    """A symmetric matrix (k, k): the reflectors (k, k) of Q, and T by two of its diagonals."""
+
+    reflectors: FloatArray
+    diagonal: FloatArray
+    """Shape (k,)."""
+    beside: FloatArray
+    """Shape (k - 1,)."""
+
+
+def tridiagonal(matrix: FloatArray) -> Tridiagonal:
+    """Make a symmetric matrix (k, k), k > 0, tridiagonal."""
+    reflectors = np.array(matrix, np.float64, order="C")
+    return Tridiagonal(reflectors, *reduce_in_place(reflectors))
+
+
+def rotated(matrix: Tridiagonal, rows: FloatArray) -> FloatArray:
+    """Return ``Q' y`` (k, m) for right-hand sides y."""
+    turned = np.array(rows, np.float64, order="C")
+    turn_in_place(matrix.reflectors, turned, False)
+    return turned
+
+
+def shifted_squares(
+    matrix: Tridiagonal, rows: FloatArray, shifts: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return ``y' inverse(C + s I) y`` (s, m), and the logarithms of the determinants (s,).
+
+    `rows` are those of `rotated`, (k, m).
+    """
+    squares, logarithms = np.zeros((len(shifts), rows.shape[1])), np.zeros(len(shifts))
+    explain(matrix.diagonal, matrix.beside, rows, shifts, squares, logarithms)
+    return squares, logarithms
+
+
+def shifted_solutions(matrix: Tridiagonal, rows: FloatArray, shifts: FloatArray) -> FloatArray:
+    """Return ``inverse(C + s I) y`` (k, m), each column with its own shift s (m,).
+
+    `rows` are those of `rotated`, (k, m).
+    """
+    solved = rows.copy()
+    solve_in_place(matrix.diagonal, matrix.beside, shifts, solved)
+    turn_in_place(matrix.reflectors, solved, True)
+    return solved
+
+
+@kernel("UniTuple(f8[::1], 2)(f8[:, ::1])")
+def reduce_in_place(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Make a symmetric matrix (k, k) tridiagonal; return the diagonal (k,) and the one beside it.
+
+    Row i receives the vector v of length sqrt(2), from column i + 1 on, of the reflection I - v v'.
+    """
+    size = len(matrix)
+    diagonal, beside, product_v = np.empty(size), np.zeros(max(size - 1, 0)), np.empty(size)
+    for i in range(size):
+        diagonal[i] = matrix[i, i]
+        v, square = matrix[i], 0.0
+        for j in range(i + 1, size):
+            square += v[j] ** 2
+        if square == 0.0:
+            continue
+        length = np.sqrt(square)
+        beside[i] = -length if v[i + 1] > 0.0 else length
+        v[i + 1] -= beside[i]
+        scale = 1.0 / np.sqrt(length * abs(v[i + 1]))
+        for j in range(i + 1, size):
+            v[j] *= scale
+            product_v[j] = 0.0
+        for row in range(i + 1, size):
+            for j in range(i + 1, size):
+                product_v[j] += v[row] * matrix[row, j]
+        half = 0.0
+        for j in range(i + 1, size):
+            half += 0.5 * v[j] * product_v[j]
+        for j in range(i + 1, size):
+            product_v[j] -= half * v[j]
+        for row in range(i + 1, size):
+            for j in range(i + 1, size):
+                matrix[row, j] -= v[row] * product_v[j] + product_v[row] * v[j]
+    return diagonal, beside
+
+
+@kernel("void(f8[:, ::1], f8[:, ::1], b1)")
+def turn_in_place(reflectors: FloatArray, rows: FloatArray, back: bool) -> None:
+    """Multiply rows (k, m) by Q', or by Q with ``back``, in place."""
+    size, width = rows.shape
+    along = np.empty(width)
+    for step in range(size - 1):
+        i = size - 2 - step if back else step
+        for m in range(width):
+            along[m] = 0.0
+        for j in range(i + 1, size):
+            for m in range(width):
+                along[m] += reflectors[i, j] * rows[j, m]
+        for j in range(i + 1, size):
+            for m in range(width):
+                rows[j, m] -= reflectors[i, j] * along[m]
+
+
+@kernel("void(f8[::1], f8[::1], f8[::1], f8[:, ::1])")
+def solve_in_place(
+    diagonal: FloatArray, beside: FloatArray, shifts: FloatArray, rows: FloatArray
+) -> None:
+    """Solve ``(T + s I) x = y`` for each column of rows (k, m), with its own shift s (m,)."""
+    size, pivots = len(diagonal), np.empty(len(diagonal))
+    for m in range(len(shifts)):
+        pivots[0] = diagonal[0] + shifts[m]
+        for i in range(1, size):
+            ratio = beside[i - 1] / pivots[i - 1]
+            pivots[i] = diagonal[i] + shifts[m] - ratio * beside[i - 1]
+            rows[i, m] -= ratio * rows[i - 1, m]
+        rows[size - 1, m] /= pivots[size - 1]
+        for i in range(size - 2, -1, -1):
+            rows[i, m] = (rows[i, m] - beside[i] * rows[i + 1, m]) / pivots[i]
+
+
+@kernel("void(f8[::1], f8[::1], f8[:, ::1], f8[::1], f8[:, ::1], f8[::1])")
+def explain(
+    diagonal: FloatArray,
+    beside: FloatArray,
+    rotated: FloatArray,
+    shifts: FloatArray,
+    squares: FloatArray,
+    logarithms: FloatArray,
+) -> None:
+    """Add the results of `shifted_squares`, from ``Q' y`` (k, m), to zeros (s, m) and (s,)."""
+    rest = np.zeros(rotated.shape[1])
+    for s in range(len(shifts)):
+        pivot = 1.0
+        for i in range(len(diagonal)):
+            before = beside[i - 1] if i else 0.0
+            ratio = before / pivot
+            pivot = diagonal[i] + shifts[s] - ratio * before
+            logarithms[s] += np.log(pivot)
+            for m in range(len(rest)):
+                rest[m] = rotated[i, m] - ratio * rest[m]
+                squares[s, m] += rest[m] ** 2 / pivot
