@@ -1,5 +1,7 @@
 """Function calls in local processes, processes with pipes, and a progress bar."""
 
+import asyncio
+import inspect
 import multiprocessing
 import os
 import signal
@@ -111,7 +113,7 @@ def background_processes(*calls: tuple[Any, ...]) -> Iterator[list[Connection]]:
     Parameters
     ----------
     calls
-        Each a function of a module and its arguments, which can be pickled.
+        Each a function of a module, async or not, and its arguments, which can be pickled.
 
     Yields
     ------
@@ -164,7 +166,9 @@ def _piped(pipe: Connection, function: Callable[..., object], *arguments: Any) -
     """Run a function of `background_processes`; send its `MmtError` if it raises one."""
     _leave_interrupts()
     try:
-        function(pipe, *arguments)
+        running = function(pipe, *arguments)
+        if inspect.iscoroutine(running):
+            asyncio.run(running)
     except MmtError as error:
         pipe.send(error)
     except (EOFError, ConnectionError):
