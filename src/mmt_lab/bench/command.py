@@ -12,7 +12,7 @@ from mmt.evaluation.document import Block, Heading, Paragraph, ReportTable
 from mmt.evaluation.report import machine_table
 from mmt.evaluation.report_files import write_report_files
 from mmt_lab.harness import command
-from mmt_lab.harness.experiment import listed, load
+from mmt_lab.harness.experiment import listed
 from mmt_lab.harness.findings import Findings, SkippedMethod
 from mmt_lab.harness.report import found_blocks, print_findings, print_targets, target_blocks
 
@@ -55,7 +55,7 @@ def run_benches(
 def run_stage(name: str, **options: Any) -> Findings:
     """Run a stage; if a package that it needs is not installed, return findings that say so."""
     try:
-        return command.run(name, load(name), **options)
+        return command.run(name, **options)
     except ImportError as error:
         missing = error.name or str(error)
         remedy = install_command("bench")

@@ -12,7 +12,6 @@ from mmt.texture.autoregression.burg import burg, burg_batch
 from mmt.texture.autoregression.forms import reflection_to_ar
 from mmt_lab.bench import peers, references, signals
 from mmt_lab.bench.measuring import interleave
-from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
     MICROSECONDS,
     TIME_US,
@@ -26,6 +25,12 @@ from mmt_lab.harness.findings import (
     Spread,
     Target,
 )
+
+SHOWS: Final = (
+    "what Burg's method costs and how exact it is beside its peers, also where it is stiff"
+)
+TAKES: Final = "2 min"
+GROUP: Final = "bench"
 
 OURS: Final = "mmt"
 OFFSET_ORDER: Final = 10
@@ -263,11 +268,3 @@ def _stiff_targets(stiff: FindingsTable) -> list[Target]:
         Target(f"stiff cases of {cases} that mmt holds", held[OURS], "at least", cases),
         Target(f"stiff cases of {cases} that the best peer holds", most, "at most", cases - 1),
     ]
-
-
-EXPERIMENT = Experiment(
-    shows="what Burg's method costs and how exact it is beside its peers, also where it is stiff",
-    duration="2 min",
-    run=run,
-    group="bench",
-)

@@ -6,8 +6,12 @@ from typing import Final
 from mmt.core.errors import MmtError
 from mmt.core.realtime import require_real_time
 from mmt_lab.bench.device_path.running import SetUp, SetUpFigures, measure_set_up
-from mmt_lab.harness.experiment import Experiment, RealTime
+from mmt_lab.harness.experiment import RealTime
 from mmt_lab.harness.findings import Cell, Findings, FindingsTable, SkippedMethod, Target
+
+SHOWS: Final = "what reading devices costs, and how late and how true frames are"
+TAKES: Final = "6 min"
+GROUP: Final = "bench"
 
 OPENHAPTICS: Final = {"driver": "openhaptics", "options": {"library": "emulated"}}
 
@@ -133,11 +137,3 @@ def _targets(found: Mapping[str, SetUpFigures], slow: Set[str]) -> tuple[Target,
         *(Target(what, max(of, default=None), "at most", bound) for what, of, bound in worst),
         Target("set-ups that import scipy or numba", importing, "at most", 0),
     )
-
-
-EXPERIMENT = Experiment(
-    shows="what reading devices costs, and how late and how true frames are",
-    duration="6 min",
-    run=run,
-    group="bench",
-)

@@ -21,9 +21,12 @@ from mmt_lab.feedback import recorded, simulated
 from mmt_lab.feedback.recorded import RecordedResult, evaluate_run, find_runs, model_table, read_run
 from mmt_lab.feedback.sides import METHODS, Method
 from mmt_lab.feedback.simulated import CellResult, run_cell
-from mmt_lab.harness.experiment import Experiment, Seed, Workers
+from mmt_lab.harness.experiment import Seed, Workers
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import map_in_processes
+
+SHOWS: Final = "which method of force feedback stays stable and true over a delay"
+TAKES: Final = "1 min; 10 s a recording"
 
 FREE: Final = "motion"
 """Last word of the names of runs that touch nothing."""
@@ -262,10 +265,3 @@ def run(
         definitions=DEFINITIONS,
         data=evaluation.as_dict(),
     )
-
-
-EXPERIMENT = Experiment(
-    shows="which method of force feedback stays stable and true over a delay",
-    duration="1 min; 10 s a recording",
-    run=run,
-)

@@ -37,7 +37,6 @@ from mmt_lab.felt.leading import (
 )
 from mmt_lab.felt.passing import stroke_over_network
 from mmt_lab.harness.experiment import (
-    Experiment,
     HandKind,
     Seeds,
     Textures,
@@ -47,6 +46,9 @@ from mmt_lab.harness.experiment import (
 )
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import map_in_processes
+
+SHOWS: Final = "how far what the hand feels over a network is from the surface itself, by method"
+TAKES: Final = "1 h on 2 processors"
 
 NETWORKS: Final = ("lan", "wifi", "wan", "bad")
 
@@ -294,10 +296,3 @@ def run(
         settings=[ReportTable(("network", "each way"), [(n, str(PROFILES[n])) for n in NETWORKS])],
         data=as_dict(outcomes),
     )
-
-
-EXPERIMENT = Experiment(
-    shows="how far what the hand feels over a network is from the surface itself, by method",
-    duration="1 h on 2 processors",
-    run=run,
-)

@@ -18,7 +18,6 @@ from mmt.texture.autoregression.forms import (
 from mmt_lab.bench import peers, references, signals
 from mmt_lab.bench.measuring import interleave
 from mmt_lab.bench.signals import Filters
-from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
     MICROSECONDS,
     TIME_US,
@@ -29,6 +28,10 @@ from mmt_lab.harness.findings import (
     Panel,
     Target,
 )
+
+SHOWS: Final = "what line spectral frequencies cost and how exact they are beside their peers"
+TAKES: Final = "1 min"
+GROUP: Final = "bench"
 
 OURS: Final = "mmt, reflection"
 OURS_AR: Final = "mmt, coefficients"
@@ -232,11 +235,3 @@ def _back_target(largest: Filters) -> Target:
     lsf = largest.rounded_lsf
     error = _ar_error(lsf_to_ar(lsf), [references.lsf_to_ar(row) for row in lsf])
     return Target(f"error back to coefficients at order {LARGEST}", error, "at most", 1e-12)
-
-
-EXPERIMENT = Experiment(
-    shows="what line spectral frequencies cost and how exact they are beside their peers",
-    duration="1 min",
-    run=run,
-    group="bench",
-)

@@ -27,9 +27,13 @@ from mmt_lab.bench.link_sides import PATIENCE_S, SideReport, follow, lead
 from mmt_lab.bench.link_traffic import Kind, Turn, TurnFigures
 from mmt_lab.bench.lossy_path import measure_losses
 from mmt_lab.bench.measuring import Figure, single_figures
-from mmt_lab.harness.experiment import AccelerationRate, Duration, Experiment, RealTime
+from mmt_lab.harness.experiment import AccelerationRate, Duration, RealTime
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import background_processes, received
+
+SHOWS: Final = "what the link adds to a bare WebSocket in latency and processor time"
+TAKES: Final = "1 min"
+GROUP: Final = "bench"
 
 ROUND_S: Final = 1.0
 """Longest turn."""
@@ -238,11 +242,3 @@ def run(
         + (" By real-time scheduling." if realtime else "")
     )
     return single_figures("Link", about, rows)
-
-
-EXPERIMENT = Experiment(
-    shows="what the link adds to a bare WebSocket in latency and processor time",
-    duration="1 min",
-    run=run,
-    group="bench",
-)

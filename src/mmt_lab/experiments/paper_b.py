@@ -22,7 +22,7 @@ from mmt.testing.simulation.grained_textures import GRAINED
 from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectra
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 from mmt.texture.space.inputs import InputSpace
-from mmt_lab.harness.experiment import Experiment, Seed, SpectraOption
+from mmt_lab.harness.experiment import Seed, SpectraOption
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.matching import (
     RECORDED_S,
@@ -40,6 +40,9 @@ from mmt_lab.selection.concatenated import RATE_HZ, network_settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+SHOWS: Final = "paper B's matching test by spectra, and its models' sizes"
+TAKES: Final = "30 s"
 
 TEXTURES: Final = tuple(surface.name for surface in GRAINED)
 """S1 to S3 plastics, S4 to S6 fabrics, S7 to S9 woods; S4 is isotropic, as in the paper."""
@@ -228,8 +231,3 @@ def _drawn_spectra(
     figure.supxlabel("frequency (Hz)")
     figure.supylabel("amplitude (m/s²/√Hz)")
     return figure
-
-
-EXPERIMENT = Experiment(
-    shows="paper B's matching test by spectra, and its models' sizes", duration="30 s", run=run
-)

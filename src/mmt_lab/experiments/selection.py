@@ -15,7 +15,6 @@ import typer
 
 from mmt.evaluation.document import ReportTable
 from mmt_lab.harness.experiment import (
-    Experiment,
     HandKind,
     Seed,
     Seeds,
@@ -26,6 +25,9 @@ from mmt_lab.harness.experiment import (
 )
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.selection.running import METHODS, SelectionResult, run_textures
+
+SHOWS: Final = "how well sample selection finds knocks and keeps the model, published and ours"
+TAKES: Final = "4 min"
 
 TITLE: Final = "Sample selection"
 
@@ -176,10 +178,3 @@ def _means(results: Sequence[SelectionResult], method: str) -> dict[str, Any]:
     mine = [result for result in results if result.method == method]
     means = {name: float(np.mean([getattr(one, name) for one in mine])) for name in _FIGURES}
     return {"method": method, "seeds": len(mine), **means}
-
-
-EXPERIMENT = Experiment(
-    shows="how well sample selection finds knocks and keeps the model, published and ours",
-    duration="4 min",
-    run=run,
-)

@@ -26,9 +26,13 @@ from mmt.evaluation.run_verdict import median_of_known
 from mmt.scene.files import ENVIRONMENT_PREFIX, example_scenes, load_scene
 from mmt_lab.bench import strangers as disturbing
 from mmt_lab.bench.measuring import Figure, single_figures
-from mmt_lab.harness.experiment import AccelerationRate, Duration, Experiment, RealTime
+from mmt_lab.harness.experiment import AccelerationRate, Duration, RealTime
 from mmt_lab.harness.findings import Findings, FindingsTable
 from mmt_lab.harness.processes import background_processes
+
+SHOWS: Final = "what leader and follower cost, and how late their ticks are"
+TAKES: Final = "1 min"
+GROUP: Final = "bench"
 
 ROUND_S: Final = 5.0
 """Longest run of the services; the ways to run them take turns."""
@@ -263,11 +267,3 @@ def _be_busy(pipe: Connection) -> None:
     """Keep a processor busy until the pipe is closed."""
     while not pipe.poll():
         sum(range(100_000))
-
-
-EXPERIMENT = Experiment(
-    shows="what leader and follower cost, and how late their ticks are",
-    duration="1 min",
-    run=run,
-    group="bench",
-)

@@ -19,11 +19,13 @@ import typer
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import require
 from mmt_lab.bench.measuring import Figure, single_figures
-from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings
 from mmt_lab.sharing.hubs import findings
 from mmt_lab.sharing.long_session import run_long_session
 from mmt_lab.sharing.session import run_with_listeners
+
+SHOWS: Final = "what it costs to share a model, and how soon a hundred listeners have it"
+TAKES: Final = "3 min"
 
 
 async def _session(duration_s: float, count: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
@@ -144,10 +146,3 @@ def run(
         "it is sent."
     )
     return single_figures("Sharing", about, rows)
-
-
-EXPERIMENT = Experiment(
-    shows="what it costs to share a model, and how soon a hundred listeners have it",
-    duration="3 min",
-    run=run,
-)

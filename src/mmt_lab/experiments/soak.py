@@ -22,13 +22,16 @@ from rich.progress import BarColumn, Progress, TextColumn
 from mmt.cli.common import messages, stop_on_signals
 from mmt.core.errors import InputError
 from mmt.core.existing_files import free_path
-from mmt_lab.harness.experiment import Experiment, Seed
+from mmt_lab.harness.experiment import Seed
 from mmt_lab.harness.findings import Findings
 from mmt_lab.soak import faults as kinds
 from mmt_lab.soak.faults import SoakFault, plan_faults
 from mmt_lab.soak.judging import RECOVERY_S, AppliedFault, Check, SoakLog, judge, table
 from mmt_lab.soak.recorded import read_back
 from mmt_lab.soak.services import SoakServices
+
+SHOWS: Final = "whether services that are disturbed for long lose frames, leak or slow down"
+TAKES: Final = "1 h"
 
 _SHORTEST_S: Final = 5.0
 _LONGEST_S: Final = 86_000.0
@@ -178,10 +181,3 @@ async def _do(fault: SoakFault, services: SoakServices, http: aiohttp.ClientSess
             async with http.put(url, json=settings) as answer:
                 answer.raise_for_status()
             await asyncio.sleep(fault.length_s if settings else 0.0)
-
-
-EXPERIMENT = Experiment(
-    shows="whether services that are disturbed for long lose frames, leak or slow down",
-    duration="1 h",
-    run=run,
-)

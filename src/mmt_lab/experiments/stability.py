@@ -12,11 +12,13 @@ from typing import Any, Final
 from mmt.core.errors import InputError
 from mmt.evaluation.document import Block, Heading, ReportTable
 from mmt.evaluation.report import environment
-from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import counting
 from mmt_lab.stability.cases import CaseRow, Family, broken, run_case
 from mmt_lab.stability.families import Families, family_names, load_family
+
+SHOWS: Final = "whether the numerics hold where they are stiff and extreme"
+TAKES: Final = "3 min"
 
 COLUMNS: Final = ("case", "expected", "got", "held")
 
@@ -115,8 +117,3 @@ def report_blocks(rows: Sequence[CaseRow]) -> list[Block]:
             blocks += family.pictures([row.figures for row in found])
         blocks.append(family_table(found))
     return blocks
-
-
-EXPERIMENT = Experiment(
-    shows="whether the numerics hold where they are stiff and extreme", duration="3 min", run=run
-)

@@ -19,7 +19,6 @@ from mmt.core.errors import InputError
 from mmt.evaluation.document import ReportTable
 from mmt.evaluation.levels import BAND_EDGES_HZ
 from mmt_lab.harness.experiment import (
-    Experiment,
     HandKind,
     Seed,
     Seeds,
@@ -32,6 +31,9 @@ from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import map_in_processes
 from mmt_lab.surfaces.running import RECORDED, STAY_S, SurfaceResult, run_recorded, run_simulated
 from mmt_lab.surfaces.slides import SLIDES, run_slides, scatter_db
+
+SHOWS: Final = "how soon a change of surface is found, and how many are missed"
+TAKES: Final = "10 min on 2 processors"
 
 TITLE: Final = "More than one surface"
 
@@ -213,10 +215,3 @@ def run(
             "definitions": DEFINITIONS,
         },
     )
-
-
-EXPERIMENT = Experiment(
-    shows="how soon a change of surface is found, and how many are missed",
-    duration="10 min on 2 processors",
-    run=run,
-)

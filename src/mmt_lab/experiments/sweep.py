@@ -7,7 +7,7 @@ processes or on a Dask cluster, with the same figures.
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import numpy as np
 import typer
@@ -18,7 +18,7 @@ from mmt.evaluation.document import ReportTable
 from mmt.evaluation.texts import number, share
 from mmt.scene import Texture
 from mmt.session import RecordedSession, read_session
-from mmt_lab.harness.experiment import Experiment, Seed, Workers
+from mmt_lab.harness.experiment import Seed, Workers
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import counting, processes
 from mmt_lab.sweep.combinations import (
@@ -30,6 +30,9 @@ from mmt_lab.sweep.combinations import (
     make_jobs,
 )
 from mmt_lab.sweep.running import run_locally, run_on_dask
+
+SHOWS: Final = "how recorded sessions fare with other settings of [texture]"
+TAKES: Final = "1 s a session and choice"
 
 MEANS = ("gfc", "gfc_ceiling", "truth_gfc", "power_error_db", "within_jnd", "samples")
 """Figures of the finished model; the mean over sessions is shown."""
@@ -153,10 +156,3 @@ def _table(summary: Sequence[dict[str, Any]]) -> ReportTable:
         rows.append(tuple(cells.values()))
     caption = "Means over sessions, at the stop criterion or at the end where it was never met."
     return ReportTable(tuple(cells), rows, caption)
-
-
-EXPERIMENT = Experiment(
-    shows="how recorded sessions fare with other settings of [texture]",
-    duration="1 s a session and choice",
-    run=run,
-)
