@@ -51,13 +51,13 @@ def map_in_processes(
     results: dict[int, Result] = {}
     with counting(what, len(calls)) as show:
         if wanted == 1:
-            for number, call in enumerate(calls):
-                results[number] = function(*call)
-                show(len(results))
+            found = ((number, function(*call)) for number, call in enumerate(calls))
         else:
-            for number, future in in_processes(function, dict(enumerate(calls)), wanted):
-                results[number] = future.result()
-                show(len(results))
+            futures = in_processes(function, dict(enumerate(calls)), wanted)
+            found = ((number, future.result()) for number, future in futures)
+        for number, result in found:
+            results[number] = result
+            show(len(results))
     return [results[number] for number in sorted(results)]
 
 
@@ -200,3 +200,9 @@ def counting(
 def _leave_interrupts() -> None:
     """Leave Ctrl-C to the process that started this one."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def leave_process_session() -> None:
+    """Put this process into a process session of its own, so that it can lower its priority."""
+    if os.name == "posix":
+        os.setsid()
