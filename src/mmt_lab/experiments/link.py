@@ -37,6 +37,8 @@ GROUP: Final = "bench"
 
 ROUND_S: Final = 1.0
 """Longest turn."""
+RATE_HZ: Final = 1000
+"""Messages a second each way."""
 SUSTAINED_HZ: Final = 5000
 """Messages a second each way of the last turn."""
 _LEAD_TIME_NS: Final = 200_000_000
@@ -83,47 +85,32 @@ class LinkBenchResult:
 
 
 def bench_link(
-    duration_s: float,
-    rate_hz: int = 1000,
-    *,
-    samples_per_frame: int = 1,
-    sustained_hz: int = SUSTAINED_HZ,
-    sustained_s: float | None = None,
-    realtime: bool = False,
+    duration_s: float, *, samples_per_frame: int = 1, realtime: bool = False
 ) -> LinkBenchResult:
     """Measure mmt's link and a bare WebSocket in turns, then mmt's link at a higher rate.
 
     Parameters
     ----------
     duration_s
-        How long each of the two links is measured, over all turns.
-    rate_hz
-        Messages a second each way.
+        How long each of the two links is measured, over all turns; the last turn lasts a quarter.
     samples_per_frame
         Samples of acceleration in each frame.
-    sustained_hz, sustained_s
-        Messages a second each way of the last turn, and its length, by default a quarter of
-        `duration_s`.
     realtime
         Whether both processes run by real-time scheduling, so that no other work of the machine
         comes in between.
     """
     if realtime:
         require_real_time()
-    sustained_s = duration_s / 4 if sustained_s is None else sustained_s
-    if not (duration_s > 0 and rate_hz > 0 and sustained_hz > 0 and sustained_s > 0):
-        raise InputError(
-            f"duration_s {duration_s}, rate_hz {rate_hz}, sustained_hz {sustained_hz}, "
-            f"sustained_s {sustained_s}: all must be positive"
-        )
+    if not duration_s > 0:
+        raise InputError(f"--duration {duration_s}: must be positive")
     rounds = max(1, round(duration_s / ROUND_S))
     turns = [
-        Turn(kind, rate_hz, 0, duration_s / rounds, number / rounds)
+        Turn(kind, RATE_HZ, 0, duration_s / rounds, number / rounds)
         for number in range(rounds)
         for kind in order(number)
     ]
-    turns.append(Turn("ours", sustained_hz, 0, sustained_s, 0.5))
-    told = rate_hz, samples_per_frame, realtime
+    turns.append(Turn("ours", SUSTAINED_HZ, 0, duration_s / 4, 0.5))
+    told = RATE_HZ, samples_per_frame, realtime
     with background_processes((lead, *told), (follow, *told)) as pipes:
         leader, follower = _conduct(pipes, turns)
     *compared, sustained = zip(leader.turns, follower.turns, strict=True)
