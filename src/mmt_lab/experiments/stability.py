@@ -7,6 +7,8 @@ imported when the family runs.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
+from itertools import groupby
+from operator import attrgetter
 from typing import Any, Final
 
 from mmt.core.errors import InputError
@@ -70,10 +72,7 @@ def run_families(chosen: Mapping[str, Family]) -> list[CaseRow]:
 
 def by_family(rows: Iterable[CaseRow]) -> dict[str, list[CaseRow]]:
     """Return the rows of each family, in the order in which the families ran."""
-    found: dict[str, list[CaseRow]] = {}
-    for row in rows:
-        found.setdefault(row.family, []).append(row)
-    return found
+    return {name: list(found) for name, found in groupby(rows, key=attrgetter("family"))}
 
 
 def family_table(rows: Sequence[CaseRow], caption: str = "") -> ReportTable:
