@@ -18,7 +18,7 @@ from mmt_lab.harness.command import (
     report_findings,
     run,
 )
-from mmt_lab.harness.experiment import AccelerationRate, listed, load
+from mmt_lab.harness.experiment import AccelerationRate, listed
 from mmt_lab.stability.families import Families
 
 lab = typer.Typer(
@@ -83,6 +83,6 @@ def _stability(
     report: ReportFolder = None,
 ) -> None:
     """Run the stiff and extreme cases, a row each, and say whether each held."""
-    found = run("stability", load("stability"), families=families)
+    found = run("stability", families=families)
     if not report_findings(found, json_file, report):
         raise typer.Exit(1)

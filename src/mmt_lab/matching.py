@@ -114,23 +114,15 @@ def real_sample(texture: str, seed: int) -> StrokedSample:
 
 
 def compare_pair(
-    sample: StrokedSample, model: TextureModel, seed: int, spectra: Spectra
+    sample: StrokedSample,
+    model: TextureModel,
+    seed: int,
+    spectra: Spectra,
+    recorded: FloatArray | None = None,
 ) -> MatchedPair:
-    """Compare a model's rendering of the stroke with the recording."""
-    return _compared(sample.rendered(model, seed), sample.vibration_m_s2, sample, spectra)
-
-
-def compare_renderings(
-    sample: StrokedSample, model: TextureModel, seed: int, spectra: Spectra
-) -> MatchedPair:
-    """Compare two renderings of one model, which gives the error of a perfect model."""
-    first, other = (sample.rendered(model, seed + number) for number in (0, 1))
-    return _compared(first, other, sample, spectra)
-
-
-def _compared(
-    rendered: FloatArray, recorded: FloatArray, sample: StrokedSample, spectra: Spectra
-) -> MatchedPair:
+    """Compare a model's rendering of the stroke with the recording, or another signal if given."""
+    rendered = sample.rendered(model, seed)
+    recorded = sample.vibration_m_s2 if recorded is None else recorded
     errors, scores, powers_db = [], [], []
     nperseg = _WELCH_SAMPLES if spectra is Spectra.WELCH else None
     for part in sample.segments:

@@ -1,12 +1,9 @@
 """Ingredients of the field are left out, each alone, and put back."""
 
-import json
-
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from lab_runs import run_lab
 
-from mmt.cli.main import app
 from mmt.texture.online.history import build
 from mmt.texture.settings import ModellingSettings
 from mmt_lab.compare import ablations
@@ -42,7 +39,7 @@ def test_each_ingredient_changes_the_model_and_comes_back(texture, names):
 
 
 def test_what_is_no_longer_there_cannot_be_left_out(monkeypatch):
-    gone = Ingredient("gone", {"mmt.texture.field.posterior:no_such_thing": lambda old: old})
+    gone = Ingredient("gone", ("mmt.texture.field.posterior:no_such_thing", lambda old: old))
     monkeypatch.setattr(ablations, "INGREDIENTS", {"gone": gone})
     with pytest.raises(AttributeError, match="no_such_thing"), without("gone"):
         pass
@@ -51,13 +48,8 @@ def test_what_is_no_longer_there_cannot_be_left_out(monkeypatch):
 def test_the_experiment_says_what_an_ingredient_costs(tmp_path, monkeypatch):
     monkeypatch.setattr("mmt_lab.harness.experiment.DRAWN", 1)
     monkeypatch.setattr("mmt_lab.experiments.ablations.INHOMOGENEOUS", ("plastic+patches",))
-    file = tmp_path / "figures.json"
-    options = ["--textures", "glass", "--ingredients", "smoothing", "--spoil", "knock"]
-    result = CliRunner().invoke(
-        app, ["lab", "ablations", *options, "--workers", "1", "--json", str(file)]
-    )
-    assert result.exit_code == 0, result.output
-    tables = json.loads(file.read_text())["tables"]
+    options = ("--textures", "glass", "--ingredients", "smoothing", "--spoil", "knock")
+    tables = run_lab(tmp_path, "ablations", *options, "--workers", "1")[0]["tables"]
     names = [table["caption"].split(",")[0].split(":")[0] for table in tables]
     assert names == [name for name in ("clean", "noisy", "drawn", "uneven", "spoilt") for _ in "12"]
     for table in tables:

@@ -120,4 +120,4 @@ def test_a_peer_that_is_not_installed_is_left_out_with_the_command(monkeypatch):
 def test_stages_are_found_by_their_modules():
     names = [each.name for each in listed("bench")]
     assert {"burg", "lines", "link", "services", "evaluate", "devices"} <= set(names)
-    assert all(callable(load(name).run) for name in names)
+    assert all(callable(load(name)) for name in names)

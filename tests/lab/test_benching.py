@@ -1,5 +1,4 @@
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,10 +7,9 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
-from mmt_lab.bench import command
 from mmt_lab.bench.command import run_benches
 from mmt_lab.experiments import evaluate
-from mmt_lab.harness.experiment import Experiment
+from mmt_lab.harness import command
 from mmt_lab.harness.findings import Findings, Target
 
 
@@ -39,15 +37,11 @@ def test_the_link_is_measured_beside_a_bare_websocket() -> None:
     assert figures["link"]["targets"][0]["met"] is True
 
 
-def found_by(run: Callable[[], Findings]) -> Experiment:
-    return Experiment("something", "no time", run, group="bench")
-
-
 def test_targets_are_printed_beside_what_is_measured(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     result = Findings("B", "About.", targets=(Target("ratio", 5.0, "at least", 4.0),))
-    monkeypatch.setattr(command, "load", lambda name: found_by(lambda: result))
+    monkeypatch.setattr(command, "load", lambda name: lambda: result)
     results, _ = run_benches(["burg", "burg"])
     assert results == [replace(result, name="burg")]
     printed = capsys.readouterr().out
@@ -56,7 +50,7 @@ def test_targets_are_printed_beside_what_is_measured(
 
 
 def test_a_stage_without_its_reference_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing(name: str) -> Experiment:
+    def missing(name: str) -> None:
         raise ModuleNotFoundError("No module named 'mpmath'", name="mpmath")
 
     monkeypatch.setattr(command, "load", missing)
@@ -71,7 +65,7 @@ def test_a_stage_that_fails_leaves_the_others_their_figures(
     def fail() -> Findings:
         raise MmtError("a process gave nothing")
 
-    stages = {"burg": found_by(fail), "lines": found_by(lambda: Findings("Lines", "About."))}
+    stages = {"burg": fail, "lines": lambda: Findings("Lines", "About.")}
     monkeypatch.setattr(command, "load", stages.__getitem__)
     report, figures = str(tmp_path / "report"), tmp_path / "figures.json"
     arguments = ["bench", "burg", "lines", "--report", report, "--json", str(figures)]

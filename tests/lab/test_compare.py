@@ -5,9 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from lab_runs import run_lab
 
-from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.core.frames import acceleration_samples, empty_frames
 from mmt.evaluation.document import ReportTable
@@ -300,12 +299,8 @@ def test_a_report_holds_the_figures_and_what_methods_say_of_their_error(tmp_path
 
 
 def test_the_command_compares_on_named_textures(tmp_path):
-    file = tmp_path / "figures.json"
-    options = ["--seeds", "1", "--textures", "wood", "--workers", "1", "--json", str(file)]
-    spoilt = ["--noise-free", "--spoil", "knock,lost-1"]
-    result = CliRunner().invoke(app, ["lab", "compare", *options, *spoilt])
-    assert result.exit_code == 0, result.output
-    data = json.loads(file.read_text())
+    options = ("--seeds", "1", "--textures", "wood", "--workers", "1")
+    data, _ = run_lab(tmp_path, "compare", *options, "--noise-free", "--spoil", "knock,lost-1")
     assert {row["moment"] for row in data["rows"]} >= set(TIMES)
     assert {fall["spoil"] for fall in data["falls"]} == {"knock", "lost-1"}
     with pytest.raises(InputError, match="soup not known, allowed are all, quiet-20"):

@@ -1,6 +1,5 @@
 """Generators judged beside the methods: known answers, faults, and the command."""
 
-import json
 import re
 import signal
 import time
@@ -11,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from lab_runs import run_lab
 
-from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.evaluation.grid_errors import Strokes
 from mmt.evaluation.strokes_made import StrokesMade
@@ -233,16 +231,13 @@ def test_the_command_compares_the_guides_generator_and_goes_on_past_a_broken_one
     assert example is not None
     (tmp_path / "replay.py").write_text(example[1])
     monkeypatch.syspath_prepend(tmp_path)
-    file = tmp_path / "figures.json"
     others = f"replay:build,{__name__}:build_late"
     monkeypatch.setattr(compare, "judge_generators", partial(judge_generators, run_s=1.0))
     options = ["--generators", others, "--methods", "published,field", "--textures", "drawn-3"]
     options += ["--seeds", "1", "--workers", "1"]
-    written = ["--json", str(file), "--report", str(tmp_path / "report")]
-    result = CliRunner().invoke(app, ["lab", "compare", *options, *written])
-    assert result.exit_code == 1, result.output
-    assert "the builder raised RuntimeError: diverged" in " ".join(result.output.split())
-    data = json.loads(file.read_text())
+    options += ["--report", str(tmp_path / "report")]
+    data, output = run_lab(tmp_path, "compare", *options, code=1)
+    assert "the builder raised RuntimeError: diverged" in " ".join(output.split())
     found = {(row["name"], row["method"], row["moment"]): row for row in data["rows"]}
     of_replay = found["drawn-3", "replay:build", "30 s"]["figures"]
     assert 0.9 < of_replay["gfc"]["median"] < 1.0

@@ -7,14 +7,8 @@ import numpy as np
 import pytest
 
 from mmt.core.errors import InputError
-from mmt_lab.experiments.feedback import (
-    TARGET_RATIO,
-    evaluate_feedback,
-    feedback_tables,
-    remarks,
-    run,
-    targets,
-)
+from mmt_lab.experiments.feedback import TARGET_RATIO, run
+from mmt_lab.feedback import recorded, simulated
 from mmt_lab.feedback.recorded import evaluate_run, find_runs, read_run
 from mmt_lab.feedback.sides import METHODS
 from mmt_lab.feedback.simulated import DelayLine, run_cell
@@ -80,21 +74,20 @@ def test_without_delay_the_streamed_force_is_the_true_one(tmp_path: Path) -> Non
     assert evaluate_run(run, "streamed", 0).force_error_n == pytest.approx(0.0, abs=1e-6)
 
 
-def test_the_tables_the_json_and_the_report_hold_every_cell(tmp_path: Path) -> None:
+def test_the_tables_the_json_and_the_report_hold_every_cell(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = write_run(tmp_path / "one_spring.npz", 1.5)
-    evaluation = evaluate_feedback(
-        [path],
-        walls_n_mm=(2.0,),
-        delays_ms=(10,),
-        recorded_delays_ms=(100,),
-        workers=1,
-    )
-    document = json.loads(json.dumps(evaluation.as_dict()))
+    monkeypatch.setattr(simulated, "WALLS_N_MM", (2.0,))
+    monkeypatch.setattr(simulated, "DELAYS_MS", (10,))
+    monkeypatch.setattr(recorded, "DELAYS_MS", (100,))
+    found = run([path], workers=1)
+    document = json.loads(json.dumps(found.as_dict()))
     assert len(document["simulated"]) == len(document["recorded"]) == 3
     assert {row["method"] for row in document["pooled"]} == set(METHODS)
-    assert [len(table.rows) for table in feedback_tables(evaluation)] == [1, 1, 1, 1]
-    assert any("model: stable and passive in 1 of 1" in text for text in remarks(evaluation))
-    assert [target.met for target in targets(evaluation)] == [True, True, True]
+    assert [len(table.rows) for table in found.tables] == [1, 1, 1, 1]
+    assert any("model: stable and passive in 1 of 1" in text for text in found.sentences)
+    assert [target.met for target in found.targets] == [True, True, True]
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,12 @@
 """What the hand feels over a network is judged against the surface under the hand."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from lab_runs import run_lab
 
-from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.scene import Network
 from mmt.testing.simulation.textures import SURFACES
@@ -127,24 +125,15 @@ def test_the_command_prints_every_method_and_writes_a_report(
     monkeypatch.setattr("mmt_lab.experiments.felt.DURATION_S", 2.0)
     outcomes = run_trial(Trial("fabric", "wan", 5))
     monkeypatch.setattr(felt, "map_in_processes", lambda *_, **__: [outcomes])
-    arguments = ["lab", "felt", "--textures", "fabric", "--seeds", "1"]
-    arguments += ["--json", str(tmp_path / "felt.json"), "--report", str(tmp_path / "report")]
-    result = CliRunner().invoke(app, arguments)
-    assert result.exit_code == 0, result.output
-    for name in ("streaming", "published", "field", "at once"):
-        assert name in result.output
-    written = json.loads((tmp_path / "felt.json").read_text(encoding="utf-8"))
+    options = ("--textures", "fabric", "--seeds", "1", "--report", str(tmp_path / "report"))
+    written, output = run_lab(tmp_path, "felt", *options)
+    names = ("streaming", "published", "field", "at once")
+    assert all(name in output for name in names)
     assert len(written["rows"]) == 4
-    assert set(written["level_db_by_second"]["wan"]) == {
-        "streaming",
-        "published",
-        "field",
-        "at once",
-    }
+    assert set(written["level_db_by_second"]["wan"]) == set(names)
     assert "data:image/png" in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
 
 
 def test_an_unknown_texture_is_named() -> None:
-    result = CliRunner().invoke(app, ["lab", "felt", "--textures", "velvet"])
-    assert isinstance(result.exception, InputError)
-    assert "surface is 'velvet', allowed are" in str(result.exception)
+    with pytest.raises(InputError, match="surface is 'velvet', allowed are"):
+        felt.run(textures="velvet")

@@ -9,21 +9,25 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 import pytest
+from lab_runs import run_lab
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
 from mmt.evaluation.document import Paragraph, ReportTable
 from mmt_lab import experiments
-from mmt_lab.harness.experiment import ExperimentEntry, chosen_textures, listed, load
+from mmt_lab.harness.experiment import Experiment, chosen_textures, listed, load
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import background_processes, map_in_processes, received
 from mmt_lab.harness.report import write_report
 from mmt_lab.harness.tables import missed_because, targets_table
 
 MADE_UP = """
-    from mmt_lab.harness.experiment import Experiment, Seeds
+    from mmt_lab.harness.experiment import Seeds
     from mmt_lab.harness.findings import Findings, Target
+
+    SHOWS = "how many seeds there are"
+    TAKES = "no time"
 
     def run(seeds: Seeds = 2) -> Findings:
         'Count seeds.'
@@ -34,8 +38,6 @@ MADE_UP = """
             failures=["too few"] if seeds < 2 else [],
             data={"seeds": seeds},
         )
-
-    EXPERIMENT = Experiment(shows="how many seeds there are", duration="no time", run=run)
 """
 
 
@@ -56,21 +58,16 @@ def test_a_new_module_is_listed_and_run_without_any_other_change(
     listing = CliRunner().invoke(app, ["lab"])
     assert made_up in listing.output
     assert "how many seeds there are" in " ".join(listing.output.split())
-    figures, report = tmp_path / "figures.json", tmp_path / "report"
-    options = ["--seeds", "3", "--json", str(figures), "--report", str(report)]
-    result = CliRunner().invoke(app, ["lab", made_up, *options])
-    assert result.exit_code == 0, result.output
-    assert "Counted." in result.output
-    written = json.loads(figures.read_text(encoding="utf-8"))
+    report = tmp_path / "report"
+    written, output = run_lab(tmp_path, made_up, "--seeds", "3", "--report", str(report))
+    assert "Counted." in output
     assert written["seeds"] == 3
     assert written["judged"][0]["met"] is True
     assert "at least 2" in (report / "report.md").read_text(encoding="utf-8")
 
 
-def test_what_did_not_hold_ends_with_1(made_up: str) -> None:
-    result = CliRunner().invoke(app, ["lab", made_up, "--seeds", "1"])
-    assert result.exit_code == 1
-    assert "too few" in result.output
+def test_what_did_not_hold_ends_with_1(made_up: str, tmp_path: Path) -> None:
+    assert "too few" in run_lab(tmp_path, made_up, "--seeds", "1", code=1)[1]
 
 
 def test_the_experiments_are_listed() -> None:
@@ -79,14 +76,15 @@ def test_the_experiments_are_listed() -> None:
 
 
 @pytest.mark.parametrize("one", list(listed()), ids=lambda one: one.name)
-def test_an_experiment_is_what_the_list_says(one: ExperimentEntry) -> None:
+def test_an_experiment_is_what_the_list_says(one: Experiment) -> None:
     try:
-        found = load(one.name)
+        found = sys.modules[load(one.name).__module__]
     except ImportError as error:
         if (error.name or "mmt").partition(".")[0] in {"mmt", "mmt_lab"}:
             raise
         pytest.skip(f"{error.name} is not installed")
-    assert (found.shows, found.duration, found.group) == (one.shows, one.duration, one.group)
+    assert (one.shows, one.takes) == (found.SHOWS, found.TAKES)
+    assert getattr(found, "GROUP", "lab") == one.group
 
 
 def test_the_list_needs_no_numerics() -> None:

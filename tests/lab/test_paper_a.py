@@ -1,20 +1,15 @@
 """Paper A's table and figures come from nothing but a seed."""
 
-import json
-
 import pytest
-from typer.testing import CliRunner
+from lab_runs import run_lab
 
-from mmt.cli.main import app
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt_lab.experiments.paper_a import COMPLETE_S, PUBLISHED, run
 
 
 def test_the_table_and_the_figures_of_paper_a_are_made(tmp_path):
-    files = ["--json", str(tmp_path / "a.json"), "--report", str(tmp_path / "report")]
-    done = CliRunner().invoke(app, ["lab", "paper-a", "--seeds", "2", *files])
-    assert done.exit_code == 0, done.output
-    found = json.loads((tmp_path / "a.json").read_text())
+    report = ("--report", str(tmp_path / "report"))
+    found, output = run_lab(tmp_path, "paper-a", "--seeds", "2", *report)
     for texture in found["textures"].values():
         steps = texture["steps"]
         assert [step["time_s"] for step in steps] == [2.5, 5.0, 7.5, 10.0, 12.5, 15.0, 17.5]
@@ -29,7 +24,7 @@ def test_the_table_and_the_figures_of_paper_a_are_made(tmp_path):
     assert len(sums) == sum(map(len, PUBLISHED.values()))
     assert sum(judged[what]["met"] for what in sums) >= 21  # three of four
     assert judged["S4: distance at 2.5 s"]["met"] is False
-    assert "not met: " in done.output
+    assert "not met: " in output
     for name, at_s in COMPLETE_S.items():
         if at_s is None:
             assert judged[f"{name}: last distance"]["met"]

@@ -1,13 +1,11 @@
 """Paper B's matching test and its models come from nothing but a seed."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from lab_runs import run_lab
 
-from mmt.cli.main import app
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt_lab.experiments import paper_b
 from mmt_lab.matching import RENEWAL_SAMPLES, compare_pair, real_sample, virtual_texture
@@ -17,12 +15,8 @@ CHOSEN = ("felt", "oak", "corduroy")
 
 def test_the_tables_and_spectra_of_paper_b_are_made(tmp_path, monkeypatch):
     monkeypatch.setattr(paper_b, "TEXTURES", CHOSEN)
-    files = ["--json", str(tmp_path / "b.json"), "--report", str(tmp_path / "report")]
-    done = CliRunner().invoke(app, ["lab", "paper-b", *files])
-    assert done.exit_code == 0, done.output
-    for words in ("Matching test", "Model sizes", "not met: "):
-        assert words in done.output
-    found = json.loads((tmp_path / "b.json").read_text())
+    found, output = run_lab(tmp_path, "paper-b", "--report", str(tmp_path / "report"))
+    assert all(words in output for words in ("Matching test", "Model sizes", "not met: "))
     assert found["matched"] == len(CHOSEN)
     judged = {target["what"]: target for target in found["judged"]}
     assert judged["pairs that match, of nine"]["met"]

@@ -1,12 +1,9 @@
 """Paper C's tables come from nothing but a seed, on trials that are strung together."""
 
-import json
-
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from lab_runs import run_lab
 
-from mmt.cli.main import app
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt_lab.experiments import paper_c
 from mmt_lab.selection import concatenated, table_two
@@ -67,12 +64,9 @@ def test_as_published_is_the_published_selection_and_variations_differ(recording
 
 def test_the_tables_of_paper_c_are_made_with_the_papers_numbers_beside(tmp_path, monkeypatch):
     monkeypatch.setattr(paper_c, "ROWS", (PLANE, SPACE))
-    files = ["--seeds", "1", "--workers", "1", "--json", str(tmp_path / "c.json")]
-    done = CliRunner().invoke(app, ["lab", "paper-c", *files])
-    assert done.exit_code == 0, done.output
+    found, output = run_lab(tmp_path, "paper-c", "--seeds", "1", "--workers", "1")
     for words in ("paper, Grass", "paper, Wood", "Table I: data sets", "Table II", "Fig. 4"):
-        assert words in done.output
-    found = json.loads((tmp_path / "c.json").read_text())
+        assert words in output
     for row in (PLANE, SPACE):
         (one,) = found["textures"][row.name]
         assert 3 <= one["minimal"] < one["points"] == row.points
@@ -83,8 +77,8 @@ def test_the_tables_of_paper_c_are_made_with_the_papers_numbers_beside(tmp_path,
     detected = judged["Grass: detected, published"]
     assert detected["bound"] == 3.0  # 18 in the paper, of the six knocks here
     assert detected["met"] is False
-    assert "Grass: detected, published" in done.output.replace("\n", " ")
-    assert "not met: " in done.output
+    assert "Grass: detected, published" in output.replace("\n", " ")
+    assert "not met: " in output
 
 
 def test_one_data_set_is_the_same_in_every_run():

@@ -7,17 +7,11 @@ import pytest
 
 from mmt.core.errors import InputError, MmtError
 from mmt_lab.experiments import sharing
+from mmt_lab.sharing.counting import ListenerCounts
 
 
-def found(first_s: float | None, lags_ms: list[float], problem: str = "") -> dict[str, Any]:
-    number = 8 if lags_ms else 0
-    return {
-        "first_s": first_s,
-        "lags_ms": lags_ms,
-        "number": number,
-        "rejected": 0,
-        "problem": problem,
-    }
+def found(first_s: float | None, lags_ms: list[float], problem: str = "") -> ListenerCounts:
+    return ListenerCounts(first_s, lags_ms, number=8 if lags_ms else 0, problem=problem)
 
 
 def leader(tick_ms: float) -> dict[str, Any]:
@@ -29,11 +23,11 @@ def leader(tick_ms: float) -> dict[str, Any]:
     }
 
 
-def sessions(monkeypatch: pytest.MonkeyPatch, crowd: list[dict[str, Any]]) -> None:
-    async def session(_: float, count: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-        return leader(1.0 if count == 1 else 1.25), crowd[:count]
+def sessions(monkeypatch: pytest.MonkeyPatch, crowd: list[ListenerCounts]) -> None:
+    async def session(_: float, command: tuple[Any, int], first: int) -> tuple[Any, Any]:
+        return leader(1.0 if command[1] == 1 else 1.25), crowd[: command[1]]
 
-    monkeypatch.setattr(sharing, "_session", session)
+    monkeypatch.setattr(sharing, "run_with_listeners", session)
 
 
 def test_the_figures_are_those_of_the_crowd_and_fit_into_json(
@@ -56,10 +50,10 @@ def test_the_ticks_are_compared_within_pairs_and_over_them_by_the_median(
 ) -> None:
     ticks_ms = iter([1.0, 1.5, 2.0, 2.2, 1.0, 1.2])
 
-    async def session(_: float, count: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-        return leader(next(ticks_ms)), [found(0.1, [10.0])] * count
+    async def session(_: float, command: tuple[Any, int], first: int) -> tuple[Any, Any]:
+        return leader(next(ticks_ms)), [found(0.1, [10.0])] * command[1]
 
-    monkeypatch.setattr(sharing, "_session", session)
+    monkeypatch.setattr(sharing, "run_with_listeners", session)
     figures = sharing.run(18.0, listeners=2, pairs=3).figures
     names = ("tick_p99_ratio_least", "tick_p99_ratio", "tick_p99_ratio_most")
     assert [figures[name] for name in names] == pytest.approx([1.1, 1.2, 1.5])

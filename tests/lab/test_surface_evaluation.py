@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lab_runs import run_lab
 from scipy.stats import poisson
 from typer.testing import CliRunner
 
@@ -23,6 +24,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.online.surface_changes import SurfaceChange
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt_lab.experiments import surfaces
 from mmt_lab.experiments.surfaces import changes_table, groups, targets
 from mmt_lab.surfaces import running
 from mmt_lab.surfaces.running import (
@@ -169,11 +171,8 @@ def test_the_command_scores_a_recorded_session(tmp_path: Path) -> None:
     )
     frames, annotations = simulate_session(Scene(), course, 7.5, 1)
     write_session(tmp_path / "two.mcap", frames, annotations=annotations)
-    figures = tmp_path / "figures.json"
-    arguments = ["lab", "surfaces", str(tmp_path / "two.mcap"), "--json", str(figures)]
-    result = CliRunner().invoke(app, [*arguments, "--report", str(tmp_path / "report")])
-    assert result.exit_code == 0, result.output
-    row = json.loads(figures.read_text())["rows"][-1]
+    report = ("--report", str(tmp_path / "report"))
+    row = run_lab(tmp_path, "surfaces", str(tmp_path / "two.mcap"), *report)[0]["rows"][-1]
     assert row["stays"] >= 1
     assert row["missed"] == row["false_alarms"] == 0
     assert 0.0 < row["delay_s"] < 3.5  # within the stay
@@ -183,9 +182,8 @@ def test_the_command_scores_a_recorded_session(tmp_path: Path) -> None:
 def test_a_session_on_one_surface_has_no_course(tmp_path: Path) -> None:
     frames, annotations = simulate_session(Scene(), "glass", 0.2, 1)
     write_session(tmp_path / "one.mcap", frames, annotations=annotations)
-    result = CliRunner().invoke(app, ["lab", "surfaces", str(tmp_path / "one.mcap")])
-    assert isinstance(result.exception, InputError)
-    assert "single surface" in str(result.exception)
+    with pytest.raises(InputError, match="single surface"):
+        surfaces.run([tmp_path / "one.mcap"])
 
 
 # --- a recorded session by its surfaces

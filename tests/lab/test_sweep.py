@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lab_runs import run_lab
 from typer.testing import CliRunner
 
 from mmt.cli import main
@@ -229,14 +230,10 @@ def test_the_command_goes_on_where_it_stopped(session, tmp_path, monkeypatch):
     monkeypatch.setattr(sweep, "run_locally", run_here)
     file = tmp_path / "even.npz"
     write_session(file, session.frames)
-    summary = tmp_path / "summary.json"
-    command = ["lab", "sweep", str(file), "--out", str(tmp_path / "out"), "--json", str(summary)]
-    first = CliRunner().invoke(main.app, [*command, "--set", "texture.order=6"])
-    assert first.exit_code == 0, first.output
-    second = CliRunner().invoke(main.app, [*command, "--set", "texture.order=6,9"])
-    assert second.exit_code == 0, second.output
+    command = ("sweep", str(file), "--out", str(tmp_path / "out"))
+    run_lab(tmp_path, *command, "--set", "texture.order=6")
+    content, _ = run_lab(tmp_path, *command, "--set", "texture.order=6,9")
     assert here == [6, 9]
-    content = json.loads(summary.read_text(encoding="utf-8"))
     assert [row["settings"] for row in content["settings"]] == [
         {"texture.order": 6},
         {"texture.order": 9},
@@ -254,10 +251,7 @@ def test_a_failed_job_is_named_and_ends_the_command_with_1(session, tmp_path, mo
     monkeypatch.setattr(sweep, "run_locally", fail)
     file = tmp_path / "even.npz"
     write_session(file, session.frames)
-    result = CliRunner().invoke(
-        main.app, ["lab", "sweep", str(file), "--out", str(tmp_path / "out")]
-    )
-    assert result.exit_code == 1
+    run_lab(tmp_path, "sweep", str(file), "--out", str(tmp_path / "out"), code=1)
     assert not (tmp_path / "out" / "results.jsonl").exists()
 
 

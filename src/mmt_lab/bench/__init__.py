@@ -1,4 +1,4 @@
 """Code that the stages of ``mmt bench`` share, and the command itself.
 
-The stages are the experiments of `mmt_lab.experiments` whose group is ``"bench"``.
+The stages are the experiments of `mmt_lab.experiments` whose ``GROUP`` is ``"bench"``.
 """

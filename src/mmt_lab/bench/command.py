@@ -1,18 +1,20 @@
 """``mmt bench``: run stages, print their findings, and write one report of all."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from mmt.cli.common import messages
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import install_command
-from mmt.evaluation.document import Block, Paragraph, ReportTable
+from mmt.evaluation.document import Block, Heading, Paragraph, ReportTable
 from mmt.evaluation.report import machine_table
+from mmt.evaluation.report_files import write_report_files
 from mmt_lab.harness import command
-from mmt_lab.harness.experiment import listed, load
+from mmt_lab.harness.experiment import listed
 from mmt_lab.harness.findings import Findings, SkippedMethod
-from mmt_lab.harness.report import print_findings, print_targets, write_joint_report
+from mmt_lab.harness.report import found_blocks, print_findings, print_targets, target_blocks
 
 TITLE: Final = "Error against run time"
 
@@ -53,7 +55,7 @@ def run_benches(
 def run_stage(name: str, **options: Any) -> Findings:
     """Run a stage; if a package that it needs is not installed, return findings that say so."""
     try:
-        return command.run(name, load(name), **options)
+        return command.run(name, **options)
     except ImportError as error:
         missing = error.name or str(error)
         remedy = install_command("bench")
@@ -70,13 +72,16 @@ def write_bench_report(
     directory: Path, results: Sequence[Findings], machine: Mapping[str, str]
 ) -> Path:
     """Write ``report.md``, ``report.html``, ``figures/`` and ``bench.json``; return the page."""
-    opening: list[Block] = [
+    blocks: list[Block] = [
+        Heading(TITLE, 1),
         Paragraph(
             "Methods took turns on the machine below; times are medians over rounds, with half "
             "the distance of the quartiles behind them. Trust the ratios within this run more "
             "than the times."
         ),
         ReportTable(("what", "value"), list(machine.items()), "Machine"),
+        *target_blocks(results),
     ]
-    data = as_dict(results, machine)
-    return write_joint_report(directory, TITLE, opening, results, "bench.json", data)
+    for result in results:
+        blocks += [Heading(result.title), *found_blocks(replace(result, targets=()))]
+    return write_report_files(directory, TITLE, blocks, "bench.json", as_dict(results, machine))

@@ -1,7 +1,8 @@
 """The two processes of the link's measurement; each keeps both links open at the same time.
 
-Each process has a pipe to the measuring process. The leader sends its ports, both processes report
-that they are connected, both receive their turns, and both send their figures.
+Each process has a pipe to the measuring process. The leader sends the ports of mmt's link and of
+the bare WebSocket, both processes report that they are connected, both receive their turns, and
+both send their figures.
 """
 
 import asyncio
@@ -22,21 +23,10 @@ from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
 from mmt.scene import Link
-from mmt_lab.bench.link_traffic import Kind, Send, Side, Turn, TurnFigures, run_turns
+from mmt_lab.bench.link_traffic import Kind, Send, Side, Turn, TurnFigures, run_turn
 
 PATIENCE_S: Final = 60.0
 """How long one process waits for the other."""
-
-READY: Final = "ready"
-"""Message that a process sends when both its links are connected."""
-
-
-@dataclass(frozen=True)
-class Ports:
-    """Ports on which the leader listens: for mmt's link and for the bare WebSocket."""
-
-    ours: int
-    bare: int
 
 
 @dataclass(frozen=True)
@@ -49,17 +39,8 @@ class SideReport:
     """Highest sequence number received."""
 
 
-def run_leader(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime: bool) -> None:
+async def lead(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime: bool) -> None:
     """Run the leader of both links."""
-    asyncio.run(_lead(pipe, rate_hz, samples_per_frame, realtime))
-
-
-def run_follower(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime: bool) -> None:
-    """Run the follower of both links."""
-    asyncio.run(_follow(pipe, rate_hz, samples_per_frame, realtime))
-
-
-async def _lead(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime: bool) -> None:
     ours, bare = Side(COMMAND_DTYPE, leads=True), Side(COMMAND_DTYPE, leads=True)
     connected, ended = asyncio.Event(), asyncio.Event()
     events = LeaderEvents(
@@ -72,7 +53,7 @@ async def _lead(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime
     )
     await server.start()
     async with _bare_server() as (port, websocket):
-        pipe.send(Ports(server.port, port))
+        pipe.send((server.port, port))
         await asyncio.wait_for(connected.wait(), PATIENCE_S)
         async with _bare_traffic(bare, await asyncio.wait_for(websocket, PATIENCE_S)) as put:
             await _report(
@@ -85,21 +66,22 @@ async def _lead(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime
     await server.stop()
 
 
-async def _follow(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime: bool) -> None:
-    ports: Ports = await asyncio.to_thread(pipe.recv)
+async def follow(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime: bool) -> None:
+    """Run the follower of both links."""
+    port, bare_port = await asyncio.to_thread(pipe.recv)
     hello = FollowerHello(
         channels=CHANNELS, source="bench", rate_hz=rate_hz, samples_per_frame=samples_per_frame
     )
     ours, bare = Side(hello.frame_dtype), Side(hello.frame_dtype)
     client = FollowerClient(
-        f"http://127.0.0.1:{ports.ours}",
+        f"http://127.0.0.1:{port}",
         hello,
         FollowerEvents(on_commands=ours.record_block),
     )
     await client.connect(PATIENCE_S)
     async with (
         aiohttp.ClientSession() as session,
-        session.ws_connect(f"http://127.0.0.1:{ports.bare}/") as websocket,
+        session.ws_connect(f"http://127.0.0.1:{bare_port}/") as websocket,
         _bare_traffic(bare, websocket) as put,
     ):
         await _report(
@@ -119,9 +101,9 @@ async def _report(
     prefer_even_ticks()
     if realtime:
         be_real_time()
-    pipe.send(READY)
+    pipe.send("ready")
     turns: list[Turn] = await asyncio.to_thread(pipe.recv)
-    measured = await run_turns(turns, sides, send)
+    measured = [await run_turn(turn, sides[turn.kind], send[turn.kind]) for turn in turns]
     pipe.send(
         SideReport(
             measured,

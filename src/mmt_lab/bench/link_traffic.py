@@ -4,7 +4,7 @@ import asyncio
 import math
 import struct
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
@@ -110,14 +110,8 @@ class Side:
 Send = Callable[[RecordArray], None]
 
 
-async def run_turns(
-    turns: list[Turn], sides: Mapping[Kind, Side], send: Mapping[Kind, Send]
-) -> list[TurnFigures]:
-    """Run each turn over its link, and return its figures."""
-    return [await _run_turn(turn, sides[turn.kind], send[turn.kind]) for turn in turns]
-
-
-async def _run_turn(turn: Turn, side: Side, send: Send) -> TurnFigures:
+async def run_turn(turn: Turn, side: Side, send: Send) -> TurnFigures:
+    """Run a turn over its link, and return its figures."""
     before = side.counts
 
     def tick(elapsed: int) -> None:
@@ -140,13 +134,14 @@ async def _run_turn(turn: Turn, side: Side, send: Send) -> TurnFigures:
     ticker.stop()
     await ticker.wait()
     await _sleep_until(turn.end_ns)
-    p50_ms, p99_ms, worst_ms = (latency.quantile_ms(part) for part in (0.5, 0.99, 1.0))
+    quantiles_ms = (latency.quantile_ms(part) for part in (0.5, 0.99, 1.0))
+    p50_ms, p99_ms, worst_ms = (math.nan if each is None else each for each in quantiles_ms)
     counts = (new - old for new, old in zip(side.counts, before, strict=True))
     return TurnFigures(
         turn.kind,
-        math.nan if p50_ms is None else p50_ms,
-        math.nan if p99_ms is None else p99_ms,
-        math.nan if worst_ms is None else worst_ms,
+        p50_ms,
+        p99_ms,
+        worst_ms,
         latency.count / wall_s,
         busy_s / wall_s,
         *counts,

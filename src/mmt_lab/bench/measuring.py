@@ -5,11 +5,9 @@ every round, and the order rotates from round to round, so that other load on th
 all methods alike. The results are medians over rounds, and ratios of medians.
 """
 
-import gc
 import math
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
+from timeit import timeit
 from typing import Final
 
 import numpy as np
@@ -29,7 +27,7 @@ LEAST_S: Final = 0.002
 def interleave(
     tasks: Mapping[str, Task], rounds: int, *, least_s: float = LEAST_S
 ) -> dict[str, Spread]:
-    """Time tasks in turns; return the seconds of one call of each.
+    """Time tasks in turns, without garbage collection; return the seconds of one call of each.
 
     Parameters
     ----------
@@ -43,15 +41,10 @@ def interleave(
     calls = {name: _calls(task, least_s) for name, task in tasks.items()}
     seconds: dict[str, list[float]] = {name: [] for name in tasks}
     names = list(tasks)
-    with _no_collection():
-        for number in range(rounds):
-            shift = number % max(1, len(names))
-            for name in names[shift:] + names[:shift]:
-                task, count = tasks[name], calls[name]
-                started = time.perf_counter_ns()
-                for _ in range(count):
-                    task()
-                seconds[name].append((time.perf_counter_ns() - started) * 1e-9 / count)
+    for number in range(rounds):
+        shift = number % max(1, len(names))
+        for name in names[shift:] + names[:shift]:
+            seconds[name].append(timeit(tasks[name], number=calls[name]) / calls[name])
     return {name: spread(np.array(values)) for name, values in seconds.items()}
 
 
@@ -79,20 +72,5 @@ def single_figures(title: str, about: str, figures: Mapping[str, Figure]) -> Fin
 
 def _calls(task: Task, least_s: float) -> int:
     task()
-    started = time.perf_counter()
-    task()
-    once_s = time.perf_counter() - started
+    once_s = timeit(task, number=1)
     return max(1, min(100_000, math.ceil(least_s / max(once_s, 1e-8))))
-
-
-@contextmanager
-def _no_collection() -> Iterator[None]:
-    """Disable garbage collection during the block."""
-    enabled = gc.isenabled()
-    gc.collect()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()

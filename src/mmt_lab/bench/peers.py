@@ -13,15 +13,8 @@ from mmt.core.errors import InputError
 from mmt.core.extras import install_command
 from mmt_lab.harness.findings import SkippedMethod
 
-_MODULES: Final = {
-    "librosa": "librosa",
-    "memspectrum": "memspectrum",
-    "mpmath": "mpmath",
-    "pysptk": "pysptk",
-    "spectrum": "spectrum",
-    "statsmodels": "statsmodels.regression.linear_model",
-}
-"""Module that is imported of each package, by the package's name."""
+_MODULES: Final = {"statsmodels": "statsmodels.regression.linear_model"}
+"""Module that is imported of a package, if it has another name than the package."""
 
 
 FAILURES: Final = (
@@ -51,7 +44,7 @@ def find(names: Sequence[str]) -> tuple[dict[str, ModuleType], tuple[SkippedMeth
     for name in names:
         try:
             with quiet():
-                modules[name] = importlib.import_module(_MODULES[name])
+                modules[name] = importlib.import_module(_MODULES.get(name, name))
         except ImportError as error:
             remedy = f"pip install {name}, or {install_command('bench')}"
             left_out.append(SkippedMethod(name, f"cannot be imported: {error}", remedy))

@@ -83,17 +83,17 @@ def is_stable(ar: FloatArray) -> bool:
 def lsf_to_ar(lsf: FloatArray) -> list[Number]:
     """Return the filter coefficients of line spectral frequencies, from their definition."""
     with mpmath.workdps(DIGITS):
-        p, q = [mpmath.mpf(1)], [mpmath.mpf(1)]
+        p = q = np.array([mpmath.mpf(1)])
         for index, frequency in enumerate(exact(lsf)):
             factor = [mpmath.mpf(1), -2 * mpmath.cos(frequency), mpmath.mpf(1)]
             if index % 2 == 0:
-                p = _product(p, factor)
+                p = np.convolve(p, factor)
             else:
-                q = _product(q, factor)
+                q = np.convolve(q, factor)
         if len(lsf) % 2 == 0:
-            p, q = _product(p, exact([1, 1])), _product(q, exact([1, -1]))
+            p, q = np.convolve(p, exact([1, 1])), np.convolve(q, exact([1, -1]))
         else:
-            q = _product(q, exact([1, 0, -1]))
+            q = np.convolve(q, exact([1, 0, -1]))
         return [(a + b) / 2 for a, b in zip(p, q, strict=True)][1 : len(lsf) + 1]
 
 
@@ -152,11 +152,3 @@ def largest_error(found: FloatArray, expected: Sequence[Number]) -> float:
 def rounded(values: Sequence[Number]) -> FloatArray:
     """Return the nearest floats."""
     return np.array([float(value) for value in values])
-
-
-def _product(a: Sequence[Number], b: Sequence[Number]) -> list[Number]:
-    result = [mpmath.mpf(0)] * (len(a) + len(b) - 1)
-    for i, left in enumerate(a):
-        for j, right in enumerate(b):
-            result[i + j] += left * right
-    return result

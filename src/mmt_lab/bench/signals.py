@@ -102,34 +102,13 @@ class Filters:
 
 
 def spread_filters(order: int, count: int) -> Filters:
-    """Return filters with frequencies unevenly spread over (0, pi), like those of textures."""
+    """Return filters with frequencies unevenly spread over (0, pi), like those of textures.
+
+    The frequencies are exactly floats.
+    """
     generator = np.random.default_rng(order)
     places = np.arange(1, order + 1) + generator.uniform(-0.35, 0.35, (count, order))
-    return _of_frequencies(np.pi / (order + 1) * places)
-
-
-def low_pass_filter(order: int) -> Filters:
-    """Return the filter that Burg's method finds in noise low-passed at 50 Hz, at 1 kHz."""
-    noise = np.random.default_rng(1).standard_normal(1000)
-    sections = butter(8, 0.1, output="sos")
-    return _of_reflection(burg(sosfilt(sections, noise)[200:], order).reflection)
-
-
-def _of_reflection(reflection: FloatArray) -> Filters:
-    """Return the one filter whose reflection coefficients are exactly these floats.
-
-    The search for its frequencies starts from mmt's result, but is complete whatever that is.
-    """
-    ar = references.step_up(references.exact(reflection))
-    lsf = references.refine_lsf(ar, reflection_to_lsf(reflection))
-    if lsf is None:
-        message = "the reference has not found all frequencies"
-        raise ArithmeticError(message)
-    return Filters([lsf], reflection[np.newaxis], references.rounded(ar)[np.newaxis])
-
-
-def _of_frequencies(lsf: FloatArray) -> Filters:
-    """Return filters whose line spectral frequencies are exactly these floats."""
+    lsf = np.pi / (order + 1) * places
     exact_ar = [references.lsf_to_ar(row) for row in lsf]
     reflection = [references.step_down(ar) or [] for ar in exact_ar]
     return Filters(
@@ -137,3 +116,19 @@ def _of_frequencies(lsf: FloatArray) -> Filters:
         reflection=np.array([references.rounded(k) for k in reflection]),
         ar=np.array([references.rounded(ar) for ar in exact_ar]),
     )
+
+
+def low_pass_filter(order: int) -> Filters:
+    """Return the filter that Burg's method finds in noise low-passed at 50 Hz, at 1 kHz.
+
+    The search for its frequencies starts from mmt's result, but is complete whatever that is.
+    """
+    noise = np.random.default_rng(1).standard_normal(1000)
+    sections = butter(8, 0.1, output="sos")
+    reflection = burg(sosfilt(sections, noise)[200:], order).reflection
+    ar = references.step_up(references.exact(reflection))
+    lsf = references.refine_lsf(ar, reflection_to_lsf(reflection))
+    if lsf is None:
+        message = "the reference has not found all frequencies"
+        raise ArithmeticError(message)
+    return Filters([lsf], reflection[np.newaxis], references.rounded(ar)[np.newaxis])

@@ -115,20 +115,15 @@ def send_as_stranger(host: str, port: int, kind: str) -> int:
     return sent
 
 
-def _stand_by() -> None:
-    """Use the processor as a stranger does in one turn."""
-    busy_until_s = time.thread_time() + _BUSY_S
-    while time.thread_time() < busy_until_s:
-        pass
-    time.sleep(_TURN_S)
-
-
 def main() -> None:
     """Run the stranger of the command line at low priority, as if on another machine."""
     lower_priority()
     address, kind = urlsplit(sys.argv[1]), sys.argv[2]
     while kind == BYSTANDER:
-        _stand_by()
+        busy_until_s = time.thread_time() + _BUSY_S
+        while time.thread_time() < busy_until_s:
+            pass
+        time.sleep(_TURN_S)
     while True:
         send_as_stranger(address.hostname or "", address.port or 80, kind)
 

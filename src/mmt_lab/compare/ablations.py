@@ -5,9 +5,9 @@ alone, and is undone afterwards. The replaced object is looked up by name, so th
 raises an error instead of comparing the field with itself.
 """
 
-import importlib
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+import pkgutil
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -15,49 +15,26 @@ from unittest.mock import patch
 
 import numpy as np
 
+from mmt.texture.field.covariance import HYPERPRIOR
+from mmt.texture.field.observations import BLOCK_VARIANCE, MOMENT_VARIANCE
+
 Replace = Callable[[Any], Any]
 """From a function, a property or a constant to its replacement."""
 
 
 class Ingredient(NamedTuple):
-    """Ingredient in words, and its replacements by target, ``module:name`` or ``module:A.b``."""
+    """Ingredient in words, and its replacement: the target, ``module:name``, and by what."""
 
     what: str
-    replacements: Mapping[str, Replace]
-
-
-def _without_rough(settings: Callable[..., Any]) -> Callable[..., Any]:
-    return partial(settings, rough=False)
+    replacement: tuple[str, Replace]
 
 
 def _medians_alone(settings: Callable[..., Any]) -> Callable[..., Any]:
-    from mmt.texture.field.covariance import HYPERPRIOR
-
     medians = np.array([[prior.median for prior in HYPERPRIOR.values()]])
-    return lambda count, *, directed: medians[:, : settings(1, directed=directed).shape[1]]  # noqa: ARG005
+    return lambda _, *, directed: medians[:, : settings(1, directed=directed).shape[1]]
 
 
-def _trusted(_: Callable[..., Any]) -> Callable[..., Any]:
-    return lambda off, usual: np.ones(len(off))  # noqa: ARG005
-
-
-def _steady(_: Callable[..., Any]) -> Callable[..., Any]:
-    from mmt.texture.field.observations import MOMENT_VARIANCE
-
-    return lambda *given: MOMENT_VARIANCE  # noqa: ARG005
-
-
-def _homogeneous(_: Callable[..., Any]) -> Callable[..., Any]:
-    from mmt.texture.field.observations import BLOCK_VARIANCE
-
-    return lambda _: BLOCK_VARIANCE
-
-
-def _as_fitted(_: Callable[..., Any]) -> Callable[..., Any]:
-    return lambda points, lsf, weights, around=None: _nearest(points, lsf, around)  # noqa: ARG005
-
-
-def _nearest(points: Any, lsf: Any, around: Any) -> Any:
+def _nearest(points: Any, lsf: Any, _: Any, around: Any = None) -> Any:
     """Return the samples' own frequencies, then those of the sample nearest to each point."""
     if around is None:
         return lsf
@@ -69,13 +46,13 @@ def _constantly(value: Any) -> Replace:
     return lambda _: value
 
 
-def _without_columns(*columns: int) -> Replace:
-    """Return a replacement that sets these hyperparameters of every setting to zero."""
+def _without_column(column: int) -> Replace:
+    """Return a replacement that sets this hyperparameter of every setting to zero."""
 
     def replace(settings: Callable[..., Any]) -> Callable[..., Any]:
         def left(count: int, *, directed: bool) -> Any:
             every = settings(count, directed=directed)
-            every[:, [column for column in columns if column < every.shape[1]]] = 0.0
+            every[:, column : column + 1] = 0.0
             return every
 
         return left
@@ -89,69 +66,63 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
     {
         "rough": Ingredient(
             "the rough departure, as wide as a cell",
-            {f"{_FIELD}.posterior:settings": _without_rough},
+            (f"{_FIELD}.posterior:settings", lambda settings: partial(settings, rough=False)),
         ),
         "mixture": Ingredient(
             "the mixture of settings: the median setting alone",
-            {f"{_FIELD}.posterior:settings": _medians_alone},
+            (f"{_FIELD}.posterior:settings", _medians_alone),
         ),
         "trust": Ingredient(
             "the heavy tail of a moment's error: every moment is believed",
-            {f"{_FIELD}.observations:_believed": _trusted},
+            (f"{_FIELD}.observations:_believed", _constantly(lambda off, _: np.ones(len(off)))),
         ),
         "moments": Ingredient(
             "the scatter between moments, beyond the least",
-            {f"{_FIELD}.observations:_moment_variance": _steady},
+            (f"{_FIELD}.observations:_moment_variance", _constantly(lambda *_: MOMENT_VARIANCE)),
         ),
         "slopes": Ingredient(
             "the prior of the slopes: 0 +- 2 for both",
-            {f"{_FIELD}.covariance:SLOPES": _constantly(((0.0, 2.0), (0.0, 2.0)))},
+            (f"{_FIELD}.covariance:SLOPES", _constantly(((0.0, 2.0), (0.0, 2.0)))),
         ),
         "blocks": Ingredient(
             "the scatter between blocks as it was met: that of a homogeneous surface",
-            {f"{_FIELD}.observations:_block_variance": _homogeneous},
+            (f"{_FIELD}.observations:_block_variance", _constantly(lambda _: BLOCK_VARIANCE)),
         ),
         "steady": Ingredient(
             "that speed and force change by a factor of two at most within a block",
-            {f"{_FIELD}.blocks:_LARGEST_CHANGE": _constantly(1e9)},
+            (f"{_FIELD}.blocks:_LARGEST_CHANGE", _constantly(1e9)),
         ),
         "ridges": Ingredient(
             "the departure that is the same for a stroke and its return",
-            {f"{_FIELD}.posterior:settings": _without_columns(4)},
+            (f"{_FIELD}.posterior:settings", _without_column(4)),
         ),
         "nap": Ingredient(
             "the departure that is not",
-            {f"{_FIELD}.posterior:settings": _without_columns(6)},
+            (f"{_FIELD}.posterior:settings", _without_column(6)),
         ),
         "lengths": Ingredient(
             "the choice of the shapes' lengths by their evidence: 0.5 and 0.7",
-            {f"{_FIELD}.shape_smoothing:_SCALES": _constantly(((0.5,), (0.7,)))},
+            (f"{_FIELD}.shape_smoothing:_SCALES", _constantly(((0.5,), (0.7,)))),
         ),
         "smoothing": Ingredient(
             "the smoothing of the spectra's shapes",
-            {f"{_FIELD}.shape_smoothing:smoothed": _as_fitted},
+            (f"{_FIELD}.shape_smoothing:smoothed", _constantly(_nearest)),
         ),
         "high-pass": Ingredient(
             "giving back what the high-pass takes",
-            {"mmt.texture.signals.high_pass:_given_back": _constantly(lambda _: 1.0)},
+            ("mmt.texture.signals.high_pass:_given_back", _constantly(lambda _: 1.0)),
         ),
     }
 )
 """Ingredients of the field by name."""
 
 
-@contextmanager
-def without(name: str) -> Iterator[None]:
+def without(name: str) -> AbstractContextManager[object]:
     """Leave out one of `INGREDIENTS` inside the block; nothing if the name is empty.
 
     Models must be built and evaluated inside the block.
     """
-    with ExitStack() as stack:
-        for target, replace in INGREDIENTS[name].replacements.items() if name else ():
-            module, _, path = target.partition(":")
-            *owners, attribute = path.split(".")
-            owner: Any = importlib.import_module(module)
-            for each in owners:
-                owner = getattr(owner, each)
-            stack.enter_context(patch.object(owner, attribute, replace(getattr(owner, attribute))))
-        yield
+    if not name:
+        return nullcontext()
+    target, replace = INGREDIENTS[name].replacement
+    return patch(target.replace(":", "."), replace(pkgutil.resolve_name(target)))

@@ -1,13 +1,13 @@
 """Judge external generators on one session, by the vibration that they render at its strokes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.evaluation.document import ReportTable
 from mmt.evaluation.strokes_made import StrokesMade
@@ -26,6 +26,7 @@ from mmt_lab.compare.rendered_spectra import (
     spectra_of,
 )
 from mmt_lab.compare.time_limit import time_limit
+from mmt_lab.harness.tables import table_of
 from mmt_methods.generators.building import GeneratorModeller
 from mmt_methods.generators.guarded import GeneratorFault, GuardedGenerator
 from mmt_methods.generators.registry import load
@@ -93,75 +94,58 @@ def check_generators(names: Sequence[str]) -> None:
 def judge_generators(
     case: ComparisonCase, generators: Sequence[str], run_s: float = RUN_S
 ) -> tuple[list[GeneratorScore], list[Fault]]:
-    """Judge generators on one session by the vibration that they render."""
-    session = _Session(case, run_s)
+    """Judge generators on one session by the vibration that they render at its strokes.
+
+    Each is updated over the session, and its state judged at the times of `NUMBERS`.
+    """
+    settings = settings_of(case, "field")
+    blocks = blocks_of(case.session())
+    strokes = StrokesMade.from_frames(blocks, settings).strokes(STROKES)
+    expected = expected_spectra(KnownTexture(case.surface), strokes)
+    rendered: list[GeneratorScore] = []
+    faults = []
     for name in generators:
+        modeller = GeneratorModeller(name, load(name), settings)
         try:
-            session.judge(name)
+            for time_s, source, updates_ms in _states(modeller, name, blocks):
+                before = source.samples, source.clipped
+                vibration, blocks_us = render_strokes(source, strokes, case.seed, run_s)
+                clipped = (source.clipped - before[1]) / (source.samples - before[0])
+                errors = rendered_errors(spectra_of(vibration), expected)
+                judged = JudgedMethod(
+                    **case.labels,
+                    spoil="",
+                    method=source.name,
+                    moment=f"{time_s:g} s",
+                    time_s=time_s,
+                    samples=modeller.segments,
+                    figures=errors.figures,
+                )
+                p50_us, p99_us = np.percentile(blocks_us, (50.0, 99.0)).tolist()
+                times_ms = float(np.median(updates_ms)), max(updates_ms)
+                rendered.append(
+                    GeneratorScore(judged, errors.scatter_db, clipped, (p50_us, p99_us), times_ms)
+                )
         except GeneratorFault as fault:
-            session.faults.append(Fault(name, case.name, case.texture, case.seed, str(fault)))
-    return session.rendered, session.faults
+            faults.append(Fault(name, case.name, case.texture, case.seed, str(fault)))
+    return rendered, faults
 
 
-class _Session:
-    """One session, with the scores and faults of the generators judged on it."""
-
-    def __init__(self, case: ComparisonCase, run_s: float) -> None:
-        self._case, self._run_s = case, run_s
-        self._settings = settings_of(case, "field")
-        self._blocks = blocks_of(case.session())
-        self._strokes = StrokesMade.from_frames(self._blocks, self._settings).strokes(STROKES)
-        self._expected = expected_spectra(KnownTexture(case.surface), self._strokes)
-        self.rendered: list[GeneratorScore] = []
-        self.faults: list[Fault] = []
-
-    def judge(self, name: str) -> None:
-        """Update a generator over the session, and judge its state at the times of `NUMBERS`."""
-        modeller = GeneratorModeller(name, load(name), self._settings)
-        late = f"generator {name}: an update took longer than {LONGEST_UPDATE_S:g} s"
-        updates_ms = []
-        for place, block in enumerate(self._blocks):
-            started = perf_counter()
-            with time_limit(LONGEST_UPDATE_S, late):
-                source = modeller.update(block)
-            updates_ms.append(1e3 * (perf_counter() - started))
-            if place in NUMBERS and source is not None:
-                self._judge(source, NUMBERS[place], modeller.segments, updates_ms)
-        if modeller.generator is None:
-            raise GeneratorFault(
-                f"generator {name}: the builder returned None for the whole session"
-            )
-
-    def _judge(
-        self, source: GuardedGenerator, time_s: float, segments: int, updates_ms: list[float]
-    ) -> None:
-        before = source.samples, source.clipped
-        vibration, blocks_us = render_strokes(source, self._strokes, self._case.seed, self._run_s)
-        clipped = (source.clipped - before[1]) / (source.samples - before[0])
-        errors = rendered_errors(spectra_of(vibration), self._expected)
-        judged = JudgedMethod(
-            **self._case.labels,
-            spoil="",
-            method=source.name,
-            moment=f"{time_s:g} s",
-            time_s=time_s,
-            samples=segments,
-            figures=errors.figures,
-        )
-        self.rendered.append(
-            GeneratorScore(
-                judged,
-                errors.scatter_db,
-                clipped,
-                _pair(np.percentile(blocks_us, (50.0, 99.0))),
-                (float(np.median(updates_ms)), max(updates_ms)),
-            )
-        )
-
-
-def _pair(values: FloatArray) -> tuple[float, float]:
-    first, second = values.tolist()
-    return first, second
+def _states(
+    modeller: GeneratorModeller, name: str, blocks: Sequence[RecordArray]
+) -> Iterator[tuple[float, GuardedGenerator, list[float]]]:
+    """Update a generator; yield each time of `NUMBERS`, its state, and all updates' times in ms."""
+    late = f"generator {name}: an update took longer than {LONGEST_UPDATE_S:g} s"
+    updates_ms = []
+    for place, block in enumerate(blocks):
+        started = perf_counter()
+        with time_limit(LONGEST_UPDATE_S, late):
+            source = modeller.update(block)
+        updates_ms.append(1e3 * (perf_counter() - started))
+        if place in NUMBERS and source is not None:
+            yield NUMBERS[place], source, updates_ms
+    if modeller.generator is None:
+        raise GeneratorFault(f"generator {name}: the builder returned None for the whole session")
 
 
 def generators_table(rendered: Sequence[GeneratorScore]) -> ReportTable:
@@ -171,18 +155,18 @@ def generators_table(rendered: Sequence[GeneratorScore]) -> ReportTable:
         mine = [one for one in rendered if one.judged.method == name]
         block = np.median([one.block_us for one in mine], axis=0)
         rows.append(
-            [
-                name,
-                *(number(float(value), 0) for value in block),
-                number(float(np.median([one.update_ms[0] for one in mine])), 1),
-                number(max(one.update_ms[1] for one in mine), 1),
-                number(float(np.median([one.scatter_db for one in mine])), 2),
-                f"{100 * np.mean([one.clipped for one in mine]):.2g} %",
-            ]
+            {
+                "generator": name,
+                "block p50 (µs)": number(float(block[0]), 0),
+                "p99 (µs)": number(float(block[1]), 0),
+                "update (ms)": number(float(np.median([one.update_ms[0] for one in mine])), 1),
+                "longest (ms)": number(max(one.update_ms[1] for one in mine), 1),
+                "scatter (dB)": number(float(np.median([one.scatter_db for one in mine])), 2),
+                "clipped": f"{100 * np.mean([one.clipped for one in mine]):.2g} %",
+            }
         )
-    columns = ["generator", "block p50 (µs)", "p99 (µs)", "update (ms)", "longest (ms)"]
     caption = "Times in this run, the scatter of the estimates, and samples beyond the limit."
-    return ReportTable([*columns, "scatter (dB)", "clipped"], rows, caption)
+    return table_of(rows, caption)
 
 
 def generator_sentences(rendered: Sequence[GeneratorScore]) -> list[str]:

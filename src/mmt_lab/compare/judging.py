@@ -201,7 +201,8 @@ class SessionJudge:
             )
             if number in shares and model is not None:
                 _, expected, true = shares[number]
-                standardised = self._standardised(model)
+                _, deviation_db = model.level_db(*self.made.strokes.inputs(model.space).T)
+                standardised = root_mean_square(self.made.level_errors_db(model) / deviation_db)
                 judged = replace(judged, expected=expected, true=true, standardised=standardised)
             self.judged.append(judged)
         if certain:
@@ -236,10 +237,6 @@ class SessionJudge:
             return plane
         right: BoolArray = np.abs(self.made.level_errors_db(model)[so_far]) <= JND_DB
         return float((stroked_s * right.mean() + PRIOR_S * plane) / (stroked_s + PRIOR_S))
-
-    def _standardised(self, model: TextureModel) -> float:
-        _, deviation_db = model.level_db(*self.made.strokes.inputs(model.space).T)
-        return root_mean_square(self.made.level_errors_db(model) / deviation_db)
 
 
 def moments_of(history: ModelHistory) -> dict[str, float]:

@@ -32,8 +32,8 @@ _DRIFT_S: Final = 10.0
 Spoil = Callable[[RecordArray, np.random.Generator], RecordArray]
 """From frames (n,) and a source of chance to new frames, (n,) or fewer."""
 
-Change = Callable[[FloatArray, FloatArray], FloatArray]
-"""From accelerations (n, 3) and the time since the moment began (n,), s, to changed ones."""
+Change = Callable[[FloatArray, FloatArray], None]
+"""Changes accelerations (n, 3), given the time since the moment began (n,), s."""
 
 
 def spoilt(frames: RecordArray, name: str, seed: int) -> RecordArray:
@@ -56,7 +56,8 @@ def _changed(change: Change, frames: RecordArray, _: np.random.Generator) -> Rec
     frame_s = 1e-9 * (frames["time_ns"] - frames["time_ns"][0]) - MOMENT_S
     time_s = sample_times(frame_s, samples_per_frame(frames.dtype), FRAME_PERIOD_S)
     found = frames.copy()
-    values = change(acceleration_samples(frames).astype(np.float64), time_s)
+    values = acceleration_samples(frames).astype(np.float64)
+    change(values, time_s)
     found["acceleration_m_s2"] = values.reshape(found["acceleration_m_s2"].shape)
     return found
 
@@ -70,48 +71,41 @@ def _vibration(values: FloatArray, inside: BoolArray) -> FloatArray:
     return np.asarray(values[inside] - values[inside].mean(axis=0))
 
 
-def _quieter(by_db: float, values: FloatArray, time_s: FloatArray) -> FloatArray:
+def _quieter(by_db: float, values: FloatArray, time_s: FloatArray) -> None:
     inside = _during(time_s)
     values[inside] -= (1.0 - 10.0 ** (-by_db / 20.0)) * _vibration(values, inside)
-    return values
 
 
-def _held(values: FloatArray, time_s: FloatArray) -> FloatArray:
+def _held(values: FloatArray, time_s: FloatArray) -> None:
     inside = np.flatnonzero(_during(time_s))
     values[inside] = values[inside[0]]
-    return values
 
 
-def _knocked(values: FloatArray, time_s: FloatArray) -> FloatArray:
+def _knocked(values: FloatArray, time_s: FloatArray) -> None:
     inside = _during(time_s, _KNOCK_S)
     values[inside, 2] += _KNOCK_M_S2 * np.sin(np.pi * time_s[inside] / _KNOCK_S)
-    return values
 
 
-def _hummed(values: FloatArray, time_s: FloatArray) -> FloatArray:
+def _hummed(values: FloatArray, time_s: FloatArray) -> None:
     inside = _during(time_s)
     values[inside] += _HUM_M_S2 * np.sin(2.0 * np.pi * _MAINS_HZ * time_s[inside])[:, None]
-    return values
 
 
-def _saturated(values: FloatArray, time_s: FloatArray) -> FloatArray:
+def _saturated(values: FloatArray, time_s: FloatArray) -> None:
     inside, limit = _during(time_s), ACCELERATION_RANGE_M_S2
     values[inside] = np.clip(_OVERDRIVE * _vibration(values, inside), -limit, limit)
-    return values
 
 
-def _unplugged(values: FloatArray, time_s: FloatArray) -> FloatArray:
+def _unplugged(values: FloatArray, time_s: FloatArray) -> None:
     values[_during(time_s, UNPLUGGED_S)] = 0.0
-    return values
 
 
-def _spiked(values: FloatArray, time_s: FloatArray) -> FloatArray:
+def _spiked(values: FloatArray, time_s: FloatArray) -> None:
     values[np.flatnonzero(_during(time_s))[0], 2] += _KNOCK_M_S2
-    return values
 
 
-def _drifted(values: FloatArray, time_s: FloatArray) -> FloatArray:
-    return values + (_DRIFT_M_S2 * np.clip(time_s / _DRIFT_S, 0.0, 1.0))[:, None]
+def _drifted(values: FloatArray, time_s: FloatArray) -> None:
+    values += (_DRIFT_M_S2 * np.clip(time_s / _DRIFT_S, 0.0, 1.0))[:, None]
 
 
 def _lost(

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
+from itertools import product
 from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
 from mmt.evaluation.levels import PooledFigure, across
 from mmt_lab.compare.judging import (
     FIGURES,
@@ -119,26 +119,35 @@ class MethodComparison:
     def rows(self, name: str, spoil: str = "") -> list[MethodRow]:
         """Return the rows of a texture, or of a whole group."""
         whole = len({_key(one) for one in self._chosen(name, spoil)})
-        return [
-            _row(name, spoil, method, moment, whole, chosen)
-            for moment in MOMENTS
-            for method in self.methods
-            if (chosen := self._chosen(name, spoil, method, moment))
-        ]
+        rows = []
+        for moment, method in product(MOMENTS, self.methods):
+            if chosen := self._chosen(name, spoil, method, moment):
+                time_s = float(np.median([one.time_s for one in chosen]))
+                samples = float(np.median([one.samples for one in chosen]))
+                figures = {
+                    figure: across(values, larger_is_better=figure in LARGER_IS_BETTER)
+                    for figure in FIGURES
+                    if (values := [o.figures[figure] for o in chosen if figure in o.figures])
+                }
+                rows.append(MethodRow(name, spoil, method, moment, whole, time_s, samples, figures))
+        return rows
 
     def differences(self, name: str) -> list[MethodDifference]:
         """Return how much every other method differs from the first, at the same moments."""
         found = []
         for moment in MOMENTS:
             base = {_key(one): one for one in self._chosen(name, "", self.methods[0], moment)}
-            for method in self.methods[1:]:
-                chosen = self._chosen(name, "", method, moment)
-                pairs = [(one, base[_key(one)]) for one in chosen if _key(one) in base]
-                found += [
-                    _difference(name, method, moment, figure, both)
-                    for figure in FIGURES
-                    if (both := [p for p in pairs if all(figure in one.figures for one in p)])
+            for method, figure in product(self.methods[1:], FIGURES):
+                gains = [
+                    one.figures[figure] - base[_key(one)].figures[figure]
+                    for one in self._chosen(name, "", method, moment)
+                    if _key(one) in base and figure in one.figures
+                    if figure in base[_key(one)].figures
                 ]
+                if count := len(gains):
+                    error = np.std(gains, ddof=1) / np.sqrt(count) if count > 1 else np.inf
+                    mean, error = float(np.mean(gains)), float(error)
+                    found.append(MethodDifference(name, method, moment, figure, count, mean, error))
         return found
 
     def falls(self, moment: str = "30 s") -> list[Fall]:
@@ -189,38 +198,6 @@ class MethodComparison:
 
 def _key(one: JudgedMethod) -> tuple[str, str, int]:
     return one.name, one.texture, one.seed
-
-
-def _row(
-    name: str, spoil: str, method: str, moment: str, whole: int, chosen: Sequence[JudgedMethod]
-) -> MethodRow:
-    return MethodRow(
-        name=name,
-        spoil=spoil,
-        method=method,
-        moment=moment,
-        sessions=whole,
-        time_s=float(np.median([one.time_s for one in chosen])),
-        samples=float(np.median([one.samples for one in chosen])),
-        figures={
-            figure: across(values, larger_is_better=figure in LARGER_IS_BETTER)
-            for figure in FIGURES
-            if (values := [o.figures[figure] for o in chosen if figure in o.figures])
-        },
-    )
-
-
-def _difference(
-    name: str,
-    method: str,
-    moment: str,
-    figure: str,
-    pairs: Sequence[tuple[JudgedMethod, JudgedMethod]],
-) -> MethodDifference:
-    gains: FloatArray = np.array([a.figures[figure] - b.figures[figure] for a, b in pairs])
-    count = len(gains)
-    error = float(gains.std(ddof=1) / np.sqrt(count)) if count > 1 else float("inf")
-    return MethodDifference(name, method, moment, figure, count, float(gains.mean()), error)
 
 
 def _fall(

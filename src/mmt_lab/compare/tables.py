@@ -175,29 +175,30 @@ def shares(certainties: Sequence[Certainty]) -> tuple[FloatArray, FloatArray]:
 
 def largest_miscalibration(certainties: Sequence[Certainty]) -> float | None:
     """Return the largest difference of true and expected share in a tenth with enough cases."""
+    return max((abs(true - expected) for expected, true in tenths(certainties)), default=None)
+
+
+def tenths(certainties: Sequence[Certainty]) -> list[tuple[float, float]]:
+    """Return the mean expected and true share of each tenth that has enough cases."""
     expected, true = shares(certainties)
     tenth = np.clip(np.digitize(expected, TENTHS) - 1, 0, len(TENTHS) - 2)
-    off = [
-        abs(float((true - expected)[tenth == number].mean()))
+    return [
+        (float(expected[tenth == number].mean()), float(true[tenth == number].mean()))
         for number in range(len(TENTHS) - 1)
         if np.count_nonzero(tenth == number) >= LEAST_CASES
     ]
-    return max(off, default=None)
-
-
-def _around(error: float) -> str:
-    return f" ± {error:.3f}" if math.isfinite(error) else " (one pair)"
 
 
 def difference_sentences(comparison: MethodComparison, method: str) -> list[str]:
     """Return for each group how much a method's share differs from that of the first one."""
     sentences = []
     for group in comparison.groups:
-        found = [
-            f"{each.mean:+.3f}{_around(each.standard_error)} at {each.moment} ({each.verdict})"
-            for each in comparison.differences(group)
-            if (each.method, each.figure) == (method, SHARES[0])
-        ]
+        found = []
+        for each in comparison.differences(group):
+            if (each.method, each.figure) == (method, SHARES[0]):
+                error = each.standard_error
+                around = f" ± {error:.3f}" if math.isfinite(error) else " (one pair)"
+                found.append(f"{each.mean:+.3f}{around} at {each.moment} ({each.verdict})")
         if found:
             sentences.append(
                 f"{group}: share of {method} over the strokes that were made, less that of "
@@ -212,16 +213,10 @@ def calibration_figure(certainties: Sequence[Certainty]) -> Figure:
     figure = Figure(figsize=(3.7 * len(groups) + 0.4, 3.8), layout="constrained")
     axes = figure.subplots(1, len(groups), sharey=True, squeeze=False)[0]
     for axis, group in zip(axes, groups, strict=True):
-        expected, true = shares([one for one in certainties if one.group == group])
+        own = [one for one in certainties if one.group == group]
         axis.plot((0, 1), (0, 1), color=LIGHT["faint"], linewidth=1.0)
-        axis.scatter(expected, true, s=7, color=LIGHT["streamed"], alpha=0.25, linewidth=0)
-        tenth = np.clip(np.digitize(expected, TENTHS) - 1, 0, len(TENTHS) - 2)
-        means = [
-            (expected[tenth == k].mean(), true[tenth == k].mean())
-            for k in range(len(TENTHS) - 1)
-            if np.count_nonzero(tenth == k) >= LEAST_CASES
-        ]
-        if means:
+        axis.scatter(*shares(own), s=7, color=LIGHT["streamed"], alpha=0.25, linewidth=0)
+        if means := tenths(own):
             axis.plot(
                 *np.array(means).T, color=LIGHT["ink"], marker="o", markersize=4, linewidth=1.2
             )

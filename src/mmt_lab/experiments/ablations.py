@@ -19,7 +19,6 @@ from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, simulated_cases
 from mmt_lab.compare.judging import SHARES, JudgedMethod, check_methods, judge
 from mmt_lab.compare.spoiling import check_spoils
 from mmt_lab.harness.experiment import (
-    Experiment,
     Seeds,
     Textures,
     Workers,
@@ -28,6 +27,9 @@ from mmt_lab.harness.experiment import (
 )
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import map_in_processes
+
+SHOWS: Final = "what each ingredient of the field is worth, by leaving it out"
+TAKES: Final = "10 min on 2 processors for six textures"
 
 WHOLE: Final = "field"
 
@@ -143,10 +145,3 @@ def run(
         settings=[ReportTable(("ingredient", "what is left out"), words)],
         data={"tables": [{"caption": t.caption, "rows": t.rows} for t in tables]},
     )
-
-
-EXPERIMENT = Experiment(
-    shows="what each ingredient of the field is worth, by leaving it out",
-    duration="10 min on 2 processors for six textures",
-    run=run,
-)

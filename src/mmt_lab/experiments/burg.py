@@ -12,7 +12,6 @@ from mmt.texture.autoregression.burg import burg, burg_batch
 from mmt.texture.autoregression.forms import reflection_to_ar
 from mmt_lab.bench import peers, references, signals
 from mmt_lab.bench.measuring import interleave
-from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
     MICROSECONDS,
     TIME_US,
@@ -22,10 +21,15 @@ from mmt_lab.harness.findings import (
     Findings,
     FindingsTable,
     Panel,
-    SkippedMethod,
     Spread,
     Target,
 )
+
+SHOWS: Final = (
+    "what Burg's method costs and how exact it is beside its peers, also where it is stiff"
+)
+TAKES: Final = "2 min"
+GROUP: Final = "bench"
 
 OURS: Final = "mmt"
 OFFSET_ORDER: Final = 10
@@ -65,7 +69,8 @@ STIFF: Final = signals.STIFF_CASES
 @peers.quiet()
 def run() -> Findings:
     """Measure every implementation that is installed."""
-    methods, left_out = _find_methods()
+    modules, left_out = peers.find(("librosa", "memspectrum", "spectrum", "statsmodels"))
+    methods = [BurgFit(OURS, _ours, burg, burg_batch), *_peers(modules)]
     single = _by_order(methods)
     batch = _by_batch(methods)
     stiff = _stiff(methods)
@@ -83,18 +88,13 @@ def run() -> Findings:
         ),
         panels=(single, batch, _by_offset(methods)),
         records=(stiff,),
-        targets=(*_speed_targets(single, batch), *_stiff_targets(stiff)),
+        targets=(_speed_target(single, 4.0), _speed_target(batch, 2.0), *_stiff_targets(stiff)),
         left_out=left_out,
     )
 
 
-def _find_methods() -> tuple[list[BurgFit], tuple[SkippedMethod, ...]]:
-    """Return mmt's method, those of the installed packages, and the packages that are missing."""
-    modules, left_out = peers.find(("librosa", "memspectrum", "spectrum", "statsmodels"))
-    ours = BurgFit(
-        OURS, lambda x, order: reflection_to_ar(burg(x, order).reflection), burg, burg_batch
-    )
-    return [ours, *_peers(modules)], left_out
+def _ours(x: FloatArray, order: int) -> FloatArray:
+    return reflection_to_ar(burg(x, order).reflection)
 
 
 def _peers(modules: Mapping[str, Any]) -> Iterator[BurgFit]:
@@ -224,7 +224,10 @@ def _held(
 ) -> dict[str, Any]:
     try:
         ar = method.coefficients(case.signal, case.order)
-        stable = len(ar) == case.order and _is_stable(method, case, ar)
+        if method.name == OURS:
+            stable = bool((np.abs(burg(case.signal, case.order).reflection) < 1.0).all())
+        else:
+            stable = len(ar) == case.order and references.is_stable(ar)
     except peers.FAILURES as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         return {"stable": False, "error": None, "residual": None, "remark": f"raises: {reason}"}
@@ -235,21 +238,9 @@ def _held(
     return {"stable": stable, "error": _error(ar, expected), "residual": ratio, "remark": ""}
 
 
-def _is_stable(method: BurgFit, case: signals.StiffCase, ar: FloatArray) -> bool:
-    if method.name == OURS:
-        return bool((np.abs(burg(case.signal, case.order).reflection) < 1.0).all())
-    return references.is_stable(ar)
-
-
-def _speed_targets(single: Panel, batch: Panel) -> list[Target]:
-    return [
-        Target(f"librosa over mmt, {single.title}: least ratio", _ratio(single), "at least", 4.0),
-        Target(f"librosa over mmt, {batch.title}: least ratio", _ratio(batch), "at least", 2.0),
-    ]
-
-
-def _ratio(panel: Panel) -> float | None:
-    return min(panel.x_ratios("librosa", OURS).values(), default=None)
+def _speed_target(panel: Panel, least: float) -> Target:
+    ratio = min(panel.x_ratios("librosa", OURS).values(), default=None)
+    return Target(f"librosa over mmt, {panel.title}: least ratio", ratio, "at least", least)
 
 
 def _stiff_targets(stiff: FindingsTable) -> list[Target]:
@@ -263,11 +254,3 @@ def _stiff_targets(stiff: FindingsTable) -> list[Target]:
         Target(f"stiff cases of {cases} that mmt holds", held[OURS], "at least", cases),
         Target(f"stiff cases of {cases} that the best peer holds", most, "at most", cases - 1),
     ]
-
-
-EXPERIMENT = Experiment(
-    shows="what Burg's method costs and how exact it is beside its peers, also where it is stiff",
-    duration="2 min",
-    run=run,
-    group="bench",
-)

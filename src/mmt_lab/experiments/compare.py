@@ -17,7 +17,7 @@ from mmt.core.errors import InputError
 from mmt.evaluation.document import Block, Heading, ReportTable
 from mmt.evaluation.levels import BAND_EDGES_HZ, WORST
 from mmt.evaluation.report_files import picture
-from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, simulated_cases
+from mmt_lab.compare.cases import INHOMOGENEOUS, simulated_cases
 from mmt_lab.compare.generators import DEFINITIONS as OF_GENERATORS
 from mmt_lab.compare.generators import (
     Fault,
@@ -43,7 +43,6 @@ from mmt_lab.compare.tables import (
 )
 from mmt_lab.harness.experiment import (
     AccelerationRates,
-    Experiment,
     HandKind,
     Seeds,
     Textures,
@@ -55,7 +54,8 @@ from mmt_lab.harness.experiment import (
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import map_in_processes
 
-TITLE: Final = "Methods side by side"
+SHOWS: Final = "which method of texture modelling comes closest to known textures, and how soon"
+TAKES: Final = "40 min on 2 processors"
 
 DEFINITIONS: Final = {
     "within_jnd, plane_within_jnd": "share of the strokes that were made, or of the plane, whose "
@@ -119,9 +119,11 @@ def targets(comparison: MethodComparison) -> list[Target]:
     """Return the targets of each method but the first, in each group and if spoilt."""
     found = []
     first = comparison.methods[0]
+    # without generators, which may not have reached every time
+    alone = [name for name in comparison.methods if name.partition("-")[0] in METHODS]
     for group in comparison.groups:
         rows = {(row.moment, row.method): row for row in comparison.rows(group)}
-        for method in _methods_alone(comparison)[1:]:
+        for method in alone[1:]:
             leads = []
             for moment in (f"{time_s:g} s" for time_s in TIMES_S):
                 own, other = (rows[moment, name].figures[SHARES[0]] for name in (method, first))
@@ -141,29 +143,8 @@ def targets(comparison: MethodComparison) -> list[Target]:
     return found
 
 
-def _methods_alone(comparison: MethodComparison) -> list[str]:
-    """Return the methods that are no generators, which may not have reached every time."""
-    return [name for name in comparison.methods if name.partition("-")[0] in METHODS]
-
-
 LARGEST_FALL: Final = 0.01
 LARGEST_FALLS: Final = {"lost-1": 0.01, "lost-2": 0.02, "lost-5": 0.05}
-
-
-def compare(
-    cases: Sequence[ComparisonCase],
-    methods: Sequence[str],
-    spoils: Sequence[str] = (),
-    workers: int | None = None,
-) -> MethodComparison:
-    """Judge methods on every session, in local processes."""
-    calls = [(case, tuple(methods), tuple(spoils)) for case in cases]
-    found = map_in_processes(judge, calls, workers=workers, what="comparing")
-    return MethodComparison(
-        tuple(methods),
-        tuple(one for judged, _ in found for one in judged),
-        tuple(one for _, sure in found for one in sure),
-    )
 
 
 def run(
@@ -205,7 +186,13 @@ def run(
     if others and rates != [1000]:
         raise InputError("--generators: they render at 1 kHz; leave --acceleration-rate out")
     cases = [replace(case, acceleration_rate_hz=rate_hz) for rate_hz in rates for case in made]
-    found = compare(cases, names, spoils, workers)
+    passes = [(case, tuple(names), tuple(spoils)) for case in cases]
+    judged = map_in_processes(judge, passes, workers=workers, what="comparing")
+    found = MethodComparison(
+        tuple(names),
+        tuple(one for by_method, _ in judged for one in by_method),
+        tuple(one for _, sure in judged for one in sure),
+    )
     if not others:
         return findings(found)
     calls = [(case, tuple(others)) for case in cases]
@@ -226,7 +213,7 @@ def findings(comparison: MethodComparison) -> Findings:
         for sentence in difference_sentences(comparison, method)
     ]
     return Findings(
-        TITLE,
+        "Methods side by side",
         tables=method_tables(comparison),
         sentences=sentences,
         blocks=lambda: method_blocks(comparison),
@@ -260,10 +247,3 @@ def _with_generators(
         },
         failures=failures(faults),
     )
-
-
-EXPERIMENT = Experiment(
-    shows="which method of texture modelling comes closest to known textures, and how soon",
-    duration="40 min on 2 processors",
-    run=run,
-)

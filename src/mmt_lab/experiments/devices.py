@@ -6,14 +6,20 @@ from typing import Final
 from mmt.core.errors import MmtError
 from mmt.core.realtime import require_real_time
 from mmt_lab.bench.device_path.running import SetUp, SetUpFigures, measure_set_up
-from mmt_lab.harness.experiment import Experiment, RealTime
+from mmt_lab.harness.experiment import RealTime
 from mmt_lab.harness.findings import Cell, Findings, FindingsTable, SkippedMethod, Target
+
+SHOWS: Final = "what reading devices costs, and how late and how true frames are"
+TAKES: Final = "6 min"
+GROUP: Final = "bench"
+
+OPENHAPTICS: Final = {"driver": "openhaptics", "options": {"library": "emulated"}}
 
 SET_UPS: Final = (
     SetUp("virtual lab: Net F/T, ADXL335 on serial", "net_ft", "adxl335"),
     SetUp("Digital F/T, ADXL335 on serial", "digital_ft", "adxl335"),
     SetUp("Net F/T, ADXL335 at a U6", "net_ft", "u6"),
-    SetUp("OpenHaptics arm, Net F/T, ADXL335 on serial", "net_ft", "adxl335", "openhaptics"),
+    SetUp("OpenHaptics arm, Net F/T, ADXL335 on serial", "net_ft", "adxl335", OPENHAPTICS),
     SetUp("Net F/T, accelerometer of industrial I/O", "net_ft", "iio"),
     SetUp("Bota on serial, accelerometer of industrial I/O", "bota", "iio", slow=True),
 )
@@ -22,6 +28,14 @@ CORE_SHARE: Final = 0.25
 LATENCY_MS: Final = 2.0
 JITTER_MS: Final = 0.1
 SEEN_MS: Final = 20.0
+
+TABLES: Final = {
+    "cost": "Cost",
+    "times": "Latency and jitter",
+    "frames": "Frames and stops",
+    "clocks": "Clocks",
+}
+"""Titles of the tables by name."""
 
 _REMEDY: Final = "see docs/reference/bench.md"
 
@@ -45,6 +59,7 @@ def run(realtime: RealTime = False) -> Findings:
             found[set_up.name] = measure_set_up(set_up, DURATION_S, STOPS, realtime=realtime)
         except MmtError as error:
             left_out.append(SkippedMethod(set_up.name, str(error), _REMEDY))
+    rows = {name: _rows(one) for name, one in found.items()}
     return Findings(
         title="Devices",
         about=(
@@ -64,54 +79,43 @@ def run(realtime: RealTime = False) -> Findings:
         ),
         records=tuple(
             FindingsTable(
-                key, title, tuple({"set-up": name, **row(one)} for name, one in found.items())
+                key, title, tuple({"set-up": name, **row[key]} for name, row in rows.items())
             )
-            for key, title, row in (
-                ("cost", "Cost", _cost),
-                ("times", "Latency and jitter", _times),
-                ("frames", "Frames and stops", _frames),
-                ("clocks", "Clocks", _clocks),
-            )
+            for key, title in TABLES.items()
         ),
         targets=_targets(found, {one.name for one in SET_UPS if one.slow}),
         left_out=tuple(left_out),
     )
 
 
-def _cost(one: SetUpFigures) -> dict[str, Cell]:
-    return {
-        "share of a core": one.core_share,
-        "emulation": one.emulated_share,
-        "tick alone": one.bare_share,
-    }
-
-
-def _times(one: SetUpFigures) -> dict[str, Cell]:
+def _rows(one: SetUpFigures) -> dict[str, dict[str, Cell]]:
+    """Return the cells of a set-up by the names of the tables."""
     times = one.times
     return {
-        "latency p50 (ms)": times.latency_p50_ms,
-        "p99 (ms)": times.latency_p99_ms,
-        "jitter p99: force (ms)": times.jitter_p99_ms["force"],
-        "acceleration (ms)": times.jitter_p99_ms["acceleration"],
-        "apart, p99 (ms)": times.apart_p99_ms,
-    }
-
-
-def _frames(one: SetUpFigures) -> dict[str, Cell]:
-    return {
-        "frames": one.frames,
-        "missing": one.missing,
-        "ticks 1 ms late (%)": 100.0 * one.late_share_1ms,
-        "stop seen after, longest (ms)": max(one.seen_after_ms, default=None),
-    }
-
-
-def _clocks(one: SetUpFigures) -> dict[str, Cell]:
-    return {
-        "error of the drift: force (ppm)": one.drift_errors_ppm["force_sensor"],
-        "acceleration (ppm)": one.drift_errors_ppm["accelerometer"],
-        "offset of the time: force (ms)": one.times.offset_ms["force"],
-        "acceleration (ms)": one.times.offset_ms["acceleration"],
+        "cost": {
+            "share of a core": one.core_share,
+            "emulation": one.emulated_share,
+            "tick alone": one.bare_share,
+        },
+        "times": {
+            "latency p50 (ms)": times.latency_p50_ms,
+            "p99 (ms)": times.latency_p99_ms,
+            "jitter p99: force (ms)": times.jitter_p99_ms["force"],
+            "acceleration (ms)": times.jitter_p99_ms["acceleration"],
+            "apart, p99 (ms)": times.apart_p99_ms,
+        },
+        "frames": {
+            "frames": one.frames,
+            "missing": one.missing,
+            "ticks 1 ms late (%)": 100.0 * one.late_share_1ms,
+            "stop seen after, longest (ms)": max(one.seen_after_ms, default=None),
+        },
+        "clocks": {
+            "error of the drift: force (ppm)": one.drift_errors_ppm["force_sensor"],
+            "acceleration (ppm)": one.drift_errors_ppm["accelerometer"],
+            "offset of the time: force (ms)": times.offset_ms["force"],
+            "acceleration (ms)": times.offset_ms["acceleration"],
+        },
     }
 
 
@@ -133,11 +137,3 @@ def _targets(found: Mapping[str, SetUpFigures], slow: Set[str]) -> tuple[Target,
         *(Target(what, max(of, default=None), "at most", bound) for what, of, bound in worst),
         Target("set-ups that import scipy or numba", importing, "at most", 0),
     )
-
-
-EXPERIMENT = Experiment(
-    shows="what reading devices costs, and how late and how true frames are",
-    duration="6 min",
-    run=run,
-    group="bench",
-)

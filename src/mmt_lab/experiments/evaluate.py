@@ -7,8 +7,11 @@ from typing import Final
 from mmt.evaluation.evaluate import evaluate_session
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.bench.textures import session
-from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings
+
+SHOWS: Final = "how many times faster than real time sessions are evaluated"
+TAKES: Final = "1 min"
+GROUP: Final = "bench"
 
 EVALUATIONS: Final = {
     (18.0, 1): (5, 100.0),
@@ -54,11 +57,3 @@ def run() -> Findings:
         }
     about = "Sessions on wood, evaluated as mmt evaluate does, in memory."
     return single_figures("Evaluation", about, figures)
-
-
-EXPERIMENT = Experiment(
-    shows="how many times faster than real time sessions are evaluated",
-    duration="1 min",
-    run=run,
-    group="bench",
-)

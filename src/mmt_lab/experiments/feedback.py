@@ -6,14 +6,14 @@ displayed force is compared with that of the environment at the same instant.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 import numpy as np
 import typer
 
-from mmt.contact.estimation import ContactModel
 from mmt.evaluation.document import ReportTable
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.texts import number
@@ -21,9 +21,13 @@ from mmt_lab.feedback import recorded, simulated
 from mmt_lab.feedback.recorded import RecordedResult, evaluate_run, find_runs, model_table, read_run
 from mmt_lab.feedback.sides import METHODS, Method
 from mmt_lab.feedback.simulated import CellResult, run_cell
-from mmt_lab.harness.experiment import Experiment, Seed, Workers
+from mmt_lab.harness.experiment import Seed, Workers
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import map_in_processes
+from mmt_lab.harness.tables import table_of
+
+SHOWS: Final = "which method of force feedback stays stable and true over a delay"
+TAKES: Final = "1 min; 10 s a recording"
 
 FREE: Final = "motion"
 """Last word of the names of runs that touch nothing."""
@@ -48,81 +52,32 @@ DEFINITIONS: Final = {
 }
 
 
-@dataclass(frozen=True)
-class FeedbackEvaluation:
-    """Results of both parts; ``recorded`` is empty if no recording was named."""
+def pooled(results: Sequence[RecordedResult]) -> list[dict[str, Any]]:
+    """Return the recorded errors, root mean squares over the runs with the same contact.
 
-    simulated: Sequence[CellResult]
-    recorded: Sequence[RecordedResult]
-
-    def pooled(self) -> list[dict[str, Any]]:
-        """Return the recorded errors, root mean squares over the runs with the same contact.
-
-        ``ratio`` is the error over that of the streamed force, None if that is 0: without a delay.
-        """
-        errors: dict[tuple[str, int], dict[str, list[float]]] = {}
-        for one in self.recorded:
-            if one.contact != FREE:
-                methods = errors.setdefault((one.contact, one.delay_ms), {m: [] for m in METHODS})
-                methods[one.method].append(one.force_error_n)
-        rows: list[dict[str, Any]] = []
-        for (contact, delay_ms), methods in errors.items():
-            base_n = root_mean_square(np.array(methods["streamed"]))
-            for method, found in methods.items():
-                error_n = root_mean_square(np.array(found))
-                ratio = error_n / base_n if base_n > _NO_ERROR_N else None
-                cell = {"contact": contact, "method": method, "delay_ms": delay_ms}
-                rows.append({**cell, "force_error_n": error_n, "ratio": ratio})
-        return rows
-
-    def good(self, method: Method) -> tuple[list[CellResult], list[CellResult]]:
-        """Return the simulated cells in which a method was stable and passive, and the others."""
-        cells = [cell for cell in self.simulated if cell.method == method]
-        good = [cell for cell in cells if cell.stable and cell.passive]
-        return good, [cell for cell in cells if cell not in good]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return all results as a dictionary for JSON."""
-        return {
-            "simulated": [
-                {**asdict(cell), "stable": cell.stable, "passive": cell.passive}
-                for cell in self.simulated
-            ],
-            "recorded": [
-                {
-                    **asdict(result),
-                    "surface": model_table(result.surface),
-                    "felt": model_table(result.felt),
-                }
-                for result in self.recorded
-            ],
-            "pooled": self.pooled(),
-            "definitions": DEFINITIONS,
-        }
+    ``ratio`` is the error over that of the streamed force, None if that is 0: without a delay.
+    """
+    errors: dict[tuple[str, int], dict[str, list[float]]] = {}
+    for one in results:
+        if one.contact != FREE:
+            methods = errors.setdefault((one.contact, one.delay_ms), {m: [] for m in METHODS})
+            methods[one.method].append(one.force_error_n)
+    rows: list[dict[str, Any]] = []
+    for (contact, delay_ms), methods in errors.items():
+        base_n = root_mean_square(np.array(methods["streamed"]))
+        for method, found in methods.items():
+            error_n = root_mean_square(np.array(found))
+            ratio = error_n / base_n if base_n > _NO_ERROR_N else None
+            cell = {"contact": contact, "method": method, "delay_ms": delay_ms}
+            rows.append({**cell, "force_error_n": error_n, "ratio": ratio})
+    return rows
 
 
-def evaluate_feedback(
-    paths: Sequence[Path],
-    *,
-    walls_n_mm: Sequence[float] = simulated.WALLS_N_MM,
-    delays_ms: Sequence[int] = simulated.DELAYS_MS,
-    recorded_delays_ms: Sequence[int] = recorded.DELAYS_MS,
-    seed: int = 0,
-    workers: int | None = None,
-) -> FeedbackEvaluation:
-    """Run every method in every cell; this takes about 2 s for each wall or run and delay."""
-    runs = [read_run(path) for path in paths]
-    loops = [(m, w, d, seed) for w in walls_n_mm for d in delays_ms for m in METHODS]
-    replays = [(run, m, d) for run in runs for d in recorded_delays_ms for m in METHODS]
-    return FeedbackEvaluation(
-        map_in_processes(run_cell, loops, workers=workers, what="closed loops"),
-        map_in_processes(evaluate_run, replays, workers=workers, what="recorded contacts")
-        if replays
-        else [],
-    )
-
-
-TITLE: Final = "Force feedback over a delay"
+def good(cells: Sequence[CellResult], method: Method) -> tuple[list[CellResult], list[CellResult]]:
+    """Return the simulated cells in which a method was stable and passive, and the others."""
+    own = [cell for cell in cells if cell.method == method]
+    held = [cell for cell in own if cell.stable and cell.passive]
+    return held, [cell for cell in own if cell not in held]
 
 
 def loop_tables(cells: Sequence[CellResult]) -> list[ReportTable]:
@@ -157,10 +112,10 @@ def loop_tables(cells: Sequence[CellResult]) -> list[ReportTable]:
     ]
 
 
-def pooled_table(evaluation: FeedbackEvaluation) -> ReportTable:
+def pooled_table(results: Sequence[RecordedResult]) -> ReportTable:
     """Return the recorded errors by contact and delay."""
     rows: dict[tuple[str, int], list[str]] = {}
-    for row in evaluation.pooled():
+    for row in pooled(results):
         key = row["contact"], row["delay_ms"]
         cells = rows.setdefault(key, [key[0], str(key[1])])
         cells.append(f"{row['force_error_n']:.3f}")
@@ -181,40 +136,40 @@ def run_table(results: Sequence[RecordedResult]) -> ReportTable:
     rows = []
     for name, methods in runs.items():
         model, base = methods["model"], methods["streamed"].force_error_n
+        surface, felt = (model_table(each) or {} for each in (model.surface, model.felt))
         rows.append(
-            [
-                name,
-                f"{model.force_n:.2f}",
-                *(f"{methods[m].force_error_n:.3f}" for m in METHODS),
-                f"{model.force_error_n / base:.2f}",
-                *_estimate(model.surface),
-                *_estimate(model.felt)[:1],
-                number(model.settled_s, 2),
-            ]
+            {
+                "run": name,
+                "force rms (N)": f"{model.force_n:.2f}",
+                **{f"{m} (N)": f"{methods[m].force_error_n:.3f}" for m in METHODS},
+                "model / streamed": f"{model.force_error_n / base:.2f}",
+                "surface (N/m)": number(surface.get("stiffness_n_m"), 0),
+                "damping (N s/m)": number(surface.get("damping_n_s_m"), 1),
+                "felt (N/m)": number(felt.get("stiffness_n_m"), 0),
+                "settled (s)": number(model.settled_s, 2),
+            }
         )
-    columns = ["run", "force rms (N)", *(f"{m} (N)" for m in METHODS), "model / streamed"]
-    columns += ["surface (N/m)", "damping (N s/m)", "felt (N/m)", "settled (s)"]
-    return ReportTable(columns, rows, caption=f"Recorded runs at {TARGET_DELAY_MS} ms each way.")
+    return table_of(rows, f"Recorded runs at {TARGET_DELAY_MS} ms each way.")
 
 
-def remarks(evaluation: FeedbackEvaluation) -> list[str]:
+def remarks(cells: Sequence[CellResult]) -> list[str]:
     """Return a sentence on each method: the number of cells stable and passive, and the others."""
     sentences = []
     for method in METHODS[1:]:
-        good, bad = evaluation.good(method)
+        held, bad = good(cells, method)
         sentences.append(
-            f"{method}: stable and passive in {len(good)} of {len(good) + len(bad)} cells"
+            f"{method}: stable and passive in {len(held)} of {len(held) + len(bad)} cells"
             + "".join(f"; not at {c.wall_n_mm:g} N/mm, {c.delay_ms} ms" for c in bad)
         )
     return sentences
 
 
-def targets(evaluation: FeedbackEvaluation) -> tuple[Target, ...]:
+def targets(cells: Sequence[CellResult], results: Sequence[RecordedResult]) -> tuple[Target, ...]:
     """Return the targets: all cells stable and passive, and the model's error over the stream's."""
     found = []
     for method in METHODS[1:]:
-        good, bad = map(len, evaluation.good(method))
-        found.append(Target(f"{method}: cells stable and passive", good, "at least", good + bad))
+        held, bad = map(len, good(cells, method))
+        found.append(Target(f"{method}: cells stable and passive", held, "at least", held + bad))
     found += [
         Target(
             f"{row['contact']} at {TARGET_DELAY_MS} ms: model's error over streamed",
@@ -222,26 +177,10 @@ def targets(evaluation: FeedbackEvaluation) -> tuple[Target, ...]:
             "at most",
             TARGET_RATIO,
         )
-        for row in evaluation.pooled()
+        for row in pooled(results)
         if row["delay_ms"] == TARGET_DELAY_MS and row["method"] == "model"
     ]
     return tuple(found)
-
-
-def feedback_tables(evaluation: FeedbackEvaluation) -> list[ReportTable]:
-    """Return the tables for which there are results."""
-    tables = loop_tables(evaluation.simulated)
-    if evaluation.recorded:
-        tables.append(pooled_table(evaluation))
-        if any(result.delay_ms == TARGET_DELAY_MS for result in evaluation.recorded):
-            tables.append(run_table(evaluation.recorded))
-    return tables
-
-
-def _estimate(model: ContactModel | None) -> list[str]:
-    if model is None:
-        return ["-", "-"]
-    return [f"{model.stiffness_at(1.0):.0f}", f"{model.damping_n_s_m:.1f}"]
 
 
 def run(
@@ -253,19 +192,36 @@ def run(
     workers: Workers = None,
 ) -> Findings:
     """Compare methods of force feedback over a delay."""
-    evaluation = evaluate_feedback(find_runs(recordings or []), seed=seed, workers=workers)
+    runs = [read_run(path) for path in find_runs(recordings or [])]
+    chosen = product(simulated.WALLS_N_MM, simulated.DELAYS_MS, METHODS)
+    loops = [(method, wall, delay, seed) for wall, delay, method in chosen]
+    cells = map_in_processes(run_cell, loops, workers=workers, what="closed loops")
+    replays = [(one, m, delay) for one, delay, m in product(runs, recorded.DELAYS_MS, METHODS)]
+    results: list[RecordedResult] = []
+    tables = loop_tables(cells)
+    if replays:
+        what = "recorded contacts"
+        results = map_in_processes(evaluate_run, replays, workers=workers, what=what)
+        tables += [pooled_table(results), run_table(results)]
     return Findings(
-        TITLE,
-        tables=feedback_tables(evaluation),
-        sentences=remarks(evaluation),
-        targets=targets(evaluation),
+        "Force feedback over a delay",
+        tables=tables,
+        sentences=remarks(cells),
+        targets=targets(cells, results),
         definitions=DEFINITIONS,
-        data=evaluation.as_dict(),
+        data={
+            "simulated": [
+                {**asdict(cell), "stable": cell.stable, "passive": cell.passive} for cell in cells
+            ],
+            "recorded": [
+                {
+                    **asdict(result),
+                    "surface": model_table(result.surface),
+                    "felt": model_table(result.felt),
+                }
+                for result in results
+            ],
+            "pooled": pooled(results),
+            "definitions": DEFINITIONS,
+        },
     )
-
-
-EXPERIMENT = Experiment(
-    shows="which method of force feedback stays stable and true over a delay",
-    duration="1 min; 10 s a recording",
-    run=run,
-)

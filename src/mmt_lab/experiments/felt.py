@@ -37,7 +37,6 @@ from mmt_lab.felt.leading import (
 )
 from mmt_lab.felt.passing import stroke_over_network
 from mmt_lab.harness.experiment import (
-    Experiment,
     HandKind,
     Seeds,
     Textures,
@@ -47,6 +46,9 @@ from mmt_lab.harness.experiment import (
 )
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import map_in_processes
+
+SHOWS: Final = "how far what the hand feels over a network is from the surface itself, by method"
+TAKES: Final = "1 h on 2 processors"
 
 NETWORKS: Final = ("lan", "wifi", "wan", "bad")
 
@@ -86,16 +88,6 @@ class TrialResult:
     method: str
     start_s: float | None
     course: FeltErrors
-
-
-def cases(seeds: int, textures: Sequence[str], hand: str = "strokes") -> list[Trial]:
-    """Return `seeds` sessions of each texture over each network, by a kind of hand."""
-    return [
-        Trial(texture, network, FIRST_SEED + seed, hand)
-        for network in NETWORKS
-        for texture in textures
-        for seed in range(seeds)
-    ]
 
 
 def run_trial(case: Trial) -> list[TrialResult]:
@@ -163,19 +155,6 @@ def by_second(outcomes: Sequence[TrialResult], network: str, method: str) -> Flo
     return np.array([np.nan if value is None else value for value in medians])
 
 
-def as_dict(outcomes: Sequence[TrialResult]) -> dict[str, Any]:
-    """Return all results as a dictionary for JSON."""
-    curves = {
-        network: {
-            method: by_second(outcomes, network, method)
-            for method in SHOWN
-            if _of(outcomes, network, method)
-        }
-        for network in NETWORKS
-    }
-    return {"rows": rows(outcomes), "level_db_by_second": curves}
-
-
 def _of(outcomes: Sequence[TrialResult], network: str, method: str) -> list[TrialResult]:
     return [one for one in outcomes if one.case.network == network and one.method == method]
 
@@ -195,8 +174,6 @@ def _within(course: FeltErrors, first_s: float, stop_s: float) -> BoolArray:
 def _rms(errors_db: FloatArray, chosen: BoolArray) -> float | None:
     return root_mean_square(errors_db[chosen]) if chosen.any() else None
 
-
-TITLE: Final = "What the operator feels, end to end"
 
 DEFINITIONS: Final = {
     "compared with": "what the surface would give at the hand's own speed, force and heading at "
@@ -274,16 +251,29 @@ def run(
     workers: Workers = None,
 ) -> Findings:
     """Measure what the hand feels over each network, by method."""
-    chosen = cases(seeds, chosen_textures(textures), hand_of(hand).kind)
-    calls = [(case,) for case in chosen]
+    kind = hand_of(hand).kind
+    calls = [
+        (Trial(texture, network, FIRST_SEED + seed, kind),)
+        for network in NETWORKS
+        for texture in chosen_textures(textures)
+        for seed in range(seeds)
+    ]
     outcomes = [
         one
         for felt in map_in_processes(run_trial, calls, workers=workers, what="stroking")
         for one in felt
     ]
     table = felt_table(outcomes)
+    curves = {
+        network: {
+            method: by_second(outcomes, network, method)
+            for method in SHOWN
+            if _of(outcomes, network, method)
+        }
+        for network in NETWORKS
+    }
     return Findings(
-        TITLE,
+        "What the operator feels, end to end",
         "At each moment: vibration at the leader against what the surface would give.",
         tables=[table],
         blocks=lambda: [
@@ -292,12 +282,5 @@ def run(
         ],
         definitions=DEFINITIONS,
         settings=[ReportTable(("network", "each way"), [(n, str(PROFILES[n])) for n in NETWORKS])],
-        data=as_dict(outcomes),
+        data={"rows": rows(outcomes), "level_db_by_second": curves},
     )
-
-
-EXPERIMENT = Experiment(
-    shows="how far what the hand feels over a network is from the surface itself, by method",
-    duration="1 h on 2 processors",
-    run=run,
-)

@@ -18,7 +18,6 @@ from mmt.texture.autoregression.forms import (
 from mmt_lab.bench import peers, references, signals
 from mmt_lab.bench.measuring import interleave
 from mmt_lab.bench.signals import Filters
-from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
     MICROSECONDS,
     TIME_US,
@@ -29,6 +28,10 @@ from mmt_lab.harness.findings import (
     Panel,
     Target,
 )
+
+SHOWS: Final = "what line spectral frequencies cost and how exact they are beside their peers"
+TAKES: Final = "1 min"
+GROUP: Final = "bench"
 
 OURS: Final = "mmt, reflection"
 OURS_AR: Final = "mmt, coefficients"
@@ -68,7 +71,11 @@ class LsfMethod:
 def run() -> Findings:
     """Measure every implementation that is installed."""
     modules, left_out = peers.find((PEER, "spectrum"))
-    methods = [*_ours(), *_peers(modules)]
+    methods = [
+        LsfMethod(OURS, reflection_to_lsf, lsf_to_reflection, "reflection"),
+        LsfMethod(OURS_AR, lambda ar: reflection_to_lsf(ar_to_reflection(ar)), lsf_to_ar),
+        *_peers(modules),
+    ]
     spread = {order: signals.spread_filters(order, BATCH) for order in ORDERS}
     there = _timed(methods, spread)
     low_pass = _low_pass(methods)
@@ -83,22 +90,11 @@ def run() -> Findings:
             "counts. pysptk searches a grid; its finer setting has 512 points, 16 steps, and "
             "1e-12 as its end."
         ),
-        panels=(
-            there,
-            _back(methods, {**spread, LARGEST: largest}),
-            low_pass,
-        ),
+        panels=(there, _back(methods, {**spread, LARGEST: largest}), low_pass),
         records=(_ratios(there),),
-        targets=(*_targets(there, low_pass), _back_target(largest)),
+        targets=_targets(there, low_pass, largest),
         left_out=left_out,
     )
-
-
-def _ours() -> list[LsfMethod]:
-    return [
-        LsfMethod(OURS, reflection_to_lsf, lsf_to_reflection, "reflection"),
-        LsfMethod(OURS_AR, lambda ar: reflection_to_lsf(ar_to_reflection(ar)), lsf_to_ar),
-    ]
 
 
 def _peers(modules: Mapping[str, ModuleType]) -> list[LsfMethod]:
@@ -203,7 +199,7 @@ def _ratios(there: Panel) -> FindingsTable:
     return FindingsTable("ratios", "How many times faster", rows)
 
 
-def _targets(there: Panel, low_pass: Panel) -> list[Target]:
+def _targets(there: Panel, low_pass: Panel, largest: Filters) -> tuple[Target, ...]:
     faster = there.x_ratios(PEER, OURS_AR).get(TARGET_ORDER)
     errors = {
         curve.method: {point.knob: point.y.median for point in curve.points}
@@ -214,7 +210,9 @@ def _targets(there: Panel, low_pass: Panel) -> list[Target]:
         at[LOW_PASS_ORDER] for name, at in errors.items() if name != OURS and LOW_PASS_ORDER in at
     ]
     ratio = min(others) / own if own and others else None
-    return [
+    lsf = largest.rounded_lsf
+    error = _ar_error(lsf_to_ar(lsf), [references.lsf_to_ar(row) for row in lsf])
+    return (
         Target(
             f"{PEER} over mmt, from coefficients, order {TARGET_ORDER}", faster, "at least", 10.0
         ),
@@ -225,18 +223,5 @@ def _targets(there: Panel, low_pass: Panel) -> list[Target]:
             "at least",
             1000.0,
         ),
-    ]
-
-
-def _back_target(largest: Filters) -> Target:
-    lsf = largest.rounded_lsf
-    error = _ar_error(lsf_to_ar(lsf), [references.lsf_to_ar(row) for row in lsf])
-    return Target(f"error back to coefficients at order {LARGEST}", error, "at most", 1e-12)
-
-
-EXPERIMENT = Experiment(
-    shows="what line spectral frequencies cost and how exact they are beside their peers",
-    duration="1 min",
-    run=run,
-    group="bench",
-)
+        Target(f"error back to coefficients at order {LARGEST}", error, "at most", 1e-12),
+    )

@@ -13,26 +13,32 @@ lose packets.
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
 import typer
 
 from mmt.core.errors import InputError
 from mmt.core.frames import check_acceleration_rate
 from mmt.core.realtime import require_real_time
-from mmt_lab.bench.link_sides import PATIENCE_S, SideReport, run_follower, run_leader
+from mmt_lab.bench.link_sides import PATIENCE_S, SideReport, follow, lead
 from mmt_lab.bench.link_traffic import Kind, Turn, TurnFigures
 from mmt_lab.bench.lossy_path import measure_losses
 from mmt_lab.bench.measuring import Figure, single_figures
-from mmt_lab.harness.experiment import AccelerationRate, Duration, Experiment, RealTime
+from mmt_lab.harness.experiment import AccelerationRate, Duration, RealTime
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import background_processes, received
 
+SHOWS: Final = "what the link adds to a bare WebSocket in latency and processor time"
+TAKES: Final = "1 min"
+GROUP: Final = "bench"
+
 ROUND_S: Final = 1.0
 """Longest turn."""
+RATE_HZ: Final = 1000
+"""Messages a second each way."""
 SUSTAINED_HZ: Final = 5000
 """Messages a second each way of the last turn."""
 _LEAD_TIME_NS: Final = 200_000_000
@@ -61,12 +67,8 @@ class DirectionResult:
         return self.lost + self.out_of_order
 
 
-@dataclass(frozen=True)
-class KindResult:
-    """One kind of link: frames from follower to leader, and commands from leader to follower."""
-
-    up: DirectionResult
-    down: DirectionResult
+Ways = Mapping[Literal["up", "down"], DirectionResult]
+"""One kind of link: frames up from follower to leader, and commands down to the follower."""
 
 
 @dataclass(frozen=True)
@@ -76,62 +78,45 @@ class LinkBenchResult:
     ``ratios`` are mmt's figures over the bare WebSocket's, by name; medians over the rounds.
     """
 
-    rounds: int
-    ours: KindResult
-    bare: KindResult
-    sustained: KindResult
+    ours: Ways
+    bare: Ways
+    sustained: Ways
     ratios: dict[str, float]
 
 
 def bench_link(
-    duration_s: float,
-    rate_hz: int = 1000,
-    *,
-    samples_per_frame: int = 1,
-    sustained_hz: int = SUSTAINED_HZ,
-    sustained_s: float | None = None,
-    realtime: bool = False,
+    duration_s: float, *, samples_per_frame: int = 1, realtime: bool = False
 ) -> LinkBenchResult:
     """Measure mmt's link and a bare WebSocket in turns, then mmt's link at a higher rate.
 
     Parameters
     ----------
     duration_s
-        How long each of the two links is measured, over all turns.
-    rate_hz
-        Messages a second each way.
+        How long each of the two links is measured, over all turns; the last turn lasts a quarter.
     samples_per_frame
         Samples of acceleration in each frame.
-    sustained_hz, sustained_s
-        Messages a second each way of the last turn, and its length, by default a quarter of
-        `duration_s`.
     realtime
         Whether both processes run by real-time scheduling, so that no other work of the machine
         comes in between.
     """
     if realtime:
         require_real_time()
-    sustained_s = duration_s / 4 if sustained_s is None else sustained_s
-    if not (duration_s > 0 and rate_hz > 0 and sustained_hz > 0 and sustained_s > 0):
-        raise InputError(
-            f"duration_s {duration_s}, rate_hz {rate_hz}, sustained_hz {sustained_hz}, "
-            f"sustained_s {sustained_s}: all must be positive"
-        )
+    if not duration_s > 0:
+        raise InputError(f"--duration {duration_s}: must be positive")
     rounds = max(1, round(duration_s / ROUND_S))
     turns = [
-        Turn(kind, rate_hz, 0, duration_s / rounds, number / rounds)
+        Turn(kind, RATE_HZ, 0, duration_s / rounds, number / rounds)
         for number in range(rounds)
         for kind in order(number)
     ]
-    turns.append(Turn("ours", sustained_hz, 0, sustained_s, 0.5))
-    told = rate_hz, samples_per_frame, realtime
-    with background_processes((run_leader, *told), (run_follower, *told)) as pipes:
+    turns.append(Turn("ours", SUSTAINED_HZ, 0, duration_s / 4, 0.5))
+    told = RATE_HZ, samples_per_frame, realtime
+    with background_processes((lead, *told), (follow, *told)) as pipes:
         leader, follower = _conduct(pipes, turns)
     *compared, sustained = zip(leader.turns, follower.turns, strict=True)
     ours, bare = ([pair for pair in compared if pair[0].kind == kind] for kind in _KINDS)
     up, down = (missing_at_end(*pair) for pair in ((follower, leader), (leader, follower)))
     return LinkBenchResult(
-        rounds,
         summarise(ours, 0, 0),
         summarise(bare, up["bare"], down["bare"]),
         summarise([sustained], up["ours"], down["ours"]),
@@ -169,10 +154,10 @@ Pair = tuple[TurnFigures, TurnFigures]
 """The leader's and the follower's figures of one turn."""
 
 
-def summarise(turns: list[Pair], missing_up: int, missing_down: int) -> KindResult:
+def summarise(turns: list[Pair], missing_up: int, missing_down: int) -> Ways:
     """Return the results of a kind of link over its turns, by direction."""
     leader, follower = ([pair[end] for pair in turns] for end in (0, 1))
-    return KindResult(_direction(leader, missing_up), _direction(follower, missing_down))
+    return {"up": _direction(leader, missing_up), "down": _direction(follower, missing_down)}
 
 
 def _direction(receiver: list[TurnFigures], missing: int) -> DirectionResult:
@@ -223,7 +208,7 @@ def run(
     samples = acceleration_rate // 1000
     result = bench_link(duration, samples_per_frame=samples, realtime=realtime)
     rows: dict[str, Figure] = {}
-    for way, direction in (("up", result.ours.up), ("down", result.ours.down)):
+    for way, direction in result.ours.items():
         rows[f"{way}_lost"] = (f"{way}: lost or out of order", direction.wrong, "at most", 0)
         rows[f"{way}_p50_ms"] = (f"{way}: one way, p50 (ms)", direction.p50_ms)
         rows[f"{way}_p99_ms"] = (f"{way}: one way, p99 (ms)", direction.p99_ms)
@@ -231,7 +216,7 @@ def run(
         what = f"{name.replace('_', ' ')}: ours over bare WebSocket"
         rows[f"ratio_{name}"] = (what, ratio, "at most", 1.5)
     least_hz = 0.99 * SUSTAINED_HZ
-    for way, direction in (("up", result.sustained.up), ("down", result.sustained.down)):
+    for way, direction in result.sustained.items():
         at, key = f"{way} at {SUSTAINED_HZ} Hz", f"sustained_{way}"
         p99 = f"{at}: one way, p99 (ms)"
         rows[f"{key}_hz"] = (f"{at}: messages a second", direction.rate_hz, "at least", least_hz)
@@ -244,11 +229,3 @@ def run(
         + (" By real-time scheduling." if realtime else "")
     )
     return single_figures("Link", about, rows)
-
-
-EXPERIMENT = Experiment(
-    shows="what the link adds to a bare WebSocket in latency and processor time",
-    duration="1 min",
-    run=run,
-    group="bench",
-)

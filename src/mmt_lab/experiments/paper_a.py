@@ -35,8 +35,11 @@ from mmt.texture.settings import (
     ModellingSettings,
 )
 from mmt.texture.signals.amplitude_spectra import Spectra
-from mmt_lab.harness.experiment import Experiment, Seed, Seeds, SpectraOption
+from mmt_lab.harness.experiment import Seed, Seeds, SpectraOption
 from mmt_lab.harness.findings import Findings, Target
+
+SHOWS: Final = "paper A's table and figures, the paper's numbers beside ours"
+TAKES: Final = "30 s"
 
 DURATION_S: Final = 18.0
 STEP_S: Final = 2.5
@@ -294,8 +297,3 @@ def _blocks(runs: Sequence[Sequence[Evaluation]]) -> list[Block]:
             Picture(f"figures/fig-5-{name}.png", spectra, "Fig. 5: spectra of held-out segments."),
         ]
     return blocks
-
-
-EXPERIMENT = Experiment(
-    shows="paper A's table and figures, the paper's numbers beside ours", duration="30 s", run=run
-)

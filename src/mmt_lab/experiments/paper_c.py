@@ -17,9 +17,10 @@ import numpy as np
 from mmt.evaluation.document import ReportTable
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
-from mmt_lab.harness.experiment import Experiment, Seed, Seeds, SpectraOption, Workers
+from mmt_lab.harness.experiment import Seed, Seeds, SpectraOption, Workers
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import map_in_processes
+from mmt_lab.harness.tables import table_of
 from mmt_lab.selection.concatenated import KNOCKS, ORDER, RATE_HZ, ROWS, TRIAL_S, PaperRow
 from mmt_lab.selection.knocks import KNOCK_S, SHARE
 from mmt_lab.selection.table_two import (
@@ -31,6 +32,9 @@ from mmt_lab.selection.table_two import (
     select_from,
 )
 from mmt_methods.selection.published import TAU_1, TAU_2
+
+SHOWS: Final = "paper C's tables, the paper's numbers beside ours"
+TAKES: Final = "3 min"
 
 GOOD_GFC: Final = 0.9
 _MOST_FALSE_ALARMS: Final = 0.03
@@ -103,14 +107,13 @@ def run(
             "spectra": spectra.value,
         },
         data={
-            "textures": {name: [_record(one) for one in ones] for name, ones in found.items()},
+            "textures": {
+                name: [{**asdict(one), "gain": one.gain} for one in ones]
+                for name, ones in found.items()
+            },
             "published": {name: asdict(paper) for name, paper in PAPER.items()},
         },
     )
-
-
-def _record(one: Selected) -> dict[str, object]:
-    return {**asdict(one), "gain": one.gain}
 
 
 def _mean(values: Sequence[float]) -> float:
@@ -185,16 +188,15 @@ def _variations(found: Mapping[str, Sequence[Selected]]) -> ReportTable:
     for name in VARIATIONS:
         means = [_removals(found[row.name], name) for row in ROWS]
         rows.append(
-            [
-                name,
-                " ".join(f"{mean.detected:.2f}" for mean in means),
-                " ".join(f"{100.0 * mean.false_alarms:.0f}" for mean in means),
-                " ".join(f"{mean.compression:.1f}" for mean in means),
-            ]
+            {
+                "published selection": name,
+                "detected": " ".join(f"{mean.detected:.2f}" for mean in means),
+                "false alarms (%)": " ".join(f"{100.0 * mean.false_alarms:.0f}" for mean in means),
+                "compression": " ".join(f"{mean.compression:.1f}" for mean in means),
+            }
         )
-    columns = ["published selection", "detected", "false alarms (%)", "compression"]
     names = ", ".join(row.surface for row in ROWS)
-    return ReportTable(columns, rows, caption=f"By other readings and on other data, {names}.")
+    return table_of(rows, f"By other readings and on other data, {names}.")
 
 
 def _sentences(spectra: Spectra) -> list[str]:
@@ -269,8 +271,3 @@ def _targets(row: PaperRow, ones: Sequence[Selected]) -> list[Target]:
         Target(f"{name}: detected, ours", ours.detected, "at least", as_published.detected),
         Target(f"{name}: false alarms, ours", ours.false_alarms, "at most", _MOST_FALSE_ALARMS),
     ]
-
-
-EXPERIMENT = Experiment(
-    shows="paper C's tables, the paper's numbers beside ours", duration="3 min", run=run
-)

@@ -16,7 +16,6 @@ from mmt.texture.signals.metrics import within_jnd
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.bench.measuring import interleave, spread
 from mmt_lab.bench.textures import session
-from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
     Axis,
     Curves,
@@ -25,6 +24,10 @@ from mmt_lab.harness.findings import (
     Panel,
     Target,
 )
+
+SHOWS: Final = "how good the leader's model is, by session time and by processing time"
+TAKES: Final = "2 min"
+GROUP: Final = "bench"
 
 SESSION: Final = Axis("session time (s)", "s", logarithmic=False)
 PROCESSING: Final = Axis("processing time (ms)", "ms")
@@ -194,11 +197,3 @@ def _targets(rates: Sequence[dict[str, str | float | None]]) -> tuple[Target, ..
         )
         for what, bound in bounds.items()
     )
-
-
-EXPERIMENT = Experiment(
-    shows="how good the leader's model is, by session time and by processing time",
-    duration="2 min",
-    run=run,
-    group="bench",
-)

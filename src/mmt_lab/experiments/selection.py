@@ -5,8 +5,8 @@ The points removed and kept, and the model of the kept points, are compared with
 C's own tables are made by `mmt lab paper-c`.
 """
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -15,7 +15,6 @@ import typer
 
 from mmt.evaluation.document import ReportTable
 from mmt_lab.harness.experiment import (
-    Experiment,
     HandKind,
     Seed,
     Seeds,
@@ -25,9 +24,12 @@ from mmt_lab.harness.experiment import (
     hand_of,
 )
 from mmt_lab.harness.findings import Findings, Target
-from mmt_lab.selection.running import METHODS, SelectionResult, run_textures
+from mmt_lab.harness.processes import map_in_processes
+from mmt_lab.harness.tables import table_of
+from mmt_lab.selection.running import METHODS, SelectionResult, run_texture
 
-TITLE: Final = "Sample selection"
+SHOWS: Final = "how well sample selection finds knocks and keeps the model, published and ours"
+TAKES: Final = "4 min"
 
 TARGETS: Final = {
     "detected": 0.95,
@@ -62,73 +64,57 @@ _FIGURES: Final = (
 )
 
 
-@dataclass(frozen=True)
-class SelectionEvaluation:
-    """Results of all methods on all textures and seeds."""
-
-    results: Sequence[SelectionResult]
-
-    def overall(self) -> list[dict[str, Any]]:
-        """Return the mean figures of each method over all results."""
-        return [{"texture": "all", **_means(self.results, method)} for method in METHODS]
-
-    def means(self) -> list[dict[str, Any]]:
-        """Return the mean figures of each texture and method, over the seeds."""
-        rows = []
-        for texture in dict.fromkeys(result.texture for result in self.results):
-            mine = [result for result in self.results if result.texture == texture]
-            rows += [{"texture": texture, **_means(mine, method)} for method in METHODS]
-        return rows
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return all results as a dictionary for JSON."""
-        return {
-            "means": self.means(),
-            "overall": self.overall(),
-            "results": [asdict(result) for result in self.results],
-            "targets": TARGETS,
-            "definitions": DEFINITIONS,
-        }
+def means_of(results: Sequence[SelectionResult], name: str) -> list[dict[str, Any]]:
+    """Return the mean figures of each method over results, of a texture or of all."""
+    rows: list[dict[str, Any]] = []
+    for method in METHODS:
+        mine = [result for result in results if result.method == method]
+        means = {key: float(np.mean([getattr(one, key) for one in mine])) for key in _FIGURES}
+        rows.append({"texture": name, "method": method, "seeds": len(mine), **means})
+    return rows
 
 
-def selection_table(evaluation: SelectionEvaluation) -> ReportTable:
-    """Return a row for each texture and method, and the means over all."""
-    rows = [
-        [
-            mean["texture"],
-            mean["method"],
-            f"{mean['detected']:.3f}",
-            f"{mean['false_alarms']:.3f}",
-            f"{mean['false_alarms_without']:.3f}",
-            f"{mean['compression']:.2f}",
-            f"{mean['gfc_change']:+.4f}",
-            f"{mean['power_change_db']:+.2f}",
-            f"{mean['same_when_shuffled']:.0%}",
-            f"{mean['seconds']:.2f}",
-        ]
-        for mean in [*evaluation.means(), *evaluation.overall()]
+def by_texture(results: Sequence[SelectionResult]) -> list[dict[str, Any]]:
+    """Return the mean figures of each texture and method, over the seeds."""
+    names = dict.fromkeys(result.texture for result in results)
+    return [
+        row for name in names for row in means_of([r for r in results if r.texture == name], name)
     ]
-    columns = ["texture", "method", "detected", "false alarms"]
-    columns += ["without knocks", "compression"]
-    columns += ["GFC change", "power change (dB)", "same shuffled", "time (s)"]
-    return ReportTable(columns, rows, caption="Means over the seeds.")
 
 
-def remarks(evaluation: SelectionEvaluation) -> list[str]:
+def selection_table(means: Sequence[Mapping[str, Any]]) -> ReportTable:
+    """Return a row for each texture and method."""
+    rows = [
+        {
+            "texture": mean["texture"],
+            "method": mean["method"],
+            "detected": f"{mean['detected']:.3f}",
+            "false alarms": f"{mean['false_alarms']:.3f}",
+            "without knocks": f"{mean['false_alarms_without']:.3f}",
+            "compression": f"{mean['compression']:.2f}",
+            "GFC change": f"{mean['gfc_change']:+.4f}",
+            "power change (dB)": f"{mean['power_change_db']:+.2f}",
+            "same shuffled": f"{mean['same_when_shuffled']:.0%}",
+            "time (s)": f"{mean['seconds']:.2f}",
+        }
+        for mean in means
+    ]
+    return table_of(rows, "Means over the seeds.")
+
+
+def remarks(overall: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a sentence on each method over all results."""
     return [
         f"{mean['method']}: {mean['detected']:.2f} of the knocks found; {mean['false_alarms']:.3f} "
         f"of the other points removed, {mean['false_alarms_without']:.3f} without any knock"
-        for mean in evaluation.overall()
+        for mean in overall
     ]
 
 
-def targets(evaluation: SelectionEvaluation) -> tuple[Target, ...]:
+def targets(overall: Sequence[Mapping[str, Any]]) -> tuple[Target, ...]:
     """Return the targets of mmt's method on all textures together, and its figures."""
-    (published,), (ours,) = (
-        [mean for mean in evaluation.overall() if mean["method"] == method]
-        for method in ("published", "ours")
-    )
+    by_method = {mean["method"]: mean for mean in overall}
+    published, ours = by_method["published"], by_method["ours"]
     return (
         Target("detected, as published", ours["detected"], "at least", published["detected"]),
         Target("detected", ours["detected"], "at least", TARGETS["detected"]),
@@ -157,29 +143,26 @@ def run(
     workers: Workers = None,
 ) -> Findings:
     """Compare sample selection as published with mmt's own."""
-    chosen = chosen_textures(textures)
-    results = run_textures(range(seed, seed + seeds), chosen, hand_of(hand).kind, taps, workers)
-    evaluation = SelectionEvaluation(results)
+    kind, seeds_of = hand_of(hand).kind, range(seed, seed + seeds)
+    calls = [
+        (name, number, kind, taps) for name in chosen_textures(textures) for number in seeds_of
+    ]
+    found = map_in_processes(run_texture, calls, workers=workers, what="sample selection")
+    results = [one for by_method in found for one in by_method]
+    means, overall = by_texture(results), means_of(results, "all")
     return Findings(
-        TITLE,
+        "Sample selection",
         "Three sessions of 18 s on each texture, a tenth of the segments with a knock of 0.4 of "
         "their variance.",
-        tables=[selection_table(evaluation)],
-        sentences=remarks(evaluation),
-        targets=targets(evaluation),
+        tables=[selection_table([*means, *overall])],
+        sentences=remarks(overall),
+        targets=targets(overall),
         definitions=DEFINITIONS,
-        data=evaluation.as_dict(),
+        data={
+            "means": means,
+            "overall": overall,
+            "results": [asdict(result) for result in results],
+            "targets": TARGETS,
+            "definitions": DEFINITIONS,
+        },
     )
-
-
-def _means(results: Sequence[SelectionResult], method: str) -> dict[str, Any]:
-    mine = [result for result in results if result.method == method]
-    means = {name: float(np.mean([getattr(one, name) for one in mine])) for name in _FIGURES}
-    return {"method": method, "seeds": len(mine), **means}
-
-
-EXPERIMENT = Experiment(
-    shows="how well sample selection finds knocks and keeps the model, published and ours",
-    duration="4 min",
-    run=run,
-)

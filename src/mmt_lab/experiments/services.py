@@ -9,8 +9,9 @@ import os
 import secrets
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -25,9 +26,13 @@ from mmt.evaluation.run_verdict import median_of_known
 from mmt.scene.files import ENVIRONMENT_PREFIX, example_scenes, load_scene
 from mmt_lab.bench import strangers as disturbing
 from mmt_lab.bench.measuring import Figure, single_figures
-from mmt_lab.harness.experiment import AccelerationRate, Duration, Experiment, RealTime
+from mmt_lab.harness.experiment import AccelerationRate, Duration, RealTime
 from mmt_lab.harness.findings import Findings, FindingsTable
-from mmt_lab.harness.processes import spawn_context
+from mmt_lab.harness.processes import background_processes
+
+SHOWS: Final = "what leader and follower cost, and how late their ticks are"
+TAKES: Final = "1 min"
+GROUP: Final = "bench"
 
 ROUND_S: Final = 5.0
 """Longest run of the services; the ways to run them take turns."""
@@ -144,12 +149,14 @@ def measure(duration_s: float, acceleration_rate_hz: int = 1000) -> Findings:
 def _beside_modelling(duration_s: float, environment: Mapping[str, str]) -> dict[str, Figure]:
     """Return how late the leader's ticks are while it models and while it does not."""
     rows: dict[str, Figure] = {}
-    settings: list[tuple[str, str, AbstractContextManager[None], dict[str, float]]] = [
+    settings: list[tuple[str, str, AbstractContextManager[object], dict[str, float]]] = [
         ("", "", nullcontext(), _MOST_LATE),
-        ("busy_", ", beside two busy processes", _processes(_be_busy, [(), ()]), {}),
+        ("busy_", ", beside two busy processes", background_processes(*[(_be_busy,)] * 2), {}),
     ]
     if hasattr(os, "SCHED_IDLE"):
-        settings.insert(1, ("awake_", ", no processor idle", _awake_processors(), _MOST_LATE))
+        # the host of a virtual machine takes up to some ms to wake an idle processor
+        awake = background_processes(*((_keep_awake, each) for each in os.sched_getaffinity(0)))
+        settings.insert(1, ("awake_", ", no processor idle", awake, _MOST_LATE))
     for name, beside, others, targets in settings:
         with others:
             rough = run_demo_services(duration_s, "rough-texture", environment=environment)
@@ -180,7 +187,7 @@ def compare(duration_s: float) -> Findings:
     require_real_time()
     rounds = max(1, round(duration_s / ROUND_S))
     runs: dict[bool, list[DemoRun]] = {False: [], True: []}
-    with _processes(_be_busy, [()] * (os.cpu_count() or 1)):
+    with background_processes(*[(_be_busy,)] * (os.cpu_count() or 1)):
         for _ in range(rounds):
             for realtime, done in runs.items():
                 once = run_demo_services(duration_s / rounds, realtime=realtime)
@@ -188,7 +195,7 @@ def compare(duration_s: float) -> Findings:
     rows, figures = [], {}
     for service, table, key, what in _FIGURES:
         ordinary, real_time = (
-            median_of_known([_figure(run, service, table, key) for run in runs[way]])
+            median_of_known([getattr(run, service)[table][key] for run in runs[way]])
             for way in (False, True)
         )
         rows.append({"what": what, "ordinary": ordinary, "real-time": real_time})
@@ -249,49 +256,14 @@ async def _beside(kind: str, duration_s: float) -> DemoRun:
             disturber.wait()
 
 
-def _figure(run: DemoRun, service: str, table: str, key: str) -> float | None:
-    value: float | None = getattr(run, service)[table][key]
-    return value
-
-
-@contextmanager
-def _processes(target: Callable[..., None], arguments: Iterable[tuple[int, ...]]) -> Iterator[None]:
-    """Run a function in processes during the block, one for each of the arguments."""
-    context = spawn_context()
-    processes = [context.Process(target=target, args=each, daemon=True) for each in arguments]
-    try:
-        for process in processes:
-            process.start()
-        yield
-    finally:
-        for process in processes:
-            if process.pid is not None:
-                process.kill()
-                process.join()
-
-
-def _awake_processors() -> AbstractContextManager[None]:
-    """Keep every processor busy with a process of idle priority.
-
-    The host of a virtual machine takes up to some ms to wake an idle processor.
-    """
-    return _processes(_keep_awake, [(each,) for each in os.sched_getaffinity(0)])
-
-
-def _keep_awake(processor: int) -> None:
+def _keep_awake(pipe: Connection, processor: int) -> None:
+    """Keep a processor busy at idle priority until the pipe is closed."""
     os.sched_setaffinity(0, {processor})
     os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-    _be_busy()
+    _be_busy(pipe)
 
 
-def _be_busy() -> None:
-    while True:
-        sum(range(10_000))
-
-
-EXPERIMENT = Experiment(
-    shows="what leader and follower cost, and how late their ticks are",
-    duration="1 min",
-    run=run,
-    group="bench",
-)
+def _be_busy(pipe: Connection) -> None:
+    """Keep a processor busy until the pipe is closed."""
+    while not pipe.poll():
+        sum(range(100_000))

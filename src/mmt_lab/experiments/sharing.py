@@ -11,7 +11,7 @@ and send rubbish.
 
 import asyncio
 from statistics import median
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 import typer
@@ -19,16 +19,14 @@ import typer
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import require
 from mmt_lab.bench.measuring import Figure, single_figures
-from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings
+from mmt_lab.sharing.crowd import join_apart
 from mmt_lab.sharing.hubs import findings
 from mmt_lab.sharing.long_session import run_long_session
 from mmt_lab.sharing.session import run_with_listeners
 
-
-async def _session(duration_s: float, count: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Run one session with a crowd; return the leader's summary and the crowd's counts."""
-    return await run_with_listeners(duration_s, ("crowd", str(count)), 1)
+SHOWS: Final = "what it costs to share a model, and how soon a hundred listeners have it"
+TAKES: Final = "3 min"
 
 
 _FORMS: Final = {
@@ -95,16 +93,17 @@ def run(
     ratios: list[float] = []
     pairs = 3 if pairs is None else pairs
     for _ in range(pairs):
-        one, _ = asyncio.run(_session(duration, 1))
-        leader, found = asyncio.run(_session(duration, listeners))
+        one, _ = asyncio.run(run_with_listeners(duration, (join_apart, 1), 1))
+        crowd = (join_apart, listeners)
+        leader, found = asyncio.run(run_with_listeners(duration, crowd, 1))
         ratios.append(leader["ticks"]["period_p99_ms"] / one["ticks"]["period_p99_ms"])
     sent, texture = leader["sharing"]["sent"], leader["texture"]
-    firsts = [each["first_s"] for each in found if each["first_s"] is not None]
-    lags = [lag for each in found for lag in each["lags_ms"]]
+    firsts = [each.first_s for each in found if each.first_s is not None]
+    lags = [lag for each in found for lag in each.lags_ms]
     if not firsts or not lags or not sent["changes"]:
-        problems = {each["problem"] for each in found} - {""}
+        problems = {each.problem for each in found} - {""}
         raise MmtError(f"no listener had a model and a change of it: {' '.join(problems)}")
-    behind = sum(each["number"] != leader["sharing"]["models"] for each in found)
+    behind = sum(each.number != leader["sharing"]["models"] for each in found)
     change_bytes = sent["changes_bytes"] / sent["changes"]
     a_second = leader["sharing"]["models"] / (texture["stop_s"] or duration)
     first_50, first_99 = np.percentile(firsts, [50, 99]).tolist()
@@ -120,7 +119,7 @@ def run(
         "tick_p99_ratio_most": ("the same of the pair with the most", max(ratios)),
         "joined": ("listeners who had the model", len(firsts), "at least", listeners),
         "behind": ("listeners without the last state", behind, "at most", 0),
-        "rejected": ("messages that did not fit", sum(e["rejected"] for e in found), "at most", 0),
+        "rejected": ("messages that did not fit", sum(e.rejected for e in found), "at most", 0),
         "model_bytes": ("whole model, on joining (bytes)", sent["wholes_bytes"] / sent["wholes"]),
         "change_bytes_a_second": (
             "changes to each while modelling (bytes/s)",
@@ -144,10 +143,3 @@ def run(
         "it is sent."
     )
     return single_figures("Sharing", about, rows)
-
-
-EXPERIMENT = Experiment(
-    shows="what it costs to share a model, and how soon a hundred listeners have it",
-    duration="3 min",
-    run=run,
-)

@@ -7,16 +7,20 @@ imported when the family runs.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
+from itertools import groupby
+from operator import attrgetter
 from typing import Any, Final
 
 from mmt.core.errors import InputError
 from mmt.evaluation.document import Block, Heading, ReportTable
 from mmt.evaluation.report import environment
-from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import counting
 from mmt_lab.stability.cases import CaseRow, Family, broken, run_case
 from mmt_lab.stability.families import Families, family_names, load_family
+
+SHOWS: Final = "whether the numerics hold where they are stiff and extreme"
+TAKES: Final = "3 min"
 
 COLUMNS: Final = ("case", "expected", "got", "held")
 
@@ -68,10 +72,7 @@ def run_families(chosen: Mapping[str, Family]) -> list[CaseRow]:
 
 def by_family(rows: Iterable[CaseRow]) -> dict[str, list[CaseRow]]:
     """Return the rows of each family, in the order in which the families ran."""
-    found: dict[str, list[CaseRow]] = {}
-    for row in rows:
-        found.setdefault(row.family, []).append(row)
-    return found
+    return {name: list(found) for name, found in groupby(rows, key=attrgetter("family"))}
 
 
 def family_table(rows: Sequence[CaseRow], caption: str = "") -> ReportTable:
@@ -115,8 +116,3 @@ def report_blocks(rows: Sequence[CaseRow]) -> list[Block]:
             blocks += family.pictures([row.figures for row in found])
         blocks.append(family_table(found))
     return blocks
-
-
-EXPERIMENT = Experiment(
-    shows="whether the numerics hold where they are stiff and extreme", duration="3 min", run=run
-)

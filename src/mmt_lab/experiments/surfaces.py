@@ -19,7 +19,6 @@ from mmt.core.errors import InputError
 from mmt.evaluation.document import ReportTable
 from mmt.evaluation.levels import BAND_EDGES_HZ
 from mmt_lab.harness.experiment import (
-    Experiment,
     HandKind,
     Seed,
     Seeds,
@@ -30,10 +29,12 @@ from mmt_lab.harness.experiment import (
 )
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import map_in_processes
+from mmt_lab.harness.tables import table_of
 from mmt_lab.surfaces.running import RECORDED, STAY_S, SurfaceResult, run_recorded, run_simulated
 from mmt_lab.surfaces.slides import SLIDES, run_slides, scatter_db
 
-TITLE: Final = "More than one surface"
+SHOWS: Final = "how soon a change of surface is found, and how many are missed"
+TAKES: Final = "10 min on 2 processors"
 
 TARGETS: Final = {"delay_s": 1.0, "missed": 0.15, "false_alarms_per_hour": 6.0}
 
@@ -74,21 +75,20 @@ def groups(results: Sequence[SurfaceResult]) -> dict[str, list[dict[str, Any]]]:
 def changes_table(group: str, rows: Sequence[Mapping[str, Any]]) -> ReportTable:
     """Return a row for each number of surfaces of a group."""
     cells = [
-        [
-            row["surfaces"],
-            str(row["sessions"]),
-            str(row["stays"]),
-            *(_blank(row[key], ".2f") for key in ("delay_s", "delay_p90_s")),
-            _blank(row["within_target"], ".1%"),
-            str(row["missed"]),
-            str(row["false_alarms"]),
-            f"{row['stroked_s'] / 60.0:.0f}",
-        ]
+        {
+            "surfaces": row["surfaces"],
+            "sessions": str(row["sessions"]),
+            "stays": str(row["stays"]),
+            "delay (s)": _blank(row["delay_s"], ".2f"),
+            "delay p90 (s)": _blank(row["delay_p90_s"], ".2f"),
+            "in 1 s": _blank(row["within_target"], ".1%"),
+            "missed": str(row["missed"]),
+            "false alarms": str(row["false_alarms"]),
+            "stroked (min)": f"{row['stroked_s'] / 60.0:.0f}",
+        }
         for row in rows
     ]
-    columns = ["surfaces", "sessions", "stays", "delay (s)", "delay p90 (s)", "in 1 s", "missed"]
-    columns += ["false alarms", "stroked (min)"]
-    return ReportTable(columns, cells, caption=f"{CAPTIONS[group]}. Delays are medians.")
+    return table_of(cells, f"{CAPTIONS[group]}. Delays are medians.")
 
 
 def scatter_table(folder: Path) -> ReportTable:
@@ -132,6 +132,7 @@ def _figures(name: str, group: Sequence[SurfaceResult]) -> dict[str, Any]:
     missed = len(stays) - len(delays)
     stroked_s = sum(each.stroked_s for each in scores)
     false = sum(each.false_alarms for each in scores)
+    bound = float(0.5 * chi2.ppf(0.95, 2 * (false + 1)))  # 95 %, one-sided (Garwood 1936)
     in_time = sum(delay <= TARGETS["delay_s"] for delay in delays)
     return {
         "surfaces": name,
@@ -145,14 +146,9 @@ def _figures(name: str, group: Sequence[SurfaceResult]) -> dict[str, Any]:
         "missed_share": missed / len(stays) if stays else None,
         "false_alarms": false,
         "false_alarms_per_hour": 3600.0 * false / stroked_s if stroked_s else 0.0,
-        "false_alarms_per_hour_most": _most(false, stroked_s / 3600.0),
+        "false_alarms_per_hour_most": bound / (stroked_s / 3600.0) if stroked_s else None,
         "stroked_s": round(stroked_s, 1),
     }
-
-
-def _most(count: int, hours: float) -> float | None:
-    """Return the 95 % upper bound on a rate an hour, one-sided (Garwood 1936)."""
-    return float(0.5 * chi2.ppf(0.95, 2 * (count + 1)) / hours) if hours else None
 
 
 def _quantile(values: Sequence[float], share: float) -> float | None:
@@ -201,7 +197,7 @@ def run(
     found = groups(results)
     overall = [rows[-1] for rows in found.values()]
     return Findings(
-        TITLE,
+        "More than one surface",
         tables=[*(changes_table(group, rows) for group, rows in found.items()), *tables],
         sentences=remarks(overall),
         targets=targets(overall),
@@ -213,10 +209,3 @@ def run(
             "definitions": DEFINITIONS,
         },
     )
-
-
-EXPERIMENT = Experiment(
-    shows="how soon a change of surface is found, and how many are missed",
-    duration="10 min on 2 processors",
-    run=run,
-)

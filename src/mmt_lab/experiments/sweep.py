@@ -7,7 +7,7 @@ processes or on a Dask cluster, with the same figures.
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import numpy as np
 import typer
@@ -18,9 +18,10 @@ from mmt.evaluation.document import ReportTable
 from mmt.evaluation.texts import number, share
 from mmt.scene import Texture
 from mmt.session import RecordedSession, read_session
-from mmt_lab.harness.experiment import Experiment, Seed, Workers
+from mmt_lab.harness.experiment import Seed, Workers
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import counting, processes
+from mmt_lab.harness.tables import table_of
 from mmt_lab.sweep.combinations import (
     Job,
     JobOutcome,
@@ -30,6 +31,9 @@ from mmt_lab.sweep.combinations import (
     make_jobs,
 )
 from mmt_lab.sweep.running import run_locally, run_on_dask
+
+SHOWS: Final = "how recorded sessions fare with other settings of [texture]"
+TAKES: Final = "1 s a session and choice"
 
 MEANS = ("gfc", "gfc_ceiling", "truth_gfc", "power_error_db", "within_jnd", "samples")
 """Figures of the finished model; the mean over sessions is shown."""
@@ -56,15 +60,17 @@ def run(
     if workers is not None and dask is not None:
         raise InputError("--workers and --dask: give one, a cluster has its own workers")
     settings = combinations(choices or [])
-    read = {str(path): _read(path) for path in dict.fromkeys(sessions)}
-    jobs = [
-        job
-        for session in read.values()
-        for job in make_jobs(session, _base(session, scene_file), settings, step_s=step, seed=seed)
-    ]
+    read: dict[str, RecordedSession] = {}
+    jobs: list[Job] = []
+    for path in dict.fromkeys(sessions):
+        # without the parts that no evaluation needs, since a worker may get it
+        session = replace(read_session(path), models=(), events=(), outputs=())
+        read[str(path)] = session
+        base = scene_of(session, scene_file).texture or Texture()
+        jobs += make_jobs(session, base, settings, step_s=step, seed=seed)
     results = SweepResults(out)
     missing = results.missing(jobs)
-    needed = {path: read[path] for path in dict.fromkeys(job.path for job in missing)}
+    needed = {job.path: read[job.path] for job in missing}
     if dask is not None and missing:
         outcomes = run_on_dask(missing, needed, dask)
     else:
@@ -79,15 +85,6 @@ def run(
         data={"settings": summary, "results": [results.lines[k] for k in _done(jobs, results)]},
         failures=[f"{each.job.path} {each.job.settings}: {each.error}" for each in failed],
     )
-
-
-def _read(path: Path) -> RecordedSession:
-    """Read a session without the parts that no evaluation needs, since a worker may get it."""
-    return replace(read_session(path), models=(), events=(), outputs=())
-
-
-def _base(session: RecordedSession, scene_file: Path | None) -> Texture:
-    return scene_of(session, scene_file).texture or Texture()
 
 
 def _collect(
@@ -139,24 +136,18 @@ def _table(summary: Sequence[dict[str, Any]]) -> ReportTable:
     rows = []
     for row in summary:
         name = ", ".join(f"{key.partition('.')[2]} {v}" for key, v in row["settings"].items())
-        cells = {
-            "settings": name or "as recorded",
-            "sessions": str(row["sessions"]),
-            "complete": str(row["complete"]),
-            "stop (s)": number(row["stop_s"], 1),
-            "samples": number(row["samples"], 1),
-            "GFC": number(row["gfc"], 3),
-            "ceiling": number(row["gfc_ceiling"], 3),
-            "power error (dB)": number(row["power_error_db"], 2),
-            "within JND": share(row["within_jnd"]),
-        }
-        rows.append(tuple(cells.values()))
+        rows.append(
+            {
+                "settings": name or "as recorded",
+                "sessions": str(row["sessions"]),
+                "complete": str(row["complete"]),
+                "stop (s)": number(row["stop_s"], 1),
+                "samples": number(row["samples"], 1),
+                "GFC": number(row["gfc"], 3),
+                "ceiling": number(row["gfc_ceiling"], 3),
+                "power error (dB)": number(row["power_error_db"], 2),
+                "within JND": share(row["within_jnd"]),
+            }
+        )
     caption = "Means over sessions, at the stop criterion or at the end where it was never met."
-    return ReportTable(tuple(cells), rows, caption)
-
-
-EXPERIMENT = Experiment(
-    shows="how recorded sessions fare with other settings of [texture]",
-    duration="1 s a session and choice",
-    run=run,
-)
+    return table_of(rows, caption)

@@ -29,7 +29,6 @@ STROKE_TICKS: Final = 250
 _EDGE_WINDOW: Final = 30
 _SEARCH_TICKS: Final = 900
 _QUIET_TICKS: Final = 50
-_BLOCK: Final = 500
 
 
 @dataclass(frozen=True)
@@ -111,14 +110,10 @@ def _expected_bands(passage: Passage) -> FloatArray:
     member = band_membership(frequencies)
     # the motion is slow: a value every ten ticks is enough
     chosen = np.arange(0, len(passage.force_n), 10)
-    parts = []
-    for start in range(0, len(chosen), _BLOCK):
-        rows = chosen[start : start + _BLOCK]
-        density = passage.surface.spectrum(
-            passage.speed_mm_s[rows], passage.force_n[rows], frequencies, heading[rows]
-        )
-        parts.append(density @ member)
-    bands = np.concatenate(parts)
+    density = passage.surface.spectrum(
+        passage.speed_mm_s[chosen], passage.force_n[chosen], frequencies, heading[chosen]
+    )
+    bands = density @ member
     windows = sliding_window_view(bands, WINDOW // 10, axis=0)[:: HOP // 10]
     weights = np.square(np.hanning(WINDOW // 10 + 2)[1:-1])
     return np.asarray(windows @ (weights / weights.sum()))

@@ -11,9 +11,8 @@ from typer.core import TyperGroup
 
 from mmt.cli.common import json_option, messages, output, print_error, report_option, write_json
 from mmt.cli.plain_help import simplify_help
-from mmt.core.errors import InputError
 from mmt.core.tables import plain_table
-from mmt_lab.harness.experiment import Experiment, listed, load
+from mmt_lab.harness.experiment import listed, load
 from mmt_lab.harness.findings import Findings
 
 JsonFile = Annotated[Path | None, json_option("Write the figures.")]
@@ -30,12 +29,9 @@ class Laboratory(TyperGroup):
         """Return the names of all experiments."""
         return [one.name for one in listed()]
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002 - as Typer calls it
         """Return an experiment as a command; raise `InputError` if none has that name."""
-        names = self.list_commands(ctx)
-        if cmd_name not in names:
-            raise InputError(f"lab {cmd_name}: allowed are {', '.join(names)}")
-        return command(cmd_name, load(cmd_name))
+        return command(cmd_name)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 - as Typer calls it
         """Print the list of experiments, without importing any."""
@@ -47,31 +43,31 @@ def print_list() -> None:
     output.print("Usage: mmt lab EXPERIMENT [OPTIONS]   (--help after a name tells its options)\n")
     for group, title in (("lab", "Experiments"), ("bench", "Error against run time (mmt bench)")):
         table = plain_table(title, "experiment", "shows", "takes")
-        rows = [(one.name, one.shows, one.duration) for one in listed() if one.group == group]
+        rows = [(one.name, one.shows, one.takes) for one in listed() if one.group == group]
         for row in rows:
             table.add_row(*row)
         if rows:
             output.print(table)
 
 
-def command(name: str, experiment: Experiment) -> Any:
+def command(name: str) -> Any:
     """Return an experiment as a command of Typer."""
     app = typer.Typer(add_completion=False)
-    summary = (inspect.getdoc(experiment.run) or experiment.shows).partition("\n\n")[0]
-    app.command(name, help=summary)(_with_outputs(name, experiment))
+    summary = (inspect.getdoc(load(name)) or "").partition("\n\n")[0]
+    app.command(name, help=summary)(_with_outputs(name))
     made = typer.main.get_command(app)
     made.name = name
     return simplify_help(made)
 
 
-def _with_outputs(name: str, experiment: Experiment) -> Callable[..., None]:
+def _with_outputs(name: str) -> Callable[..., None]:
     """Return a function with the parameters of an experiment and those of the output files."""
 
     def call(json_file: Path | None, report: Path | None, **options: Any) -> None:
-        if not report_findings(run(name, experiment, **options), json_file, report):
+        if not report_findings(run(name, **options), json_file, report):
             raise typer.Exit(1)
 
-    own = inspect.signature(experiment.run, eval_str=True)
+    own = inspect.signature(load(name), eval_str=True)
     outputs = [
         inspect.Parameter("json_file", inspect.Parameter.KEYWORD_ONLY, annotation=JsonFile),
         inspect.Parameter("report", inspect.Parameter.KEYWORD_ONLY, annotation=ReportFolder),
@@ -82,7 +78,7 @@ def _with_outputs(name: str, experiment: Experiment) -> Callable[..., None]:
     return call
 
 
-def run(name: str, experiment: Experiment, **options: Any) -> Findings:
+def run(name: str, **options: Any) -> Findings:
     """Run an experiment; options that it does not have are ignored.
 
     Raises
@@ -92,8 +88,9 @@ def run(name: str, experiment: Experiment, **options: Any) -> Findings:
     ImportError
         The experiment needs a package that is not installed.
     """
-    known = inspect.signature(experiment.run).parameters
-    found = experiment.run(**{key: value for key, value in options.items() if key in known})
+    experiment = load(name)
+    known = inspect.signature(experiment).parameters
+    found = experiment(**{key: value for key, value in options.items() if key in known})
     return replace(found, name=name)
 
 

@@ -1,26 +1,26 @@
 """Definition of an experiment, options that experiments share, and the search for experiments.
 
 An experiment is a module of `mmt_lab.experiments`. Its name is that of the module, with hyphens.
-The module's docstring describes the experiment, and the module holds one `EXPERIMENT`::
+The module's docstring describes the experiment, and the module says for the list what it shows and
+how long it takes with its defaults on an ordinary machine::
+
+    SHOWS: Final = "how ... depends on ..."
+    TAKES: Final = "2 min"
 
     def run(textures: Textures = None, seeds: Seeds = 3, workers: Workers = None) -> Findings:
         ...
 
-    EXPERIMENT = Experiment(
-        shows="how ... depends on ...", duration="2 min", run=run
-    )
-
-The parameters of ``run`` are the options and arguments of the command, annotated as Typer reads
-them. Options of several experiments are defined here, so that they mean the same everywhere. The
-harness adds ``--json`` and ``--report``.
+A stage of ``mmt bench``, which measures against peers, has ``GROUP: Final = "bench"`` too. The
+parameters of ``run`` are the options and arguments of the command, annotated as Typer reads them.
+Options of several experiments are defined here, so that they mean the same everywhere. The harness
+adds ``--json`` and ``--report``.
 """
 
 import ast
 import importlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
 import typer
 
@@ -90,39 +90,16 @@ RealTime = Annotated[bool, typer.Option("--realtime", help="Measure by real-time
 """Whether real-time scheduling is measured (Linux)."""
 
 
-@dataclass(frozen=True)
-class Experiment:
-    """What an experiment shows, how long it takes, and the function that runs it.
-
-    Attributes
-    ----------
-    shows
-        What the experiment shows, as a phrase for the list.
-    duration
-        How long it takes with its defaults on an ordinary machine.
-    run
-        Function that runs it; the parameters are the options of the command.
-    group
-        ``"bench"`` for a stage of ``mmt bench``, which measures against peers.
-    """
-
-    shows: str
-    duration: str
-    run: Callable[..., Findings]
-    group: Group = "lab"
-
-
-@dataclass(frozen=True)
-class ExperimentEntry:
+class Experiment(NamedTuple):
     """Entry of the list of experiments, read without importing the module."""
 
     name: str
     shows: str
-    duration: str
+    takes: str
     group: Group
 
 
-def listed(group: Group | None = None) -> Iterator[ExperimentEntry]:
+def listed(group: Group | None = None) -> Iterator[Experiment]:
     """Yield every experiment of a group, or of all, by name.
 
     The modules are read, not imported: numerics take seconds to load.
@@ -134,8 +111,8 @@ def listed(group: Group | None = None) -> Iterator[ExperimentEntry]:
             yield one
 
 
-def load(name: str) -> Experiment:
-    """Import an experiment by its name.
+def load(name: str) -> Callable[..., Findings]:
+    """Import an experiment by its name; return the function that runs it.
 
     Raises
     ------
@@ -146,10 +123,10 @@ def load(name: str) -> Experiment:
     """
     names = [one.name for one in listed()]
     if name not in names:
-        raise InputError(f"experiment {name!r} is not known, allowed are {', '.join(names)}")
+        raise InputError(f"lab {name}: allowed are {', '.join(names)}")
     module = importlib.import_module(f"{experiments.__name__}.{name.replace('-', '_')}")
-    found: Experiment = module.EXPERIMENT
-    return found
+    run: Callable[..., Findings] = module.run
+    return run
 
 
 def chosen_textures(textures: str | None) -> list[str]:
@@ -218,24 +195,19 @@ DRAWN: Final = 20
 """Number of textures that ``drawn`` and ``final`` stand for."""
 
 _MODELS: Final = (".npz", ".xml")
-_LISTED: Final = ("shows", "duration", "group")
 
 
-def _read(path: Path) -> ExperimentEntry:
+def _read(path: Path) -> Experiment:
     """Return the list's entry of an experiment, read from the source of its module."""
+    said: dict[str, Any] = {"GROUP": "lab"}
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.Assign | ast.AnnAssign) and isinstance(node.value, ast.Call):
-            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            if [each.id for each in targets if isinstance(each, ast.Name)] == ["EXPERIMENT"]:
-                return _listed(path, node.value)
-    raise TypeError(f"{path}: an experiment needs EXPERIMENT = Experiment(...)")
-
-
-def _listed(path: Path, call: ast.Call) -> ExperimentEntry:
-    given = {key.arg: key.value for key in call.keywords if key.arg in _LISTED}
+        match node:
+            case (
+                ast.Assign(targets=[ast.Name(name)], value=ast.Constant(value))
+                | ast.AnnAssign(target=ast.Name(name), value=ast.Constant(value))
+            ):
+                said[name] = value
     try:
-        fields = {key: ast.literal_eval(value) for key, value in given.items()}
-        shows, duration = fields["shows"], fields["duration"]
-    except (ValueError, KeyError) as error:
-        raise TypeError(f"{path}: shows and duration must be plain texts") from error
-    return ExperimentEntry(path.stem.replace("_", "-"), shows, duration, fields.get("group", "lab"))
+        return Experiment(path.stem.replace("_", "-"), said["SHOWS"], said["TAKES"], said["GROUP"])
+    except KeyError as error:
+        raise TypeError(f"{path}: an experiment needs SHOWS and TAKES, plain texts") from error

@@ -1,5 +1,7 @@
 """Function calls in local processes, processes with pipes, and a progress bar."""
 
+import asyncio
+import inspect
 import multiprocessing
 import os
 import signal
@@ -49,13 +51,13 @@ def map_in_processes(
     results: dict[int, Result] = {}
     with counting(what, len(calls)) as show:
         if wanted == 1:
-            for number, call in enumerate(calls):
-                results[number] = function(*call)
-                show(len(results))
+            found = ((number, function(*call)) for number, call in enumerate(calls))
         else:
-            for number, future in in_processes(function, dict(enumerate(calls)), wanted):
-                results[number] = future.result()
-                show(len(results))
+            futures = in_processes(function, dict(enumerate(calls)), wanted)
+            found = ((number, future.result()) for number, future in futures)
+        for number, result in found:
+            results[number] = result
+            show(len(results))
     return [results[number] for number in sorted(results)]
 
 
@@ -111,7 +113,7 @@ def background_processes(*calls: tuple[Any, ...]) -> Iterator[list[Connection]]:
     Parameters
     ----------
     calls
-        Each a function of a module and its arguments, which can be pickled.
+        Each a function of a module, async or not, and its arguments, which can be pickled.
 
     Yields
     ------
@@ -164,7 +166,9 @@ def _piped(pipe: Connection, function: Callable[..., object], *arguments: Any) -
     """Run a function of `background_processes`; send its `MmtError` if it raises one."""
     _leave_interrupts()
     try:
-        function(pipe, *arguments)
+        running = function(pipe, *arguments)
+        if inspect.iscoroutine(running):
+            asyncio.run(running)
     except MmtError as error:
         pipe.send(error)
     except (EOFError, ConnectionError):
@@ -196,3 +200,9 @@ def counting(
 def _leave_interrupts() -> None:
     """Leave Ctrl-C to the process that started this one."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def leave_process_session() -> None:
+    """Put this process into a process session of its own, so that it can lower its priority."""
+    if os.name == "posix":
+        os.setsid()

@@ -1,9 +1,8 @@
 """Print findings, and write them as a report in one folder."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from rich.text import Text
 
@@ -62,7 +61,7 @@ def write_report(directory: Path, result: Findings) -> Path:
         The directory cannot be written.
     """
     versions = environment()
-    blocks: list[Block] = [Heading(result.title, 1), *_found(result)]
+    blocks: list[Block] = [Heading(result.title, 1), *found_blocks(result)]
     if result.definitions:
         rows = list(result.definitions.items())
         blocks += [Heading("Definitions"), ReportTable(("figure", "what"), rows)]
@@ -74,48 +73,18 @@ def write_report(directory: Path, result: Findings) -> Path:
     return write_report_files(directory, result.title, blocks, "summary.json", data)
 
 
-def write_joint_report(
-    directory: Path,
-    title: str,
-    opening: Sequence[Block],
-    results: Sequence[Findings],
-    data_name: str,
-    data: Mapping[str, Any],
-) -> Path:
-    """Write one report of several experiments, all targets first.
-
-    Parameters
-    ----------
-    directory, title
-        As in `mmt.evaluation.report_files.write_report_files`.
-    opening
-        Blocks below the title.
-    results
-        Findings of each experiment.
-    data_name, data
-        Name and content of the JSON file beside the page.
-
-    Raises
-    ------
-    InputError
-        The directory cannot be written.
-    """
-    blocks: list[Block] = [Heading(title, 1), *opening]
-    if any(result.targets for result in results):
-        blocks.append(targets_table(results))
-        blocks += [Paragraph(sentence) for sentence in missed_because(results)]
-    for result in results:
-        blocks += [Heading(result.title), *_found(replace(result, targets=()))]
-    return write_report_files(directory, title, blocks, data_name, data)
+def target_blocks(results: Sequence[Findings]) -> list[Block]:
+    """Return the targets of a run, if there are any, and why some are not met."""
+    if not any(result.targets for result in results):
+        return []
+    return [targets_table(results), *map(Paragraph, missed_because(results))]
 
 
-def _found(result: Findings) -> list[Block]:
+def found_blocks(result: Findings) -> list[Block]:
     """Return the blocks of findings, without heading and definitions."""
     texts = [result.about, *result.sentences, *result.failures]
     blocks: list[Block] = [Paragraph(text) for text in texts if text]
-    if result.targets:
-        blocks.append(targets_table([result]))
-        blocks += [Paragraph(sentence) for sentence in missed_because([result])]
+    blocks += target_blocks([result])
     if result.panels:
         from mmt_lab.harness.plots import panels_figure
 

@@ -71,7 +71,7 @@ def read_taps(path: Path) -> list[FloatArray]:
     A file ``Taps_MATERIAL.xml`` holds accelerations of 10 ms at 10 kHz (``tap/tapAccel/value``),
     which are brought to 1 kHz and high-passed at 10 Hz.
     """
-    from scipy.signal import resample_poly
+    from scipy.signal import butter, resample_poly, sosfilt
 
     try:
         root = parse_xml(path.read_bytes())
@@ -83,11 +83,5 @@ def read_taps(path: Path) -> list[FloatArray]:
     taps = np.zeros((len(rows), _TAP_STEP * SAMPLES))
     for tap, row in zip(taps, rows, strict=True):
         tap[_TAP_STEP * _LEAD :][: len(row)] = row
-    return list(_high_passed(resample_poly(taps, 1, _TAP_STEP, axis=1)))
-
-
-def _high_passed(signal: FloatArray) -> FloatArray:
-    from scipy.signal import butter, sosfilt
-
     sections = butter(2, 10.0, "highpass", fs=RATE_HZ, output="sos")
-    return np.asarray(sosfilt(sections, signal))
+    return list(sosfilt(sections, resample_poly(taps, 1, _TAP_STEP, axis=1)))

@@ -1,7 +1,6 @@
 """Sample selection on trials of known texture: the published algorithm and ours, by seed."""
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
@@ -15,7 +14,6 @@ from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.signals.amplitude_spectra import expected_amplitude
 from mmt.texture.signals.metrics import gfc_of_rows
 from mmt.texture.space.inputs import InputSpace
-from mmt_lab.harness.processes import map_in_processes
 from mmt_lab.selection.sessions import Trials, session_trials
 from mmt_methods.selection import ModelPoints, select
 from mmt_methods.selection.published import select_published
@@ -62,12 +60,6 @@ def run_texture(
     """
     generator = np.random.default_rng([seed, crc32(texture.encode())])
     trials = session_trials(texture, hand, seed, generator, taps)
-    return _judged(trials, trials.surface.name, seed, generator)
-
-
-def _judged(
-    trials: Trials, texture: str, seed: int, generator: np.random.Generator
-) -> list[SelectionResult]:
     probes = _Probes(trials, generator)
     count = len(trials.data)
     order = generator.permutation(count)
@@ -81,7 +73,7 @@ def _judged(
         score = probes.score(kept)
         results.append(
             SelectionResult(
-                texture=texture,
+                texture=trials.surface.name,
                 method=method,
                 seed=seed,
                 detected=float(outlier[trials.knocked].mean()),
@@ -140,16 +132,3 @@ class _Probes:
         modelled = np.maximum(density.sum(axis=1), _FLOOR)
         error_db = 10.0 * np.log10(modelled / np.maximum(self._power, _FLOOR))
         return float(gfc.mean()), float(np.sqrt(np.mean(error_db**2)))
-
-
-def run_textures(
-    seeds: Sequence[int],
-    textures: Sequence[str],
-    hand: str = "strokes",
-    taps: Path | None = None,
-    workers: int | None = None,
-) -> list[SelectionResult]:
-    """Run textures on each seed in local processes; see `run_texture`."""
-    calls = [(texture, seed, hand, taps) for texture in textures for seed in seeds]
-    found = map_in_processes(run_texture, calls, workers=workers, what="sample selection")
-    return [one for results in found for one in results]

@@ -1,16 +1,13 @@
 """Listeners that count messages and keep no model, many in one process.
 
-``python -m mmt_lab.sharing.counting URL SECONDS COUNT`` connects COUNT listeners, ten at a time,
-and prints ``{"joined_s": ...}`` when all have joined. At the end of the leader's session, or after
-SECONDS, it prints what each listener has counted.
+`count` is a function for a process of its own.
 """
 
 import asyncio
-import json
-import sys
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
 from typing import Any, Final
 
 import numpy as np
@@ -220,16 +217,6 @@ async def run_listeners(
     return list(await asyncio.gather(*(one.leave() for one in crowd)))
 
 
-def main() -> None:
-    """Run the listeners of the command line."""
-    url, longest_s, listeners = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
-
-    def say(joined_s: float) -> None:
-        print(json.dumps({"joined_s": joined_s}), flush=True)
-
-    found = asyncio.run(run_listeners(url, listeners, longest_s, on_joined=say))
-    print(json.dumps([asdict(each) for each in found]))
-
-
-if __name__ == "__main__":
-    main()
+async def count(pipe: Connection, url: str, longest_s: float, listeners: int) -> None:
+    """Run listeners; send the seconds that joining took, and what each has counted."""
+    pipe.send(await run_listeners(url, listeners, longest_s, on_joined=pipe.send))

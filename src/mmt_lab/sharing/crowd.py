@@ -1,19 +1,17 @@
 """Listeners that join at once when a shared model is ready.
 
-``python -m mmt_lab.sharing.crowd URL SECONDS COUNT`` waits until the model is ready, and lets COUNT
-listeners join within one second. They listen until the leader ends its session, or until SECONDS
-are over in all; their counts are printed as JSON. They stand for other machines, whose work must
-not take the leader's processor: they count messages, and the model is built once for all.
+They wait until the model is ready, and join within one second. They listen until the leader ends
+its session, or until a time is over in all. They stand for other machines, whose work must not take
+the leader's processor: they count messages, and the model is built once for all.
 """
 
 import asyncio
-import json
-import sys
 import time
-from dataclasses import asdict
+from multiprocessing.connection import Connection
 
 from mmt.core.errors import MmtError
 from mmt.core.process import lower_priority
+from mmt_lab.harness.processes import leave_process_session
 from mmt_lab.sharing.counting import ListenerCounts, run_listeners
 from mmt_share.client import STATES_HZ, ListenerClient
 from mmt_share.tables import Listening
@@ -65,13 +63,8 @@ async def crowd(url: str, listeners: int, longest_s: float) -> list[ListenerCoun
     return found
 
 
-def main() -> None:
-    """Run the crowd of the command line at low priority, as if on other machines."""
+async def join_apart(pipe: Connection, url: str, longest_s: float, listeners: int) -> None:
+    """Run a crowd at low priority, as if on other machines; send its counts."""
+    leave_process_session()
     lower_priority()
-    url, longest_s, listeners = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
-    found = asyncio.run(crowd(url, listeners, longest_s))
-    print(json.dumps([asdict(each) for each in found]))
-
-
-if __name__ == "__main__":
-    main()
+    pipe.send(await crowd(url, listeners, longest_s))

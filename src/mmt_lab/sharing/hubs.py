@@ -3,7 +3,7 @@
 import asyncio
 import shutil
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Final
@@ -15,8 +15,9 @@ from mmt.cli.child import KILL, send
 from mmt.core.errors import InputError, MmtError
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.findings import Findings
-from mmt_lab.sharing.counting import CountingListener, ListenerCounts, auth_of
-from mmt_lab.sharing.session import ListenedSession, Service, printed_by, shared_session
+from mmt_lab.harness.processes import received
+from mmt_lab.sharing.counting import CountingListener, ListenerCounts, auth_of, count
+from mmt_lab.sharing.session import Service, shared_session
 
 _LATEST_S: Final = 60.0
 """How long Redis may take to start, and listeners beyond the session."""
@@ -26,24 +27,21 @@ _MANY: Final = 100_000
 
 
 @dataclass
-class HubUsage:
-    """Processor time of a hub in some seconds, and its memory without listeners and with all."""
-
-    cpu_s: float
-    seconds: float
-    empty_mb: float
-    full_mb: float
-
-
-@dataclass
 class HubSession:
-    """Results of a session: the leader's own listener, the hubs, and all listeners of hubs."""
+    """Results of a session: the leader's own listener, the hubs, and all listeners of hubs.
+
+    ``cpu_s`` is the hubs' processor time in the ``seconds`` of the session, ``memory_mb`` their
+    memory for listeners, ``empty_mb`` that of the first one without any.
+    """
 
     direct: ListenerCounts
     hubs: list[dict[str, Any]]
-    used: list[HubUsage]
     counts: list[ListenerCounts]
     joined_s: float
+    seconds: float
+    cpu_s: float
+    memory_mb: float
+    empty_mb: float
 
 
 async def run_hub_session(hubs: int, listeners: int, duration_s: float) -> HubSession:
@@ -60,7 +58,9 @@ async def run_hub_session(hubs: int, listeners: int, duration_s: float) -> HubSe
         ]
         urls = [(await hub.line("ready"))["address"] for hub in served]
         before = [_use(hub) for hub in served]
-        crowds, joined_s = await _join(session, urls, listeners, duration_s)
+        longest_s = duration_s + _LATEST_S
+        crowds = session.listen(*_calls(urls, listeners, longest_s))
+        joined_s = max([await asyncio.to_thread(received, one, longest_s) for one in crowds])
         idle = [_use(hub) for hub in served]
         await session.start_follower()
         await session.leader.line("event", "^follower")
@@ -68,15 +68,14 @@ async def run_hub_session(hubs: int, listeners: int, duration_s: float) -> HubSe
         await session.leader.line("summary")
         seconds = asyncio.get_running_loop().time() - begun_s
         after = [_use(hub) for hub in served]
-        counts = [ListenerCounts(**each) for crowd in crowds for each in await printed_by(crowd)]
+        found = [await asyncio.to_thread(received, one, longest_s) for one in crowds]
+        counts = [each for crowd in found for each in crowd]
         for hub in served:
             hub.child.interrupt()
         summaries = [await hub.line("summary") for hub in served]
-        used = [
-            HubUsage(end[0] - start[0], seconds, empty[1], end[1])
-            for empty, start, end in zip(before, idle, after, strict=True)
-        ]
-        return HubSession(await direct.leave(), summaries, used, counts, joined_s)
+        cpu_s, memory_mb = np.sum(after, 0) - (np.sum(idle, 0)[0], np.sum(before, 0)[1])
+        own = await direct.leave()
+        return HubSession(own, summaries, counts, joined_s, seconds, cpu_s, memory_mb, before[0][1])
 
 
 def findings(hubs: int, listeners: int, duration_s: float) -> Findings:
@@ -88,9 +87,9 @@ def findings(hubs: int, listeners: int, duration_s: float) -> Findings:
         problems = {each.problem for each in counts} - {""}
         raise MmtError(f"no listener had a change of the model: {' '.join(problems)}")
     same = sum((each.number, each.digest) == (last.number, last.digest) for each in counts)
-    seconds = max(each.seconds for each in session.used)
-    cpu = sum(each.cpu_s / each.seconds for each in session.used) / listeners
-    kilobytes = 1e3 * sum(each.full_mb - each.empty_mb for each in session.used) / listeners
+    seconds = session.seconds
+    cpu = session.cpu_s / seconds / listeners
+    kilobytes = 1e3 * session.memory_mb / listeners
     sent = [each["sent"] for each in session.hubs]
     kinds = ("wholes", "changes", "states")
     rate = sum(each[f"{kind}_bytes"] for each in sent for kind in kinds) / listeners / seconds
@@ -110,7 +109,7 @@ def findings(hubs: int, listeners: int, duration_s: float) -> Findings:
         "cpu_ms_a_second": ("hubs' processor time for each listener (ms/s)", 1e3 * cpu),
         "bytes_a_second": ("to each listener (bytes/s)", rate),
         "memory_kb": ("hubs' memory for each listener (kB)", kilobytes),
-        "empty_mb": ("memory of a hub without listeners (MB)", session.used[0].empty_mb),
+        "empty_mb": ("memory of a hub without listeners (MB)", session.empty_mb),
         "many_cores": (f"for {_MANY} listeners: processors (cores)", cpu * _MANY),
         "many_memory_gb": (f"for {_MANY} listeners: memory (GB)", 1e-6 * kilobytes * _MANY),
         "many_mb_a_second": (f"for {_MANY} listeners: traffic (MB/s)", 1e-6 * rate * _MANY),
@@ -149,19 +148,12 @@ async def _redis() -> AsyncIterator[str]:
         await process.wait()
 
 
-async def _join(
-    session: ListenedSession, urls: list[str], listeners: int, duration_s: float
-) -> tuple[list[asyncio.subprocess.Process], float]:
-    """Let the listeners join, the same number at each hub; return their processes and the time."""
-    crowds = []
-    longest_s = str(duration_s + _LATEST_S)
+def _calls(urls: list[str], listeners: int, longest_s: float) -> Iterator[tuple[Any, ...]]:
+    """Yield the processes of the listeners, of whom each hub has the same number."""
     for number, url in enumerate(urls):
         there = listeners // len(urls) + (number < listeners % len(urls))
         for first in range(0, there, _CROWD):
-            count = str(min(there - first, _CROWD))
-            crowds.append(await session.listen("counting", url, longest_s, count, apart=False))
-    joined = [await printed_by(crowd) for crowd in crowds]
-    return crowds, max(each["joined_s"] for each in joined)
+            yield count, url, longest_s, min(there - first, _CROWD)
 
 
 def _use(hub: Service) -> tuple[float, float]:

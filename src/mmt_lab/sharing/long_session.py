@@ -5,9 +5,10 @@ from typing import Final
 
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.findings import Findings
+from mmt_lab.sharing.crowd import join_apart
 from mmt_lab.sharing.memory import Memory
 from mmt_lab.sharing.session import run_with_listeners
-from mmt_lab.sharing.troubled import EVERY_S, KINDS, STEADY
+from mmt_lab.sharing.troubled import EVERY_S, KINDS, STEADY, make_trouble
 
 _LARGEST_GROWTH_MB: Final = 1.0
 
@@ -15,9 +16,9 @@ _LARGEST_GROWTH_MB: Final = 1.0
 def run_long_session(duration_s: float, seed: int) -> Findings:
     """Run a long session with listeners that make trouble, and one without any."""
     alone_s = min(60.0, duration_s)
-    alone, _ = asyncio.run(run_with_listeners(alone_s, ("crowd", "1"), 1))
+    alone, _ = asyncio.run(run_with_listeners(alone_s, (join_apart, 1), 1))
     memory = Memory()
-    troubled = ("troubled", str(seed))
+    troubled = (make_trouble, seed)
     leader, found = asyncio.run(run_with_listeners(duration_s, troubled, STEADY, memory.sample))
     sharing = leader["sharing"]
     rows: dict[str, Figure] = {

@@ -6,7 +6,7 @@ from typing import Final, Literal
 import numpy as np
 import psutil
 
-from mmt_lab.soak.drift import Drift, by_window, drift, median
+from mmt_lab.soak.drift import Drift, by_window, drift
 
 _EVERY_S: Final = 1.0
 _SETTLED_SHARE: Final = 0.3
@@ -46,4 +46,4 @@ class Memory:
         seen = np.array(self._seen[who]).reshape(-1, 2)
         times_s, values = seen[int(_SETTLED_SHARE * len(seen)) :].T
         window_s = max(1.0, np.ptp(times_s) / 20.0) if len(times_s) else 1.0
-        return drift(*by_window(times_s, values, window_s, median))
+        return drift(*by_window(times_s, values, window_s, np.median))

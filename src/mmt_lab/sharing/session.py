@@ -1,18 +1,18 @@
 """A session whose model is shared, and the processes beside it."""
 
 import asyncio
-import json
 import os
 import re
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
+from multiprocessing.connection import Connection
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from mmt.cli.child import KILL, Child, send
-from mmt.core.children import python_command
+from mmt.cli.child import Child
 from mmt.core.errors import MmtError
+from mmt_lab.harness.processes import background_processes, received
 
 _SCENE: Final = "rough-texture"
 """Scene whose model grows as long as the session lasts, so that there are changes to share."""
@@ -74,21 +74,9 @@ class ListenedSession:
         self._stack.push_async_callback(child.kill)
         return Service(child, watch)
 
-    async def listen(
-        self, module: str, *arguments: str, apart: bool = True
-    ) -> asyncio.subprocess.Process:
-        """Start a module of this package that listens.
-
-        If `apart`, it has its own process session, so that it can lower its priority.
-        """
-        listeners = await asyncio.create_subprocess_exec(
-            *python_command("-m", f"mmt_lab.sharing.{module}", *arguments),
-            stdout=asyncio.subprocess.PIPE,
-            limit=1 << 26,
-            start_new_session=apart and os.name == "posix",
-        )
-        self._stack.push_async_callback(_end, listeners)
-        return listeners
+    def listen(self, *calls: tuple[Any, ...]) -> list[Connection]:
+        """Run listeners until the session is over; see `background_processes`."""
+        return self._stack.enter_context(background_processes(*calls))
 
 
 @asynccontextmanager
@@ -104,34 +92,19 @@ async def shared_session(
 
 async def run_with_listeners(
     duration_s: float,
-    listeners: tuple[str, ...],
+    listeners: tuple[Any, ...],
     first: int,
     watch: Callable[[int], None] = lambda _: None,
 ) -> tuple[dict[str, Any], Any]:
-    """Run one session with listeners; return the leader's summary and the listeners' results."""
-    module, *arguments = listeners
+    """Run one session with listeners; return the leader's summary and the listeners' results.
+
+    ``listeners`` is a function for a process of its own, and its arguments after pipe, URL and
+    longest time.
+    """
+    function, *arguments = listeners
     async with shared_session(duration_s, watch) as session:
-        longest_s = str(duration_s + LAST_S)
-        process = await session.listen(module, session.url, longest_s, *arguments)
+        (pipe,) = session.listen((function, session.url, duration_s + LAST_S, *arguments))
         await session.leader.line("event", f", {first} listening")
         await session.start_follower()
         summary = await session.leader.line("summary")
-        return summary, await printed_by(process, LAST_S)
-
-
-async def printed_by(listeners: asyncio.subprocess.Process, longest_s: float | None = None) -> Any:
-    """Return the next line that the listeners' process prints."""
-    assert listeners.stdout is not None  # noqa: S101 - it was asked for
-    try:
-        async with asyncio.timeout(longest_s):
-            line = await listeners.stdout.readline()
-    except TimeoutError as error:
-        raise MmtError(f"the listeners had not ended {longest_s:g} s after the session") from error
-    if not line:
-        raise MmtError("the listeners' process has ended without a word")
-    return json.loads(line)
-
-
-async def _end(listeners: asyncio.subprocess.Process) -> None:
-    send(listeners, KILL)
-    await listeners.wait()
+        return summary, await asyncio.to_thread(received, pipe, LAST_S)

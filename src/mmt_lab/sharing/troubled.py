@@ -1,21 +1,17 @@
-"""Listeners that stay, and others that join and leave, vanish, stall, and send rubbish.
-
-``python -m mmt_lab.sharing.troubled URL SECONDS SEED`` makes one such trouble every few seconds
-until the leader ends its session or SECONDS are over, and prints the number of each as JSON.
-"""
+"""Listeners that stay, and others that join and leave, vanish, stall, and send rubbish."""
 
 import asyncio
-import json
 import random
-import sys
 from collections import Counter
 from contextlib import suppress
+from multiprocessing.connection import Connection
 from typing import Any, Final
 
 import aiohttp
 import socketio
 
 from mmt.core.errors import MmtError
+from mmt_lab.harness.processes import leave_process_session
 from mmt_lab.harness.proxy import Proxy
 from mmt_share.client import ListenerClient
 from mmt_share.messages import SHARING_VERSION
@@ -139,15 +135,7 @@ class TroubledListeners:
             await client.disconnect()
 
 
-def main() -> None:
-    """Make the troubles of the command line."""
-    url, longest_s, seed = sys.argv[1:4]
-
-    async def run() -> dict[str, Any]:
-        return await TroubledListeners(url, int(seed)).run(float(longest_s))
-
-    print(json.dumps(asyncio.run(run())))
-
-
-if __name__ == "__main__":
-    main()
+async def make_trouble(pipe: Connection, url: str, longest_s: float, seed: int) -> None:
+    """Make troubles until the end of the session or of a time, and send the number of each."""
+    leave_process_session()
+    pipe.send(await TroubledListeners(url, seed).run(longest_s))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from scipy.stats import theilslopes
@@ -43,19 +43,16 @@ def drift(times_s: FloatArray, values: FloatArray) -> Drift:
     if len(values) < LEAST_WINDOWS:
         return Drift(len(values), span_s)
     slope, _, low, _ = theilslopes(values, times_s, 0.95)
-    return Drift(len(values), span_s, median(values), float(slope) * span_s, float(low) * span_s)
-
-
-def median(values: FloatArray) -> float:
-    """Return the median."""
-    return float(np.median(values))
+    return Drift(
+        len(values), span_s, float(np.median(values)), float(slope) * span_s, float(low) * span_s
+    )
 
 
 def by_window(
     times_s: FloatArray,
     values: FloatArray,
     window_s: float,
-    figure: Callable[[FloatArray], float],
+    figure: Callable[[FloatArray], Any],
 ) -> tuple[FloatArray, FloatArray]:
     """Return the middles (w,) of the windows that hold at least three values, and a figure of each.
 

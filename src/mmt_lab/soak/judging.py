@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from itertools import pairwise
 from typing import Any, Final
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.evaluation.document import ReportTable
-from mmt_lab.soak.drift import Drift, by_window, drift, median, outside
+from mmt_lab.soak.drift import Drift, by_window, drift, outside
 from mmt_lab.soak.faults import RESTART, SoakFault
 from mmt_lab.soak.recorded import Gap, Readback
 
@@ -147,7 +148,7 @@ def _drifts(observed: SoakLog, readback: Readback, recovery_s: float) -> list[Ch
     disturbed = [(-np.inf, warm_s), (observed.end_s - 0.5, np.inf)]
     disturbed += [(h.start_s - _BEFORE_S, h.end_s + recovery_s) for h in observed.faults]
 
-    def watched(seen: FloatArray, figure: Callable[[FloatArray], float]) -> Drift:
+    def watched(seen: FloatArray, figure: Callable[[FloatArray], Any]) -> Drift:
         times_s, values = seen
         free = outside(times_s, disturbed)
         times_s, values = times_s[free], values[free]
@@ -160,12 +161,20 @@ def _drifts(observed: SoakLog, readback: Readback, recovery_s: float) -> list[Ch
     latency = np.stack([readback.arrival_s, readback.latency_ms])
     must = span_s >= _TELLING_S
     return [
-        _flat("leader's memory (MB)", watched(leader, median), 5.0, 0.05, must, hours),
-        _flat("modelling's memory (MB)", watched(modelling, median), 5.0, 0.05, must, hours),
-        _flat("follower's memory (MB)", watched(follower, median), 5.0, 0.05, must, hours),
-        _flat("frames, one way, p50 (ms)", watched(latency, median), 0.2, 0.5, must),
-        _flat("frames, one way, p99 (ms)", watched(latency, _p99), 2.0, 1.0, must),
-        _flat("leader's ticks over 1 ms late (%)", watched(_late(observed), _mean), 2.0, 1.0, must),
+        _flat("leader's memory (MB)", watched(leader, np.median), 5.0, 0.05, must, hours),
+        _flat("modelling's memory (MB)", watched(modelling, np.median), 5.0, 0.05, must, hours),
+        _flat("follower's memory (MB)", watched(follower, np.median), 5.0, 0.05, must, hours),
+        _flat("frames, one way, p50 (ms)", watched(latency, np.median), 0.2, 0.5, must),
+        _flat(
+            "frames, one way, p99 (ms)",
+            watched(latency, partial(np.quantile, q=0.99)),
+            2.0,
+            1.0,
+            must,
+        ),
+        _flat(
+            "leader's ticks over 1 ms late (%)", watched(_late(observed), np.mean), 2.0, 1.0, must
+        ),
     ]
 
 
@@ -173,14 +182,6 @@ def _window_s(times_s: FloatArray) -> float:
     """Return a window's length: a hundredth of the time that is tested, within bounds."""
     span_s = float(np.ptp(times_s)) if len(times_s) else 0.0
     return min(max(span_s / _WINDOWS, _SHORTEST_WINDOW_S), _LONGEST_WINDOW_S)
-
-
-def _p99(values: FloatArray) -> float:
-    return float(np.quantile(values, 0.99))
-
-
-def _mean(values: FloatArray) -> float:
-    return float(np.mean(values))
 
 
 def _flat(

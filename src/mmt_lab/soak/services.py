@@ -4,7 +4,7 @@ import asyncio
 import os
 import signal
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, Self
@@ -70,7 +70,7 @@ class SoakServices:
             self._leader = await self._start(
                 "leader", [*arguments, "--record", str(self._recording)]
             )
-            self._watch(self._watch_leader(self._leader))
+            self._watching.append(asyncio.create_task(self._watch_leader(self._leader)))
             await self._until(self._ready, "the leader was not ready")
             self._proxy = await Proxy(self.port).__aenter__()
             await self._start_follower()
@@ -119,16 +119,13 @@ class SoakServices:
         url = f"http://127.0.0.1:{self.proxy.port}"
         self._follower = await self._start("follower", [_SCENE, "--leader", url])
         self.births_s.append(time.monotonic())
-        self._watch(self._watch_follower(self._follower))
+        self._watching.append(asyncio.create_task(self._watch_follower(self._follower)))
 
     async def _start(self, name: str, arguments: list[str]) -> Child:
         arguments = [name, *arguments, "--json-lines"]
         child = await Child.start(name, "mmt.cli.child", arguments, self._environment)
         self._children.append(child)
         return child
-
-    def _watch(self, watching: Coroutine[Any, Any, None]) -> None:
-        self._watching.append(asyncio.create_task(watching))
 
     async def _until(self, event: asyncio.Event, otherwise: str) -> None:
         waiting = [asyncio.create_task(e.wait()) for e in (event, self.ended)]

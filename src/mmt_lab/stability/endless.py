@@ -21,6 +21,8 @@ MOST_BLOCKS: Final = 3000
 MOST_MB: Final = 3.0
 MOST_SLOWER: Final = 1.5
 
+_SETTLED: Final = 2
+"""Number of quarters after which everything has its final size."""
 _STROKES: Final = 83
 _STROKE_SAMPLES: Final = 240
 """Samples of a stroke that gives one segment."""
@@ -28,12 +30,8 @@ _STROKE_SAMPLES: Final = 240
 
 @dataclass
 class MemoryWatch:
-    """Memory of the process after each quarter of a run: interpreter blocks, resident memory.
+    """Memory of the process after each quarter of a run: interpreter blocks, resident memory."""
 
-    ``since``: the number of quarters after which everything has its final size.
-    """
-
-    since: int = 2
     blocks: list[int] = field(default_factory=list)
     megabytes: list[float] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
@@ -46,16 +44,15 @@ class MemoryWatch:
         self.megabytes.append(psutil.Process().memory_info().rss / 1e6)
 
     def growth(self) -> tuple[int, float, float]:
-        """Return the growth in blocks and MB from `since` to the end, and the slow-down.
+        """Return the growth in blocks and MB over the second half, and the slow-down.
 
-        The slow-down is the processor's time for the last quarter over that for the first one
-        after `since`.
+        The slow-down is the processor's time for the last quarter over that for the third one.
         """
         spans = np.diff(self.seconds)
         return (
-            self.blocks[-1] - self.blocks[self.since],
-            self.megabytes[-1] - self.megabytes[self.since],
-            float(spans[-1] / spans[self.since]),
+            self.blocks[-1] - self.blocks[_SETTLED],
+            self.megabytes[-1] - self.megabytes[_SETTLED],
+            float(spans[-1] / spans[_SETTLED]),
         )
 
     def flat(self) -> bool:

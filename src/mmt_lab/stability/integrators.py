@@ -93,10 +93,6 @@ def semi_implicit_limit_s(drive: Drive, law: ContactLaw) -> float:
     return 2.0 / (math.sqrt(square + decay * decay) + decay)
 
 
-def _unlimited(_drive: Drive, _law: ContactLaw) -> float:
-    return math.inf
-
-
 INTEGRATORS: Final[Mapping[str, Integrator]] = {
     integrator.name: integrator
     for integrator in (
@@ -104,7 +100,7 @@ INTEGRATORS: Final[Mapping[str, Integrator]] = {
         Integrator(
             "semi-implicit Euler", step_semi_implicit, safe=False, limit_s=semi_implicit_limit_s
         ),
-        Integrator("discrete gradient", step_normal, safe=True, limit_s=_unlimited),
+        Integrator("discrete gradient", step_normal, safe=True, limit_s=lambda *_: math.inf),
     )
 }
 

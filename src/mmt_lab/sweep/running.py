@@ -6,7 +6,7 @@ numbers.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import metadata
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import mmt
 from mmt.core.errors import MmtError
@@ -16,8 +16,6 @@ from mmt_lab.harness.processes import in_processes
 from mmt_lab.sweep.combinations import Job, JobOutcome, evaluate_job
 
 CONNECT_S: Final = 10
-
-Result = TypeVar("Result")
 
 
 def run_locally(
@@ -52,7 +50,9 @@ def run_on_dask(
         }
         for future in distributed.as_completed(futures, loop=client.loop):
             outcome = _outcome(futures[future], future.result)
-            _check_version(outcome)
+            version = (outcome.evaluation or {}).get("version", mmt.__version__)
+            if version != mmt.__version__:
+                raise MmtError(f"--dask: a worker has mmt {version}, this is {mmt.__version__}")
             yield outcome
 
 
@@ -72,9 +72,3 @@ def _check_installed(client: Any) -> None:
                 f"--dask: the worker {worker} has no mmt: install {DISTRIBUTION}[lab] "
                 f"{mmt.__version__} where it runs"
             )
-
-
-def _check_version(outcome: JobOutcome) -> None:
-    version = (outcome.evaluation or {}).get("version", mmt.__version__)
-    if version != mmt.__version__:
-        raise MmtError(f"--dask: a worker has mmt {version}, this is {mmt.__version__}")

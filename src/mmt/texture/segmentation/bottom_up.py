@@ -142,7 +142,7 @@ def _variation(moments: FloatArray, vector: int, left: int, right: int, stop: in
     return largest
 
 
-@kernel("void(f8[:, :, ::1], i8, i8, i8)")
+@kernel("void(f8[:, :, ::1], i8, i8, i8)", inner=True)
 def _join(moments: FloatArray, left: int, right: int, stop: int) -> None:
     """Put the moments of the union of the pieces at `left` and `right` at `left`."""
     n_left, n_right = float(right - left), float(stop - right)

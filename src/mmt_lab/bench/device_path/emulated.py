@@ -1,8 +1,8 @@
 """Process of the emulated devices.
 
-The process first sends the options of the devices' drivers. It then obeys the commands ``begin``,
-``stall SENSOR`` and ``resume SENSOR``, and answers each with the monotonic time (ns) at which it
-was done. It ends when the pipe is closed.
+The process first sends the drivers of the devices and their options. It then obeys the commands
+``begin``, ``stall SENSOR`` and ``resume SENSOR``, and answers each with the monotonic time (ns) at
+which it was done. It ends when the pipe is closed.
 """
 
 import math
@@ -46,31 +46,41 @@ class Emulated:
     """One device of the lab."""
 
     device: Any
+    driver: str
     options: dict[str, Any]
     """Options of its driver."""
     stall: Callable[[bool], None]
 
 
+@dataclass
 class _Tip:
     """Tip of the emulated arm, which follows a motion."""
 
-    def __init__(self, motion: Motion) -> None:
-        self.command_mm: Vector | None = None
-        self.position_mm = motion
+    position_mm: Motion
+    command_mm: Vector | None = None
+
+
+def started(device: Any, driver: str, stalls: str = "silent", **options: Any) -> Emulated:
+    """Start a device and return it, with further options of its driver.
+
+    ``stalls`` is the keyword of the device's ``stall``.
+    """
+    device.start()
+    return Emulated(
+        device, driver, {**device.options, **options}, lambda on: device.stall(**{stalls: on})
+    )
 
 
 def net_ft(truth: Motion) -> Emulated:
     """Return a Net F/T box without its filter and almost without noise."""
     box = EmulatedNetFt(truth, clock_ppm=FORCE_PPM, noise_n=1e-5)
-    box.start()
-    return Emulated(box, {**box.options, "filter": 0}, lambda on: box.stall(silent=on))
+    return started(box, "ati-net-ft", filter=0)
 
 
 def digital_ft(truth: Motion) -> Emulated:
     """Return a Digital F/T at its full baud rate."""
     sensor = EmulatedDigitalFt(truth, clock_ppm=FORCE_PPM, noise_counts=0.1)
-    sensor.start()
-    return Emulated(sensor, sensor.options, lambda on: sensor.stall(silent=on))
+    return started(sensor, "ati-digital-ft")
 
 
 def adxl335(truth: Motion) -> Emulated:
@@ -83,28 +93,18 @@ def adxl335(truth: Motion) -> Emulated:
         clock_ppm=ACCELERATION_PPM,
         noise_density=0.0,
     )
-    board.start()
-    options = {
-        "port": board.address,
-        "resolution_bits": _BITS,
-        "bandwidth_hz": _BANDWIDTH_HZ,
-        **_STILL,
-    }
-    return Emulated(board, options, lambda on: board.stall(stalled=on))
+    return started(board, "adxl335-serial", "stalled", resolution_bits=_BITS, **_STILL)
 
 
 def bota(truth: Motion) -> Emulated:
     """Return a serial sensor by Bota Systems."""
-    sensor = EmulatedBota(truth, clock_ppm=FORCE_PPM, noise_n=1e-5)
-    sensor.start()
-    return Emulated(sensor, sensor.options, lambda on: sensor.stall(silent=on))
+    return started(EmulatedBota(truth, clock_ppm=FORCE_PPM, noise_n=1e-5), "bota-serial")
 
 
 def iio(truth: Motion) -> Emulated:
     """Return an accelerometer of industrial I/O."""
     device = EmulatedIio(truth, clock_ppm=ACCELERATION_PPM, noise_m_s2=0.0)
-    device.start()
-    return Emulated(device, {**device.options, **_STILL}, lambda on: device.stall(stalled=on))
+    return started(device, "iio-accelerometer", "stalled", **_STILL)
 
 
 def u6(truth: Motion) -> Emulated:
@@ -127,7 +127,7 @@ def u6(truth: Motion) -> Emulated:
         "backend": server.address,
     }
     options = {"board": board, "bandwidth_hz": _BANDWIDTH_HZ, **_STILL}
-    return Emulated(server, options, lambda on: box.stall(stalled=on))
+    return Emulated(server, "adxl335-board", options, lambda on: box.stall(stalled=on))
 
 
 FORCES: Final = {"net_ft": net_ft, "digital_ft": digital_ft, "bota": bota}
@@ -153,13 +153,12 @@ def emulate(pipe: Connection, force: str, acceleration: str, realtime: bool) -> 
     if realtime:  # threads inherit this, so that no device waits for other work
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY - 1))
     motions = (Motion(10.0), Motion(5.0), Motion(20.0, (0.0, 0.0, GRAVITY_M_S2)))
-    robot = RobotLink(_Tip(motions[0]))
-    robot.start()
-    sensors = {
+    devices = {
+        "robot": started(RobotLink(_Tip(motions[0])), "datagrams"),
         "force_sensor": FORCES[force](motions[1]),
         "accelerometer": ACCELERATIONS[acceleration](motions[2]),
     }
-    pipe.send({"robot": {"port": robot.port}, **{key: one.options for key, one in sensors.items()}})
+    pipe.send({key: {"driver": one.driver, "options": one.options} for key, one in devices.items()})
     with suppress(EOFError):
         while True:
             word, _, sensor = pipe.recv().partition(" ")
@@ -167,8 +166,7 @@ def emulate(pipe: Connection, force: str, acceleration: str, realtime: bool) -> 
                 for motion in motions:
                     motion.begin()
             else:
-                sensors[sensor].stall(word == "stall")
+                devices[sensor].stall(word == "stall")
             pipe.send(time.monotonic_ns())
-    for one in sensors.values():
+    for one in devices.values():
         one.device.stop()
-    robot.stop()

@@ -8,7 +8,7 @@ import asyncio
 import sys
 import time
 from multiprocessing.connection import Connection
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 
@@ -26,14 +26,6 @@ from mmt.testing.emulated.robot import DatagramRobot
 _COMMAND_MM: Final = (0.0, 0.0, 5.0)
 
 
-class _Emulation(Protocol):
-    """An emulated device, or part of one, that runs in this process."""
-
-    @property
-    def own_ns(self) -> int:
-        """Processor time that the emulation has taken so far."""
-
-
 class FrameReader:
     """Read devices at 1 kHz and keep the frames.
 
@@ -49,7 +41,7 @@ class FrameReader:
 
     def __init__(self, job: dict[str, Any], pipe: Connection) -> None:
         self._pipe = pipe
-        self._emulations: list[_Emulation] = []
+        self._emulations: list[DatagramRobot | EmulatedHd | RemoteU6] = []
         robot, force, acceleration = (
             self._load(job[key]) for key in ("robot", "force_sensor", "accelerometer")
         )
@@ -152,6 +144,6 @@ async def _bare_share(duration_s: float) -> float:
     return share
 
 
-def read(pipe: Connection) -> None:
+async def read(pipe: Connection) -> None:
     """Receive a job from the pipe, and read its devices."""
-    asyncio.run(FrameReader(pipe.recv(), pipe).run())
+    await FrameReader(pipe.recv(), pipe).run()

@@ -11,16 +11,6 @@ from mmt_lab.bench.device_path.frame_times import FrameTimes, frame_times
 from mmt_lab.bench.device_path.reader import read
 from mmt_lab.harness.processes import background_processes, received
 
-DRIVERS: Final = {
-    "net_ft": "ati-net-ft",
-    "digital_ft": "ati-digital-ft",
-    "adxl335": "adxl335-serial",
-    "u6": "adxl335-board",
-    "bota": "bota-serial",
-    "iio": "iio-accelerometer",
-}
-"""Driver by the name of the emulated device."""
-
 START_S: Final = 60.0
 """How long a process may take until it is ready."""
 ANSWER_S: Final = 20.0
@@ -41,8 +31,8 @@ class SetUp:
     name: str
     force: str
     acceleration: str
-    arm: str = "datagrams"
-    """Driver of the arm; ``openhaptics`` runs its emulation within the reader."""
+    arm: dict[str, Any] | None = None
+    """Driver and options of an arm whose emulation runs within the reader; None for datagrams."""
     slow: bool = False
     """Whether a sensor's readings are too far apart to reach the targets for latency and jitter.
     These figures are then shown and not judged."""
@@ -79,7 +69,8 @@ def measure_set_up(
     calls = (emulate, set_up.force, set_up.acceleration, realtime), (read,)
     with background_processes(*calls) as (lab, reader):
         job = {
-            **_job(set_up, received(lab, START_S)),
+            **received(lab, START_S),
+            **({"robot": set_up.arm} if set_up.arm else {}),
             "realtime": realtime,
             "bare_s": min(_BARE_S, duration_s),
         }
@@ -113,18 +104,6 @@ def _await(
         answer: dict[str, Any] = received(reader, longest_s)
         if answer.get(key) == value:
             return answer
-
-
-def _job(set_up: SetUp, addresses: dict[str, Any]) -> dict[str, Any]:
-    arm = addresses["robot"] if set_up.arm == "datagrams" else {"library": "emulated"}
-    names = {"force_sensor": set_up.force, "accelerometer": set_up.acceleration}
-    return {
-        "robot": {"driver": set_up.arm, "options": arm},
-        **{
-            role: {"driver": DRIVERS[name], "options": addresses[role]}
-            for role, name in names.items()
-        },
-    }
 
 
 def _stop(lab: Connection, reader: Connection, sensor: str) -> float:

@@ -46,7 +46,17 @@ def cases(
             )
             for wall in walls_n_mm
         ),
-        *_method_cases(method_walls_n_mm, method_delays_ms),
+        *(
+            Extreme(
+                f"{method}, {delay} ms each way with jitter, on {method_walls_n_mm[0]:g} to "
+                f"{method_walls_n_mm[-1]:g} N/mm",
+                "hand at rest at the end, no more than "
+                f"{1e3 * PASSIVITY.reserve_j:g} mJ given to it",
+                partial(_over_walls, method, method_walls_n_mm, delay),
+            )
+            for method in _METHODS
+            for delay in method_delays_ms
+        ),
         Extreme(
             "map of delays against walls",
             "every point as theory says, those within 1 ms of its line left aside",
@@ -150,21 +160,6 @@ def _map(walls_n_mm: tuple[float, ...], delays_ms: tuple[int, ...]) -> CaseResul
             "critical_ms": critical_ms,
         },
     )
-
-
-def _method_cases(walls_n_mm: tuple[float, ...], delays_ms: tuple[int, ...]) -> list[Extreme]:
-    """Return a case for each method and mean one-way delay, over all walls."""
-    reserve_mj = 1e3 * PASSIVITY.reserve_j
-    return [
-        Extreme(
-            f"{method}, {delay} ms each way with jitter, on {walls_n_mm[0]:g} to "
-            f"{walls_n_mm[-1]:g} N/mm",
-            f"hand at rest at the end, no more than {reserve_mj:g} mJ given to it",
-            partial(_over_walls, method, walls_n_mm, delay),
-        )
-        for method in _METHODS
-        for delay in delays_ms
-    ]
 
 
 def _over_walls(method: Method, walls_n_mm: tuple[float, ...], delay_ms: int) -> CaseResult:

@@ -1,13 +1,11 @@
 """Line spectral frequencies in rendering: filters swapped at every sample, pauses, stiff fits."""
 
 import time
-from collections.abc import Iterator
 from functools import partial
 from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.burg import burg
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
@@ -28,7 +26,17 @@ _SPEED_MM_S, _FORCE_N = 300.0, 3.0
 def cases(*, swaps: int = HOUR_SAMPLES, renders: int = 300) -> list[Extreme]:
     """Return the family's cases."""
     return [
-        *_swap_cases(swaps),
+        *(
+            Extreme(
+                f"{what} of order 16 swapped at every one of {count} samples",
+                f"power the model's to 2 %, peak under 8 deviations, flat within {_FLAT:g} x",
+                partial(_swaps, spread, count),
+            )
+            for what, spread, count in (
+                ("50 ordinary filters", 0.6, swaps),
+                ("50 stiff filters, |k| to 0.9999", 2.0, swaps // 10),
+            )
+        ),
         Extreme(
             f"strokes and pauses of 1 s, {swaps} samples",
             f"silent pauses, time a sample within {_FLAT:g} x of the strokes'",
@@ -46,22 +54,10 @@ def cases(*, swaps: int = HOUR_SAMPLES, renders: int = 300) -> list[Extreme]:
     ]
 
 
-def _swap_cases(samples: int) -> Iterator[Extreme]:
-    for what, spread, count in (
-        ("50 ordinary filters", 0.6, samples),
-        ("50 stiff filters, |k| to 0.9999", 2.0, samples // 10),
-    ):
-        yield Extreme(
-            f"{what} of order 16 swapped at every one of {count} samples",
-            f"power the model's to 2 %, peak under 8 deviations, flat within {_FLAT:g} x",
-            partial(_swaps, spread, count),
-        )
-
-
-def many_filters(spread: float, count: int = 50, order: int = 16, *, seed: int = 7) -> TextureModel:
-    """Return a model of random filters, all of power one, at random points."""
-    generator = np.random.default_rng(seed)
-    k = np.clip(np.tanh(generator.normal(0.0, spread, (count, order))), -0.9999, 0.9999)
+def many_filters(spread: float) -> TextureModel:
+    """Return a model of 50 random filters of order 16, all of power one, at random points."""
+    generator, count = np.random.default_rng(7), 50
+    k = np.clip(np.tanh(generator.normal(0.0, spread, (count, 16))), -0.9999, 0.9999)
     return TextureModel(
         TextureSamples.isotropic(
             generator.uniform(0.0, _SPEED_MM_S, count),
@@ -87,7 +83,8 @@ def _swaps(spread: float, samples: int) -> CaseResult:
         output = synthesizer.render(speed, force)
         seconds.append(time.thread_time() - started)
         power += float(np.mean(output**2))
-        expected += _power(model, speed[:100], force[:100])
+        lsf, variance = model.at(speed[:100], force[:100])
+        expected += float(output_power(variance, lsf_to_reflection(lsf)).mean())
         peak = max(peak, float(np.abs(output).max()))
     error = power / expected - 1.0
     ratio, nanoseconds = _flatness(seconds)
@@ -96,12 +93,6 @@ def _swaps(spread: float, samples: int) -> CaseResult:
         held=abs(error) < 0.02 and peak < 8.0 and ratio < _FLAT,
         figures={"power_error": error, "peak": peak, "ns_per_sample": nanoseconds, "flat": ratio},
     )
-
-
-def _power(model: TextureModel, speed: FloatArray, force: FloatArray) -> float:
-    """Return the mean power of a model's filters at n strokes, each (n,)."""
-    lsf, variance = model.at(speed, force)
-    return float(output_power(variance, lsf_to_reflection(lsf)).mean())
 
 
 def _flatness(seconds: list[float]) -> tuple[float, float]:

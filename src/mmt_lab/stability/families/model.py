@@ -2,8 +2,8 @@
 
 import math
 import time
-from collections.abc import Callable
 from functools import partial
+from timeit import repeat
 from typing import Final
 
 import numpy as np
@@ -81,12 +81,12 @@ def _growth(many: int) -> CaseResult:
     generator = np.random.default_rng(6)
     few = many // 10
     hand = _hand(20_000)
+    timed = partial(repeat, timer=time.thread_time, repeat=3, number=1)
     seconds, rendering = [], []
     for count in (few, many):
         points = generator.uniform(0.0, 1.0, (count, 2))
-        seconds.append(min(_timed(partial(build, points)) for _ in range(3)))
-        synthesizer = Synthesizer(build(points))
-        rendering.append(min(_timed(partial(synthesizer.render, *hand)) for _ in range(3)))
+        seconds.append(min(timed(partial(build, points))))
+        rendering.append(min(timed(partial(Synthesizer(build(points)).render, *hand))))
     allowed = 10.0 * math.log(many) / math.log(few)
     built, rendered = seconds[1] / seconds[0], rendering[1] / rendering[0]
     return CaseResult(
@@ -101,12 +101,6 @@ def _hand(samples: int) -> tuple[FloatArray, FloatArray]:
     """Return a hand's continuous course of speed and force."""
     time_s = np.arange(samples) / 1000.0
     return 150.0 + 140.0 * np.sin(2.0 * time_s), 1.5 + 1.4 * np.cos(3.3 * time_s)
-
-
-def _timed(work: Callable[[], object]) -> float:
-    started = time.thread_time()
-    work()
-    return time.thread_time() - started
 
 
 def _any_query() -> CaseResult:

@@ -34,8 +34,10 @@ def cases(*, samples: int = 60) -> list[Extreme]:
 
 
 def _difficult(count: int) -> Iterator[tuple[str, FloatArray]]:
+    centres = np.repeat(_anywhere(count // 2), 2, axis=0)
     for apart in (1e-3, 1e-5, 2e-6):
-        yield f"in pairs {apart:g} apart", _pairs(count, apart)
+        pairs = centres + apart * np.tile([[0.0], [1.0]], (count // 2, 3))
+        yield f"in pairs {apart:g} apart", pairs
     yield "on a line", np.outer(np.linspace(0.05, 0.95, count), (0.6, -0.5, 1.0))
     plane = _anywhere(count)
     plane[:, 2] = 0.5
@@ -49,11 +51,6 @@ def _anywhere(count: int) -> FloatArray:
     generator = np.random.default_rng(count)
     turn, speed = generator.uniform(0.0, 7.0, count), np.sqrt(generator.uniform(0.0, 1.0, count))
     return np.column_stack([speed * np.cos(turn), speed * np.sin(turn), generator.random(count)])
-
-
-def _pairs(count: int, apart: float) -> FloatArray:
-    centres = _anywhere(count // 2)
-    return np.repeat(centres, 2, axis=0) + apart * np.tile([[0.0], [1.0]], (len(centres), 3))
 
 
 def _values(points: FloatArray) -> FloatArray:
