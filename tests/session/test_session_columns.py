@@ -1,6 +1,9 @@
 """Columns of any name, unit and kind of file become the same frames."""
 
 import re
+import time
+from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +12,7 @@ import scipy.io
 from mmt.core.errors import InputError
 from mmt.session import import_session, read_session
 from mmt.session.importing.options import ImportOptions, assignments
+from mmt.session.importing.proposal import propose
 from mmt.session.importing.recording import import_recording
 from mmt.session.info import info
 from mmt.session.mcap_windows import open_windows
@@ -349,3 +353,14 @@ def test_warnings_are_logged_at_every_door(tmp_path, caplog, read):
     np.savez(tmp_path / "a.npz", time_s=TIME_S, force_n=-FORCE_N)
     read(tmp_path / "a.npz")
     assert "--map force=-force_n" in caplog.text
+
+
+@pytest.mark.parametrize("end", ["", ")", "]", " x"])
+@pytest.mark.parametrize("part", ["(", "[x", " ", "a ", "(N", " per ", "s_", "aB", "1."])
+def test_a_heading_as_long_as_a_file_takes_no_time(part: str, end: str, tmp_path: Path) -> None:
+    heading = part * (100_000 // len(part)) + end
+    (tmp_path / "a.csv").write_text(f"time,force_x,{heading}\n0,1,2\n0.001,2,3\n", "utf-8")
+    started = time.monotonic()
+    with suppress(InputError):
+        propose(tmp_path / "a.csv")
+    assert time.monotonic() - started < 10.0

@@ -67,6 +67,8 @@ _FOREIGN: Final = re.compile(
     r"m?v|volts?|counts?|cnts?|lsb|adc|deg|degrees?|m?rad|[kmn]?nm|[kmhn]?pa|percent|n[ _*·.-]?m"
 )
 """Endings of names that are units of other quantities."""
+_LONGEST: Final = 100
+"""Most characters of a unit: patterns take a time that is quadratic in them."""
 
 
 def unit_factor(quantity: str, text: str) -> float | None:
@@ -86,6 +88,7 @@ def is_unit(text: str) -> bool:
 
 def unit_in_name(quantity: str, name: str) -> str:
     """Return the unit in brackets or at the end of a name, perhaps of another quantity, or ""."""
+    name = name[-2 * _LONGEST :]
     for inside in re.findall(r"[\[(]([^\])]+)[\])]", name):
         if unit_factor(quantity, inside) is not None:
             return str(inside)
@@ -103,6 +106,8 @@ def unit_in_name(quantity: str, name: str) -> str:
 
 def _plain(text: str) -> str:
     """Return a unit in ASCII: micro as u, powers as figures, no blanks, dots or brackets."""
+    if len(text) > _LONGEST:
+        return ""
     text = unicodedata.normalize("NFKC", text).replace("μ", "u").replace("\N{MINUS SIGN}", "-")
     text = re.sub(r"\s+since\b.*", "", text)  # times in netCDF
     text = re.sub(r"\s*\bper\b\s*", "/", text)

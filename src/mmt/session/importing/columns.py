@@ -1,7 +1,6 @@
 """The columns of a recording as read from its file."""
 
 import json
-import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -119,9 +118,7 @@ class Wanted(frozenset[str]):
 
     def __call__(self, name: str) -> bool:
         """Return whether a name, or that of which it is a part, is in the set."""
-        return name in self or any(
-            name[: place.start()] in self for place in re.finditer(r"[.\[(]", name)
-        )
+        return name in self or any(name.startswith((f"{n}.", f"{n}[", f"{n}(")) for n in self)
 
 
 def wanted_names(options: ImportOptions) -> Wanted:

@@ -1,6 +1,5 @@
 """Convert rows of cells, from text and spreadsheets, to columns of numbers."""
 
-import re
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -28,8 +27,6 @@ _NAMES_NEAR: Final = 6
 """Number of rows in which the names follow notes that look like numbers."""
 _FEWEST_NAMES = 3
 """Least number of columns for which a first row 0, 1, ... or 1, 2, ... is taken for names."""
-_UNIT = re.compile(r"^(.*?)\s*[\[(]\s*(?![xyzXYZ]\s*[\])])([^\])]*?[^\s\d\])][^\])]*?)\s*[\])]$")
-"""Matches a name and a unit in brackets; an index or axis in brackets is part of the name."""
 
 
 def read_table(
@@ -260,9 +257,16 @@ def _is_date(row: Sequence[Cell], place: int) -> bool:
 
 
 def _name_and_unit(cell: Cell) -> tuple[str, str]:
+    """Split a name and its unit in brackets; an index or axis in brackets is part of the name."""
     text = text_of(cell)
-    found = _UNIT.match(text)
-    return (found.group(1), found.group(2)) if found and found.group(1) else (text, "")
+    inside = text[:-1]
+    start = max(inside.rfind("]"), inside.rfind(")")) + 1
+    opened = min((at for at in map(inside[start:].find, "[(") if at >= 0), default=-1) + start
+    name, unit = inside[:opened].rstrip(), inside[opened + 1 :].strip()
+    if not text.endswith(("]", ")")) or opened < start or not name:
+        return text, ""
+    is_unit = bool(unit.strip("0123456789 \t")) and unit.lower() not in {"x", "y", "z"}
+    return (name, unit) if is_unit else (text, "")
 
 
 def _filled(row: Sequence[Cell]) -> int:
