@@ -2,6 +2,7 @@
 
 import io
 import json
+import shutil
 import struct
 from pathlib import Path
 from typing import Any, Final
@@ -62,8 +63,9 @@ def write_wav(path: Path, session: RecordedSession) -> None:
     size = sound.tell() - 8
     sound.seek(4)
     sound.write(struct.pack("<I", size))
-    with sound.getbuffer() as content, replacing(path) as part:
-        part.write_bytes(content)
+    sound.seek(0)
+    with replacing(path) as part, part.open("wb") as stream:
+        shutil.copyfileobj(sound, stream)
 
 
 def read_comment(path: Path) -> dict[str, Any]:
