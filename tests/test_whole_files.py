@@ -64,6 +64,8 @@ def test_what_finds_no_room_leaves_the_folder_as_it_was(
     name: str, room_bytes: int, tmp_path: Path
 ) -> None:
     path, write = tmp_path / name, KINDS[name]
+    (tmp_path / "before").mkdir()
+    write(tmp_path / "before" / name)  # imports all, as cached code would be cut off too
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     header = ",".join(COLUMNS).encode() + b"\n"
     for before in (None, header):
@@ -77,7 +79,12 @@ def test_what_finds_no_room_leaves_the_folder_as_it_was(
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         assert raised.value.exit_code == 1
         assert (path.read_bytes() if path.exists() else None) == before
-        assert {each.name for each in tmp_path.iterdir()} <= {name, "figures", "report.md"}
+        assert {each.name for each in tmp_path.iterdir()} <= {
+            name,
+            "figures",
+            "report.md",
+            "before",
+        }
     write(path)
     assert path.stat().st_size > 1000
 
