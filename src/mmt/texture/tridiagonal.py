@@ -4,8 +4,9 @@
 8.3.1), so that ``C + s I = Q (T + s I) Q'`` takes O(k) for each right-hand side and shift s, by the
 factors L D L' of the tridiagonal matrix. It must be positive definite.
 
-Eigenvectors would take longer, and LAPACK's start the threads of BLAS, whose waiting doubles the
-processor time of an update; see `mmt.texture.linear_algebra`.
+Eigenvectors take longer, and LAPACK's start the threads of BLAS, whose waiting doubles the
+processor time of an update; see `mmt.texture.linear_algebra`. The innermost loops go over slices
+from 0 on: with another bound, indices are tested for negative values, which prevents vectorisation.
 """
 
 from typing import NamedTuple
@@ -47,7 +48,7 @@ def shifted_squares(
     `rows` are those of `rotated`, (k, m).
     """
     squares, logarithms = np.zeros((len(shifts), rows.shape[1])), np.zeros(len(shifts))
-    explain(matrix.diagonal, matrix.beside, rows, shifts, squares, logarithms)
+    add_squares(matrix.diagonal, matrix.beside, rows, shifts, squares, logarithms)
     return squares, logarithms
 
 
@@ -69,50 +70,53 @@ def reduce_in_place(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     Row i receives the vector v of length sqrt(2), from column i + 1 on, of the reflection I - v v'.
     """
     size = len(matrix)
-    diagonal, beside, product_v = np.empty(size), np.zeros(max(size - 1, 0)), np.empty(size)
+    diagonal, beside, products = np.empty(size), np.zeros(max(size - 1, 0)), np.empty(size)
     for i in range(size):
         diagonal[i] = matrix[i, i]
-        v, square = matrix[i], 0.0
-        for j in range(i + 1, size):
+        v, product, square = matrix[i, i + 1 :], products[i + 1 :], 0.0
+        for j in range(len(v)):
             square += v[j] ** 2
         if square == 0.0:
             continue
         length = np.sqrt(square)
-        beside[i] = -length if v[i + 1] > 0.0 else length
-        v[i + 1] -= beside[i]
-        scale = 1.0 / np.sqrt(length * abs(v[i + 1]))
-        for j in range(i + 1, size):
+        beside[i] = -length if v[0] > 0.0 else length
+        v[0] -= beside[i]
+        scale = 1.0 / np.sqrt(length * abs(v[0]))
+        for j in range(len(v)):
             v[j] *= scale
-            product_v[j] = 0.0
-        for row in range(i + 1, size):
-            for j in range(i + 1, size):
-                product_v[j] += v[row] * matrix[row, j]
+            product[j] = 0.0
+        for k in range(len(v)):
+            row, weight = matrix[i + 1 + k, i + 1 :], v[k]
+            for j in range(len(v)):
+                product[j] += weight * row[j]
         half = 0.0
-        for j in range(i + 1, size):
-            half += 0.5 * v[j] * product_v[j]
-        for j in range(i + 1, size):
-            product_v[j] -= half * v[j]
-        for row in range(i + 1, size):
-            for j in range(i + 1, size):
-                matrix[row, j] -= v[row] * product_v[j] + product_v[row] * v[j]
+        for j in range(len(v)):
+            half += 0.5 * v[j] * product[j]
+        for j in range(len(v)):
+            product[j] -= half * v[j]
+        for k in range(len(v)):
+            row, weight, other = matrix[i + 1 + k, i + 1 :], v[k], product[k]
+            for j in range(len(v)):
+                row[j] -= weight * product[j] + other * v[j]
     return diagonal, beside
 
 
 @kernel("void(f8[:, ::1], f8[:, ::1], b1)")
 def turn_in_place(reflectors: FloatArray, rows: FloatArray, back: bool) -> None:
     """Multiply rows (k, m) by Q', or by Q with ``back``, in place."""
-    size, width = rows.shape
-    along = np.empty(width)
+    size, along = len(rows), np.empty(rows.shape[1])
     for step in range(size - 1):
         i = size - 2 - step if back else step
-        for m in range(width):
+        for m in range(len(along)):
             along[m] = 0.0
         for j in range(i + 1, size):
-            for m in range(width):
-                along[m] += reflectors[i, j] * rows[j, m]
+            row, weight = rows[j], reflectors[i, j]
+            for m in range(len(along)):
+                along[m] += weight * row[m]
         for j in range(i + 1, size):
-            for m in range(width):
-                rows[j, m] -= reflectors[i, j] * along[m]
+            row, weight = rows[j], reflectors[i, j]
+            for m in range(len(along)):
+                row[m] -= weight * along[m]
 
 
 @kernel("void(f8[::1], f8[::1], f8[::1], f8[:, ::1])")
@@ -120,20 +124,29 @@ def solve_in_place(
     diagonal: FloatArray, beside: FloatArray, shifts: FloatArray, rows: FloatArray
 ) -> None:
     """Solve ``(T + s I) x = y`` for each column of rows (k, m), with its own shift s (m,)."""
-    size, pivots = len(diagonal), np.empty(len(diagonal))
-    for m in range(len(shifts)):
-        pivots[0] = diagonal[0] + shifts[m]
-        for i in range(1, size):
-            ratio = beside[i - 1] / pivots[i - 1]
-            pivots[i] = diagonal[i] + shifts[m] - ratio * beside[i - 1]
-            rows[i, m] -= ratio * rows[i - 1, m]
-        rows[size - 1, m] /= pivots[size - 1]
-        for i in range(size - 2, -1, -1):
-            rows[i, m] = (rows[i, m] - beside[i] * rows[i + 1, m]) / pivots[i]
+    pivots = np.empty(rows.shape)
+    for i in range(len(rows)):
+        row, pivot = rows[i], pivots[i]
+        for m in range(len(shifts)):
+            pivot[m] = diagonal[i] + shifts[m]
+        if i > 0:
+            above, pivot_above, side = rows[i - 1], pivots[i - 1], beside[i - 1]
+            for m in range(len(shifts)):
+                ratio = side / pivot_above[m]
+                pivot[m] -= ratio * side
+                row[m] -= ratio * above[m]
+    for i in range(len(rows) - 1, -1, -1):
+        row, pivot = rows[i], pivots[i]
+        if i < len(rows) - 1:
+            below, side = rows[i + 1], beside[i]
+            for m in range(len(shifts)):
+                row[m] -= side * below[m]
+        for m in range(len(shifts)):
+            row[m] /= pivot[m]
 
 
 @kernel("void(f8[::1], f8[::1], f8[:, ::1], f8[::1], f8[:, ::1], f8[::1])")
-def explain(
+def add_squares(
     diagonal: FloatArray,
     beside: FloatArray,
     rotated: FloatArray,
@@ -144,12 +157,12 @@ def explain(
     """Add the results of `shifted_squares`, from ``Q' y`` (k, m), to zeros (s, m) and (s,)."""
     rest = np.zeros(rotated.shape[1])
     for s in range(len(shifts)):
-        pivot = 1.0
+        pivot, square = 1.0, squares[s]
         for i in range(len(diagonal)):
-            before = beside[i - 1] if i else 0.0
+            before, row = beside[i - 1] if i else 0.0, rotated[i]
             ratio = before / pivot
             pivot = diagonal[i] + shifts[s] - ratio * before
             logarithms[s] += np.log(pivot)
             for m in range(len(rest)):
-                rest[m] = rotated[i, m] - ratio * rest[m]
-                squares[s, m] += rest[m] ** 2 / pivot
+                rest[m] = row[m] - ratio * rest[m]
+                square[m] += rest[m] ** 2 / pivot
