@@ -308,8 +308,7 @@ class DeviceSource:
         return frames
 
     def _polled_frame(self, now_ns: int) -> RecordArray:
-        orientation = self._lanes.get("orientation")
-        if self._lost or (isinstance(orientation, OrientationLane) and orientation.last is None):
+        if self._lost:
             return np.empty(0, dtype=self._dtype)
         frames = np.zeros(1, dtype=self._dtype)
         frames["sequence"] = (self._sequence - 1) % SEQUENCES
@@ -317,6 +316,8 @@ class DeviceSource:
         for field, slot in self._measuring.items():
             lane = self._lanes[field]
             assert isinstance(lane, PolledLane | OrientationLane)  # noqa: S101 - none is sampled
+            if lane.last is None:
+                return frames[:0]
             try:
                 frames[field][0] = lane.last
             except (TypeError, ValueError) as error:
