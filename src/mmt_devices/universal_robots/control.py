@@ -6,8 +6,8 @@ import time
 from typing import Any, Final
 
 from mmt.core.errors import MmtError, short_message
+from mmt.core.quaternions import Vector
 from mmt_devices.universal_robots import dashboard
-from mmt_devices.universal_robots.frame import Vector
 from mmt_devices.universal_robots.servo import ServoPoint, ServoSettings
 
 WATCHDOG_HZ: Final = 10.0

@@ -7,13 +7,11 @@ from typing import Final
 from mmt.core.quaternions import (
     UNIT_VECTORS,
     Quaternion,
+    Vector,
     product,
     quaternion_of_axes,
     quaternion_of_vector,
 )
-
-Vector = tuple[float, float, float]
-"""As in `mmt.devices.protocols`, which needs numpy; the arm's process must not import that."""
 
 M_TO_MM: Final = 1000.0
 

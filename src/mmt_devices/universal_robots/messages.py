@@ -3,7 +3,7 @@
 import struct
 from typing import Final, NamedTuple
 
-from mmt_devices.universal_robots.frame import Vector
+from mmt.core.quaternions import Vector
 
 COMMAND: Final = struct.Struct("<c3d")
 MOVE: Final = b"M"

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from mmt_devices.universal_robots.frame import Vector
+from mmt.core.quaternions import Vector
 
 _SHARE: Final = 0.8
 """Share of the acceleration that braking may use; the rest is for turning meanwhile."""
