@@ -66,7 +66,8 @@ class Streams:
         ahead_ns = time.time_ns() - round(lsl.local_clock() * 1e9)
         source = f"mmt-{socket.gethostname()}-{name}"
 
-        def outlet(part: str, kind: str, width: int, rate_hz: float, form: Any, of: Any) -> Any:
+        def outlet(part: str, kind: str, rate_hz: float, form: Any, of: Sequence[Channel]) -> Any:
+            width = sum(len(axes_of(channel)) for channel in of) or 1
             info = lsl.StreamInfo(f"{name}-{part}", kind, width, rate_hz, form, f"{source}-{part}")
             if of:
                 _describe(info, of)
@@ -77,11 +78,10 @@ class Streams:
 
         names = ("frames", "acceleration")
         self._sampled: list[tuple[Any, Sequence[Channel], int]] = [
-            (outlet(names[k > 1], "Haptics", width, k * rate_hz, lsl.cf_float32, of), of, k)
+            (outlet(names[k > 1], "Haptics", k * rate_hz, lsl.cf_float32, of), of, k)
             for of, k in sampled_parts(channels, samples_per_frame)
-            for width in [sum(len(axes_of(channel)) for channel in of)]
         ]
-        self._events = outlet("events", "Markers", 1, lsl.IRREGULAR_RATE, lsl.cf_string, ())
+        self._events = outlet("events", "Markers", lsl.IRREGULAR_RATE, lsl.cf_string, ())
 
     @property
     def has_recipients(self) -> bool:
@@ -94,9 +94,10 @@ class Streams:
         stamps_ns = np.concatenate([b.frames["time_ns"] + b.ahead_ns for b in blocks])
         for outlet, channels, samples in self._sampled:
             values = [
-                np.concatenate([b.frames[FIELD_OF_CHANNEL[c]].reshape(-1, width) for b in blocks])
-                for c in channels
-                for width in [len(axes_of(c))]
+                np.concatenate([b.frames[FIELD_OF_CHANNEL[channel]] for b in blocks]).reshape(
+                    -1, len(axes_of(channel))
+                )
+                for channel in channels
             ]
             stamps_s = (sample_times(stamps_ns, samples, FRAME_PERIOD_NS) / 1e9).tolist()
             outlet.push_chunk(np.concatenate(values, axis=1), stamps_s)
