@@ -102,8 +102,8 @@ def import_columns(
         frames, stamps, resampled = to_frames(
             samples, options.longest_gap_s, options.stamps, options.acceleration_rate_hz
         )
-        frames, notes = _turned(frames, options)
-        samples = replace(samples, notes=(*samples.notes, *notes))
+        turned = _turn(frames, options)
+        samples = replace(samples, notes=(*samples.notes, *turned))
         later_ns = int(frames["time_ns"][0]) if resampled else _first_ns(frames, stamps)
     began_ns = columns.began_utc_ns
     session = RecordedSession(
@@ -119,11 +119,11 @@ def import_columns(
     return session, replace(report, warnings=(*notes, *samples.notes, *report.warnings))
 
 
-def _turned(frames: RecordArray, options: ImportOptions) -> tuple[RecordArray, list[str]]:
-    """Turn the channels that are in the tool's axes, in place; return the frames, and a note."""
+def _turn(frames: RecordArray, options: ImportOptions) -> list[str]:
+    """Turn the channels that are in the tool's axes, in place; return a note if there are any."""
     channels = [channel for channel in CHANNELS if channel in options.tool_axes]
     if not channels:
-        return frames, []
+        return []
     needed: list[Channel] = [*channels, "orientation"]
     lacking = [each for each in needed if FIELD_OF_CHANNEL[each] not in (frames.dtype.names or ())]
     if lacking:
@@ -131,7 +131,7 @@ def _turned(frames: RecordArray, options: ImportOptions) -> tuple[RecordArray, l
             f"--tool-axes {channels[0]}: there is no {lacking[0]}; map its columns (--map)"
         )
     turn_into_scene(frames, channels)
-    return frames, [f"{' and '.join(channels)} were turned from the tool's axes"]
+    return [f"{' and '.join(channels)} were turned from the tool's axes"]
 
 
 def _first_ns(frames: RecordArray, stamps: Mapping[Channel, Stamps]) -> int:
