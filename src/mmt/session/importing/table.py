@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain, islice, zip_longest
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -53,10 +53,11 @@ def read_table(
     start, rest, first = _split(rows, options)
     if not any(map(_filled, start)):
         raise InputError(f"{origin}: the file is empty")
-    header, over, units_row, first, notes = _header(start, first, options)
-    bare, bracketed = zip(*map(_name_and_unit, header), strict=True)
-    names, doubled = distinct(_grouped(bare, over))
-    told = [text_of(unit) for unit in units_row[: len(names)]]
+    header = _header(start, first, options)
+    begin = header.begin
+    bare, bracketed = zip(*map(_name_and_unit, header.names), strict=True)
+    names, doubled = distinct(_grouped(bare, header.over))
+    told = [text_of(unit) for unit in header.units[: len(names)]]
     units: dict[str, str] = {}
     places: dict[str, int] = {}
     for called in (distinct(bare)[0], names):  # equal names can also be told by their number
@@ -69,17 +70,17 @@ def read_table(
         places |= {name: place for place, name in enumerate(called) if wanted(name)}
     number = Numbers(options)
     columns, lines, remarks = _read_rows(
-        origin, chain(start[first:], rest), first + 1, places, number
+        origin, chain(start[begin:], rest), begin + 1, places, number
     )
     number.check(origin)
-    dated = [n for n, p in places.items() if any(_is_date(row, p) for row in start[first:])]
+    dated = [n for n, p in places.items() if any(_is_date(row, p) for row in start[begin:])]
     return SourceColumns(
         origin=origin,
         values={name: values for name, values in columns.items() if name != BEGAN},
         names=names,
         units=units | dict.fromkeys(dated, DATE),
         row_name=partial(name_of, "line {}".format, lines),
-        notes=(*notes, *doubled, *remarks),
+        notes=(*header.notes, *doubled, *remarks),
         began_utc_ns=parsed_date(columns.get(BEGAN), origin),
     )
 
@@ -168,19 +169,27 @@ def _split(
     return start, rest, None
 
 
-def _header(
-    rows: Sequence[Sequence[Cell]], first: int | None, options: ImportOptions
-) -> tuple[Sequence[Cell], Sequence[Cell], Sequence[Cell], int, list[str]]:
-    """Return the rows of names, names above and units, the index of the first numbers, notes."""
+class _Header(NamedTuple):
+    """Rows of names, of names above them and of units; the index of the first row of numbers."""
+
+    names: Sequence[Cell]
+    begin: int
+    over: Sequence[Cell] = ()
+    units: Sequence[Cell] = ()
+    notes: tuple[str, ...] = ()
+
+
+def _header(rows: Sequence[Sequence[Cell]], first: int | None, options: ImportOptions) -> _Header:
+    """Return the header above the row `first` of numbers; None if there is no such row."""
     if options.header is not None:
         if options.header > len(rows) or not _filled(rows[options.header - 1]):
             raise InputError(f"--header {options.header}: there is nothing in this line")
         begin = options.header if first is None else first
         units = next((row for row in rows[options.header : begin] if _is_units(row)), ())
-        return rows[options.header - 1], (), units, begin, []
+        return _Header(rows[options.header - 1], begin, units=units)
     if first is None:  # no numbers, only names
         named = next(n for n, row in enumerate(rows) if _filled(row))
-        return rows[named], (), (), named + 1, []
+        return _Header(rows[named], named + 1)
     width = len(rows[first])
     above = [row for row in rows[:first] if _filled(row)]
     while above and 2 * _filled(above[-1]) <= _filled(rows[first]):
@@ -191,15 +200,15 @@ def _header(
         wide = max(width, len(above[-1]))
         pairs = zip_longest(above[-1], over[:wide], range(1, wide + 1))
         names = [text_of(name) or text_of(group) or str(place) for name, group, place in pairs]
-        if names[width:] == [] and len(above[-1]) == width - 1 and _are_counted(rows[first:]):
-            return ["", *names[:-1]], (), units, first, []
-        return names, over, units, first, []
+        if len(above[-1]) == width - 1 and _are_counted(rows[first:]):
+            return _Header(["", *names[:-1]], first, units=units)
+        return _Header(names, first, over, units)
     texts = list(map(text_of, rows[first]))
     counted = [[str(start + place) for place in range(width)] for start in (0, 1)]
     if width >= _FEWEST_NAMES and texts in counted and len(rows) > first + 1:
         note = f"line {first + 1}, {texts[0]} to {texts[-1]}, was taken for the columns' names"
-        return rows[first], (), (), first + 1, [note]
-    return counted[1], (), (), first, []
+        return _Header(rows[first], first + 1, notes=(note,))
+    return _Header(counted[1], first)
 
 
 def _grouped(names: Sequence[str], over: Sequence[Cell]) -> list[str]:
