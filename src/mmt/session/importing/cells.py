@@ -29,7 +29,7 @@ _DURATION: Final = re.compile(r"(\d+) days?[.,]? \+?(.+)")
 _GROUPED: Final = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
 """Matches a number that may have a comma before its thousands."""
 _TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
-_MOST_COMPONENTS = 16
+_MOST_COMPONENTS: Final = 16
 """Arrays with at most so many rows, and more columns, have their samples along the columns."""
 
 
@@ -131,16 +131,17 @@ def numbers_in(values: Any, name: str, origin: str) -> tuple[FloatArray, str]:
         ticks = array.astype(np.int64) / _TICKS.get(np.datetime_data(array.dtype)[0], np.nan)
         array, unit = np.where(np.isnat(array), np.nan, ticks), DATE
     elif array.dtype.kind in "SUO":
-        number, cells = Numbers(ImportOptions()), array.ravel().tolist()
+        number = Numbers(ImportOptions())
         cells = [
-            cell.decode(errors="replace") if isinstance(cell, bytes) else cell for cell in cells
+            cell.decode(errors="replace") if isinstance(cell, bytes) else cell
+            for cell in array.ravel().tolist()
         ]
         try:
             found = [number(cell) for cell in cells]
         except (ValueError, TypeError) as error:
             raise InputError(f"{origin}: {name} does not hold numbers: {error}") from error
         number.check(f"{origin}: {name}")
-        unit = DATE if any(seconds_of(cell) is not None for cell in cells[:1]) else ""
+        unit = DATE if cells and seconds_of(cells[0]) is not None else ""
         array = np.array(found, dtype=np.float64).reshape(array.shape)
     elif array.dtype.kind not in "iufb":
         raise InputError(f"{origin}: {name} holds {array.dtype}, not numbers")
@@ -153,12 +154,17 @@ def numbers_in(values: Any, name: str, origin: str) -> tuple[FloatArray, str]:
     return numbers, unit
 
 
-def columns_of(arrays: Mapping[str, Any], origin: str) -> dict[str, Any]:
-    """Return arrays as the fields ``values`` and ``units`` of `SourceColumns`; see `numbers_in`."""
+def columns_of(
+    arrays: Mapping[str, Any], origin: str, told: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Return arrays as the fields ``values`` and ``units`` of `SourceColumns`; see `numbers_in`.
+
+    Units that a file has `told` count unless the values are dates.
+    """
     found = {name: numbers_in(array, name, origin) for name, array in arrays.items()}
     return {
         "values": {name: numbers for name, (numbers, _) in found.items()},
-        "units": {name: unit for name, (_, unit) in found.items() if unit},
+        "units": {**(told or {}), **{name: unit for name, (_, unit) in found.items() if unit}},
     }
 
 

@@ -55,13 +55,11 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         own = {"scene_json": "scene", "events_json": "events", "annotations": "annotations"}
         stored = {name: file[path][()] for name, path in own.items() if path in file and exported}
         stored |= {BEGAN: file.attrs.get(BEGAN)} if exported else {}
-    columns = columns_of({name: values for name, (values, _) in found.items()}, origin)
     told = {name: unit for name, (_, unit) in found.items() if unit}
     return SourceColumns(
         origin=origin,
-        values=columns["values"],
         names=names,
-        units=told | columns["units"],
+        **columns_of({name: values for name, (values, _) in found.items()}, origin, told),
         notes=notes,
         **beside_columns(stored, origin),
     )

@@ -47,12 +47,10 @@ def read_parquet(
     values = read_numbers([path], [name for name in names if wanted(name)], origin)
     stored = {n: metadata.get(f"mmt.{n.removesuffix('_json')}".encode()) for n in OF_THE_SESSION}
     own = _OF_FRAMES & set(names) if _is_session(names) else ()
-    columns = columns_of(values, origin)
     return SourceColumns(
         origin=origin,
-        values=columns["values"],
         names=names,
-        units={**units, **columns["units"]},
+        **columns_of(values, origin, units),
         frames=_frames(read_numbers([path], own, origin)) if own else None,
         **beside_columns(stored, origin),
     )
