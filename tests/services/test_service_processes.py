@@ -85,9 +85,8 @@ def test_every_frame_sent_is_received_and_recorded(run: Run) -> None:
 def test_commands_come_down_and_are_followed(run: Run) -> None:
     commands = run.leader.summary()["link"]["commands"]
     received = run.follower.summary()["link"]
-    ticks = run.leader.summary()["ticks"]
-    in_time = 1.0 - ticks["missed"] / ticks["ticks"]  # one command for all that are made up at once
-    assert commands > 0.66 * in_time * 1000 * DURATION_S
+    made_up = run.leader.summary()["ticks"]["missed"]  # share one command with a later tick
+    assert commands > 0.9 * received["frames"] - made_up
     assert received["commands"] + received["lost"] >= 0.9 * commands
     height_mm = run.recording().frames["position_mm"][:, 2]
     assert height_mm[0] > 0.0 > height_mm.min()
