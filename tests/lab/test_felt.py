@@ -65,6 +65,16 @@ def test_a_gain_is_found_as_a_level_in_every_band(far: Passage) -> None:
     assert np.median(twice.level_db[loud] - once.level_db) == pytest.approx(6.02, abs=0.05)
 
 
+@pytest.mark.parametrize(("tone_hz", "lost_db"), [(20.0, 26.1), (90.0, 3.0), (300.0, 0.0)])
+def test_what_the_actuator_does_not_play_is_lost_at_the_skin(
+    far: Passage, tone_hz: float, lost_db: float
+) -> None:
+    tone = 30.0 * np.sin(2e-3 * np.pi * tone_hz * np.arange(6000))
+    found = Reference(far, tone).judge(tone)
+    lost = np.median(found.level_db - found.skin_db)
+    assert lost == pytest.approx(lost_db, abs=0.5)
+
+
 def test_a_shift_is_found_as_onset_and_offset(far: Passage) -> None:
     own = undelayed_vibration(far, 1).vibration_m_s2
     shifted = np.concatenate([np.zeros(80), own[:-80]])

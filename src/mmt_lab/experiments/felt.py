@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.core.palette import SERIES
+from mmt.devices.haptuator.options import DATA_SHEET_LOW_HZ
 from mmt.evaluation.document import ReportTable
 from mmt.evaluation.figures import style_axes
 from mmt.evaluation.levels import root_mean_square
@@ -118,9 +119,10 @@ def run_trial(case: Trial) -> list[TrialResult]:
 def rows(outcomes: Sequence[TrialResult]) -> list[dict[str, Any]]:
     """Return the figures of each method over each network, all sessions together.
 
-    ``level_db`` and ``bands_db`` are root mean squares over the moments of each of `SPANS_S`, then
-    medians over sessions, None if no session has a moment in the span. ``onset_ms`` and
-    ``offset_ms`` are medians over all strokes, ``start_s`` over the sessions with a model.
+    ``level_db``, ``bands_db`` and ``skin_db`` are root mean squares over the moments of each of
+    `SPANS_S`, then medians over sessions, None if no session has a moment in the span.
+    ``onset_ms`` and ``offset_ms`` are medians over all strokes, ``start_s`` over the sessions
+    with a model.
     """
     return [
         {
@@ -130,6 +132,7 @@ def rows(outcomes: Sequence[TrialResult]) -> list[dict[str, Any]]:
             "start_s": median_of_known([one.start_s for one in found]),
             "level_db": _by_span([(each, each.level_db) for each in courses]),
             "bands_db": _by_span([(each, each.bands_db) for each in courses]),
+            "skin_db": _by_span([(each, each.skin_db) for each in courses]),
             "onset_ms": median_of_known(np.concatenate([c.onset_ms for c in courses]).tolist()),
             "offset_ms": median_of_known(np.concatenate([c.offset_ms for c in courses]).tolist()),
         }
@@ -183,6 +186,8 @@ DEFINITIONS: Final = {
     "level": "error of the power between 10 and 500 Hz, dB; rms over the moments of a span of "
     "session time, median over sessions",
     "bands": "the same over nine bands of that range and all moments",
+    "skin": f"the level behind a Haptuator that is driven from {DATA_SHEET_LOW_HZ:g} Hz on, as its "
+    "data sheet says, and even there",
     "onset, offset": "how much later than without a network vibration begins after a rest and "
     "ends before one, medians over strokes, ms",
     AT_ONCE: "a realisation of the texture itself under the hand: what is left is the scatter of "
@@ -198,11 +203,13 @@ def felt_table(outcomes: Sequence[TrialResult]) -> ReportTable:
     """Return a row for each network and method."""
     spans = [f"{a:g}-{b:g} s" if b < 100 else f"from {a:g} s" for a, b in SPANS_S]
     columns = ["network", "method", *(f"level {span}" for span in spans)]
-    columns += [f"bands {span}" for span in spans] + ["onset (ms)", "offset (ms)"]
+    columns += [f"bands {span}" for span in spans] + [f"skin {spans[-1]}"]
+    columns += ["onset (ms)", "offset (ms)"]
     body = [
         [
             *(row["network"], row["method"]),
             *(number(value, 2) for value in (*row["level_db"], *row["bands_db"])),
+            number(row["skin_db"][-1], 2),
             *(number(row[key], 0) for key in ("onset_ms", "offset_ms")),
         ]
         for row in rows(outcomes)

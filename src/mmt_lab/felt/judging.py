@@ -7,6 +7,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
+from mmt.devices.haptuator.drive import VoltageDrive
+from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.evaluation.levels import BANDS, band_membership
 from mmt.testing.simulation import RATE_HZ
 from mmt_lab.felt.passing import Passage
@@ -26,6 +28,11 @@ REST_TICKS: Final = 150
 STROKE_TICKS: Final = 250
 """Least rest before a beginning and after an end of a stroke, and least length of the stroke."""
 
+ACTUATOR: Final = HaptuatorOptions(volts_per_m_s2=1.0, full_scale_v=100.0)
+"""A Haptuator that is driven within the band of its data sheet, evened out there."""
+
+_FREQUENCIES_HZ: Final = np.linspace(0.0, RATE_HZ / 2.0, WINDOW // 2 + 1)
+_MEMBERSHIP: Final = band_membership(_FREQUENCIES_HZ)
 _EDGE_WINDOW: Final = 30
 _SEARCH_TICKS: Final = 900
 _QUIET_TICKS: Final = 50
@@ -41,6 +48,8 @@ class FeltErrors:
         Time of each moment at which vibration is expected or felt, shape (k,).
     level_db, bands_db
         Error of the power, shape (k,), and of the power in each band, shape (k, 9).
+    skin_db
+        Error of the power behind the actuator, shape (k,).
     onset_ms, offset_ms
         How much later than without a network vibration begins and ends: for each stroke after a
         rest, and each rest after a stroke, if the edge is found in both vibrations.
@@ -49,6 +58,7 @@ class FeltErrors:
     time_s: FloatArray
     level_db: FloatArray
     bands_db: FloatArray
+    skin_db: FloatArray
     onset_ms: FloatArray
     offset_ms: FloatArray
 
@@ -67,6 +77,7 @@ class Reference:
     def __init__(self, passage: Passage, at_once: FloatArray) -> None:
         self._bands = _expected_bands(passage)
         self._at_once = at_once
+        self._played = VoltageDrive(ACTUATOR, RATE_HZ).gain(_FREQUENCIES_HZ)
         stroking = (passage.speed_mm_s > STROKE_MM_S) & (passage.force_n > STROKE_N)
         self._begins = _changes(~stroking, REST_TICKS, STROKE_TICKS)
         self._ends = _changes(stroking, STROKE_TICKS, REST_TICKS)
@@ -74,7 +85,8 @@ class Reference:
     def judge(self, vibration_m_s2: FloatArray) -> FeltErrors:
         """Compare the vibration felt (n,) with the reference."""
         floor = LEAST_RMS_M_S2**2
-        bands = _measured_bands(vibration_m_s2)
+        density = _measured_density(vibration_m_s2)
+        bands, at_skin = density @ _MEMBERSHIP, density * np.square(self._played) @ _MEMBERSHIP
         power, wanted = bands.sum(axis=1), self._bands.sum(axis=1)
         counts = (power > floor) | (wanted > floor)
         middle = (np.arange(len(bands), dtype=np.float64) * HOP + WINDOW / 2.0) / RATE_HZ
@@ -82,6 +94,7 @@ class Reference:
             time_s=middle[counts],
             level_db=_ratio_db(power, wanted, floor)[counts],
             bands_db=_ratio_db(bands, self._bands, floor / BANDS)[counts],
+            skin_db=_ratio_db(at_skin.sum(axis=1), wanted, floor)[counts],
             onset_ms=self._delays(vibration_m_s2, self._begins, rising=True),
             offset_ms=self._delays(vibration_m_s2, self._ends, rising=False),
         )
@@ -119,14 +132,12 @@ def _expected_bands(passage: Passage) -> FloatArray:
     return np.asarray(windows @ (weights / weights.sum()))
 
 
-def _measured_bands(vibration_m_s2: FloatArray) -> FloatArray:
-    """Return the power in each band in each moment's window, shape (k, 9)."""
+def _measured_density(vibration_m_s2: FloatArray) -> FloatArray:
+    """Return the power at `_FREQUENCIES_HZ` in each moment's window, shape (k, 101)."""
     window = np.hanning(WINDOW + 1)[:-1]
     pieces = sliding_window_view(vibration_m_s2, WINDOW)[::HOP] * window
-    power = (
-        np.square(np.abs(np.fft.rfft(pieces, axis=1))) * 2.0 / (WINDOW * np.square(window).sum())
-    )
-    return np.asarray(power @ band_membership(np.linspace(0.0, RATE_HZ / 2.0, WINDOW // 2 + 1)))
+    square = np.square(np.abs(np.fft.rfft(pieces, axis=1)))
+    return np.asarray(square * 2.0 / (WINDOW * np.square(window).sum()))
 
 
 def _ratio_db(power: FloatArray, wanted: FloatArray, floor: float) -> FloatArray:
