@@ -42,6 +42,8 @@ facts = st.builds(
     readiness=shares,
     takes_over_at=shares,
     error_db=st.none() | st.floats(0.0, 100.0),
+    skin_error_db=st.none() | st.floats(0.0, 100.0),
+    played_share=shares,
     jnd_db=st.none() | st.just(1.36),
     faults=st.lists(st.sampled_from(["49 % of the ticks late", "follower lost"]), unique=True),
 )
@@ -80,6 +82,14 @@ def test_a_good_run_is_told_in_four_words() -> None:
         "84 % should feel right",
     )
     assert found.noticeable == "less than the 1.4 dB that are just noticeable"
+
+
+def test_what_the_actuator_leaves_is_told_beside_the_models_error() -> None:
+    found = verdict(replace(READY, skin_error_db=4.26, played_share=0.38))
+    assert found.error == "1.1 dB, 4.3 at the skin"
+    assert found.readiness == "84 % should feel right, the actuator plays 38 % of the power"
+    ended = verdict(replace(READY, played_share=0.38, outcome="completed"))
+    assert ended.readiness == "84 % should feel right"
 
 
 @pytest.mark.parametrize("outcome", ENDED)

@@ -84,6 +84,12 @@ def test_a_good_run_is_told_with_its_error_and_its_readiness() -> None:
     )
 
 
+def test_the_error_at_the_skin_is_told_where_the_actuator_is_known() -> None:
+    at_skin = {"played_share": 0.4, "low_hz": 90.0, "power_error_db": 4.26}
+    assert run_verdict({}, {**EVALUATION, "at_skin": at_skin}).error == "0.5 dB, 4.3 at the skin"
+    assert run_verdict({}, {**EVALUATION, "at_skin": None}).error == "0.5 dB"
+
+
 def test_a_session_that_was_evaluated_alone_is_told_likewise() -> None:
     found = run_verdict({}, EVALUATION)
     assert (found.state, found.now) == ("running", "model ready since 4.0 s, complete at 9.0 s")

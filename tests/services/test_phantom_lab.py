@@ -70,6 +70,8 @@ def test_vibration_at_the_coil_begins_and_ends_with_the_hands_own_contact(tmp_pa
         assert "Traceback" not in ended.stderr
         if "device test" not in line:  # a busy machine's readings may be late, which it tells
             assert ended.returncode == 0, (line, ended.stderr)
+        if "mmt demo" in line:
+            told = ended.stdout
     figures = json.loads((tmp_path / "figures.json").read_text())
     if figures["leader"]["texture"]["start_s"] is None:
         pytest.skip("this machine is too busy for a model in the time of the session")
@@ -86,6 +88,7 @@ def test_vibration_at_the_coil_begins_and_ends_with_the_hands_own_contact(tmp_pa
     assert surface["stiffness_n_mm"] == pytest.approx(WALL_N_MM, rel=0.3)
     assert figures["leader"]["vibration"]["not_finite"] == 0
     assert figures["evaluation"]["at_skin"]["played_share"] > 0.5
+    assert re.search(r"error \d\.\d dB, \d\.\d at the skin", " ".join(told.split()))
     way = np.load(tmp_path / "mmt-demo" / "hand.npz")["way"]
     assert way.shape[1] == 7
     assert np.isfinite(way).all()

@@ -62,10 +62,14 @@ class Facts:
     """Readiness at which the model takes over the vibration; None if it never does."""
     fell: str = ""
     """Why the readiness has just fallen; "" if it has not."""
+    played_share: float | None = None
+    """Share of the model's power that the actuator plays, 0 to 1; None if it is not known."""
     completion: str = ""
     """Result of another criterion, in words, for a model without a readiness."""
     error_db: float | None = None
     """Error of the level (dB); None if it was not measured."""
+    skin_error_db: float | None = None
+    """Error of the level at the skin, behind the actuator (dB); None if it is not known."""
     jnd_db: float | None = None
     """Just noticeable difference of the level (dB)."""
     faults: Sequence[str] = ()
@@ -116,7 +120,7 @@ def verdict(facts: Facts) -> Verdict:
         time="" if facts.time_s is None else f"{facts.time_s:.1f} s",
         now=_now(facts),
         readiness=_readiness(facts),
-        error="" if facts.error_db is None else f"{facts.error_db:.1f} dB",
+        error=_error(facts),
         noticeable=_noticeable(facts),
         faults=tuple(faults),
     )
@@ -175,9 +179,18 @@ def _readiness(facts: Facts) -> str:
     text = f"{100.0 * facts.readiness:.0f} % should feel right"
     if facts.outcome is not None:
         return text
+    if facts.played_share is not None:
+        text += f", the actuator plays {100.0 * facts.played_share:.0f} % of the power"
     if facts.takes_over_at is not None and facts.start_s is None:
         text += f", {100.0 * facts.takes_over_at:.0f} % needed"
     return f"{text}, less than before: {facts.fell}" if facts.fell else text
+
+
+def _error(facts: Facts) -> str:
+    if facts.error_db is None:
+        return ""
+    skin_db = facts.skin_error_db
+    return f"{facts.error_db:.1f} dB" + ("" if skin_db is None else f", {skin_db:.1f} at the skin")
 
 
 def _noticeable(facts: Facts) -> str:

@@ -96,6 +96,9 @@ def run_verdict(
             readiness=readiness,
             completion=completion,
             error_db=median_of_known(score.get("power_error_db") for score in scores),
+            skin_error_db=median_of_known(
+                (each.get("at_skin") or {}).get("power_error_db") for each in sessions
+            ),
             jnd_db=JND_DB,
             faults=faults,
         )

@@ -78,6 +78,7 @@ class RunHealth:
                 models=session.scene.texture is not None,
                 readiness=progress.value if progress is not None and rises else None,
                 takes_over_at=progress.scale.start if progress and completing.renders else None,
+                played_share=completing.played_share,
                 fell=completing.fell,
                 completion="" if progress is None or rises else str(progress),
                 faults=faults,

@@ -69,6 +69,8 @@ class ModelOutput(Part):
         self._reported_rate = ""  # of the newest shared model
         self.fell = ""
         """Why the expected share has fallen with the newest update, "" if it has not."""
+        self.played_share: float | None = None
+        """Share of the model's power that the actuator plays; None until it is known."""
         self._rendered: int | None = None  # the surface whose model is rendered
         self._recorded: dict[int, TextureModel] = {}  # by surface, in this recorder:
         self._recorder: McapRecorder | None = None
@@ -173,7 +175,7 @@ class ModelOutput(Part):
         from mmt.texture.synthesis.actuator import FREQUENCIES_HZ, ActuatorResponse, skin_sentence
 
         response = ActuatorResponse(*found(FREQUENCIES_HZ))
-        share = response.played_of(model)
+        share = self.played_share = response.played_of(model)
         sentence = skin_sentence(share, response.low_hz)
         self._event(sentence, actuator_plays=round(share, 4))
         self._session.journal.record({"event": "actuator response", **response.as_dict()})
