@@ -56,6 +56,7 @@ async def a_file(
 
 
 async def stroke(page: Any) -> None:
+    """Stroke until the page plays."""
     box = await page.locator("#surface").bounding_box()
     x, y = box["x"] + 40, box["y"] + box["height"] / 2
     await page.mouse.move(x, y)
@@ -65,6 +66,7 @@ async def stroke(page: Any) -> None:
         if await page.evaluate(LEVEL) > 0.05:
             return
         await page.wait_for_timeout(16)
+    pytest.fail("stroking moved no sound")
 
 
 async def renders_as_python(page: Any, made: TextureModel) -> None:
@@ -98,7 +100,6 @@ async def test_a_stroke_is_heard_shown_and_ends(browser, tmp_path, size, scheme)
         for name in models:
             await page.click(f"#choice button:text-is('{name}')")
             await stroke(page)
-            assert await page.evaluate(LEVEL) > 0.05
             await shows(page, "#state", "plays here, without a network")
             for picture in ("#plane", "#spectrum", "#played"):
                 assert await inked(page, picture) > 500
@@ -125,7 +126,6 @@ async def test_without_a_worklet_the_same_module_plays(browser, tmp_path) -> Non
     async with a_file(browser, tmp_path, {"one": model()}) as (page, problems):
         await page.evaluate("delete BaseAudioContext.prototype.audioWorklet")
         await stroke(page)
-        assert await page.evaluate(LEVEL) > 0.05
         assert (await page.evaluate("window.mmtTexture.figures()"))["by"] == "script"
         assert problems == []
 
