@@ -12,7 +12,7 @@ import scipy.io
 from mmt.core.errors import InputError
 from mmt.session import import_session, read_session
 from mmt.session.importing.options import ImportOptions, assignments
-from mmt.session.importing.proposal import propose
+from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
 from mmt.session.info import info
 from mmt.session.mcap_windows import open_windows
@@ -364,3 +364,57 @@ def test_a_heading_as_long_as_a_file_takes_no_time(part: str, end: str, tmp_path
     with suppress(InputError):
         propose(tmp_path / "a.csv")
     assert time.monotonic() - started < 10.0
+
+
+def stamped_table(path, seconds, fraction, ticks, unit_per_mm=1.0):
+    """Write a table whose times stand in two columns, or one, of whole seconds and of ticks."""
+    whole = np.floor(TIME_S + 1.7e9)
+    ticked = np.round(np.round(TIME_S - (whole - 1.7e9), 6) * ticks)
+    names = [f"pose.position.{axis}" for axis in "xyz"]
+    names += [f"wrench.force.{axis}" for axis in "xyz"]
+    names += [f"linear_acceleration.{axis}" for axis in "xyz"]
+    rows = [*(unit_per_mm * POSITION_MM).T, *FORCE_N.T, *ACCELERATION_M_S2.T]
+    header = ",".join([*filter(None, (seconds, fraction)), *names]) + "\n"
+    return write_rows(path, header, [*([whole] if seconds else []), ticked, *rows])
+
+
+@pytest.mark.parametrize(
+    ("seconds", "fraction", "ticks"),
+    [
+        ("header.stamp.sec", "header.stamp.nanosec", 1e9),
+        ("secs", "nsecs", 1e9),
+        ("field.header.stamp.secs", "field.header.stamp.nsecs", 1e9),
+        ("tv_sec", "tv_usec", 1e6),
+        ("Seconds", "Milliseconds", 1e3),
+        ("sec", "microseconds", 1e6),
+    ],
+)
+def test_seconds_and_their_parts_in_two_columns_are_one_time(tmp_path, seconds, fraction, ticks):
+    path = stamped_table(tmp_path / "a.csv", seconds, fraction, ticks)
+    proposal, _, error = try_proposal(path, propose(path))
+    assert error is None
+    assert proposal.options.columns["time"] == seconds
+    assert proposal.options.columns["time_fraction"] == fraction
+    session = import_recording(path, proposal.options)[0]
+    check(session.frames)
+    assert np.array_equal(np.diff(session.frames["sequence"]), np.ones(2999))
+
+
+def test_parts_of_a_second_are_added_to_whole_seconds_alone(tmp_path):
+    path = stamped_table(tmp_path / "a.csv", "sec", "nanosec", 1e9)
+    columns = {**propose(path).options.columns, "time": "pose.position.x"}
+    with pytest.raises(InputError, match=r"whole seconds, one a row; pose\.position\.x, to which"):
+        import_session(path, columns=columns)
+    several = propose(stamped_table(tmp_path / "b.csv", "time", "nsec", 1e9)).options.columns
+    assert (several["time"], several.get("time_fraction")) == ("time", None)
+    alone = propose(stamped_table(tmp_path / "c.csv", "", "nanosec", 1e9)).options.columns
+    assert (alone["time"], alone.get("time_fraction")) == ("nanosec", None)
+
+
+@pytest.mark.parametrize("in_metres", [True, False])
+def test_positions_named_as_in_ros_are_proposed_in_metres_if_a_hand_moves_so(tmp_path, in_metres):
+    path = stamped_table(tmp_path / "a.csv", "sec", "nanosec", 1e9, 1e-3 if in_metres else 1.0)
+    proposal, _, error = try_proposal(path, propose(path))
+    assert error is None
+    assert proposal.options.units.get("position") == ("m" if in_metres else None)
+    check(import_recording(path, proposal.options)[0].frames)

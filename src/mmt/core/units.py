@@ -34,7 +34,7 @@ _METRIC: Final = {
 }
 """Symbols that take a prefix. A mass as a force is its weight."""
 _WORDS: Final = {
-    "time": {"second": 1.0},
+    "time": {"second": 1.0, "sec": 1.0},
     "position": {"meter": 1e3, "metre": 1e3},
     "force": {"newton": 1.0, "gram": GRAVITY_M_S2 / 1e3, "dyne": 1e-5},
 }

@@ -321,6 +321,12 @@ def unit_by_gravity(mean_m_s2: float) -> str | None:
     return "mg" if 800.0 < mean_m_s2 < 1200.0 else None
 
 
+def unit_by_speed(speed_mm_s: float) -> str | None:
+    """Return "m" if a speed, read as mm/s, is a hand's only in m/s; else None."""
+    in_metres = speed_mm_s < _SLOWEST_MM_S < 1e3 * speed_mm_s < _FASTEST_MM_S
+    return "m" if in_metres else None
+
+
 def _other_unit(quantity: str, unit: str, options: ImportOptions) -> str:
     if quantity in options.units:
         return f"is it in {options.units[quantity]}, as --unit says?"

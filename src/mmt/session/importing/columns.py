@@ -33,6 +33,7 @@ _SHOWN_CHARACTERS = 60
 
 STANDARD_NAMES: Final[Mapping[str, str]] = {
     "time": "time_s",
+    "time_fraction": "time_fraction_s",
     **{f"{channel}_time": f"{channel}_time_s" for channel in ALL_CHANNELS},
     **{str(channel): name for channel, name in FIELD_OF_CHANNEL.items()},
     **{

@@ -176,11 +176,28 @@ class _Mapping:
             )
         factor = source.factor * self._factor(target, quantity, source)
         scaled = values if factor == 1.0 else factor * values
+        if target == "time_fraction":
+            return scaled
         if quantity == "time":
+            scaled = self._with_fraction(target, source.name, scaled)
             of_day = self._columns.units.get(source.name) == DATE
             scaled, notes = continued(scaled, abs(factor), of_day=of_day)
             self._note(*(f"{source.name} {note}" for note in notes))
         return scaled
+
+    def _with_fraction(self, target: str, name: str, seconds_s: FloatArray) -> FloatArray:
+        """Return times with the parts of a second that are mapped to be added to them."""
+        added_s = self._column("time_fraction", "time") if target == "time" else None
+        if added_s is None:
+            return seconds_s
+        if added_s.shape != seconds_s.shape or not np.array_equal(
+            seconds_s, np.rint(seconds_s), equal_nan=True
+        ):
+            raise InputError(
+                f"{self._origin}: time_fraction is added to whole seconds, one a row; {name}, to "
+                "which time is mapped, does not hold these"
+            )
+        return seconds_s + added_s
 
     def _source(self, target: str, quantity: str) -> Source | float | None:
         """Return the column of a target, or its constant, or None if it has neither."""
@@ -228,7 +245,8 @@ class _Mapping:
             return 1.0
         name, told = source.name, self._columns.units.get(source.name)
         given = self._options.units.get(target) or self._options.units.get(quantity)
-        unit = told if told == DATE else given or told or unit_in_name(quantity, name)
+        words = f"in {name}" if target == "time_fraction" else name  # which may be the unit alone
+        unit = told if told == DATE else given or told or unit_in_name(quantity, words)
         factor = unit_factor(quantity, unit) if unit else 1.0
         if told or (unit and name not in STANDARD_NAMES.values()):
             self._told.add(quantity)

@@ -12,13 +12,14 @@ from mmt.session.importing.stamps import StampChoice
 
 TARGETS: Final = (
     "time",
+    "time_fraction",
     *(f"{channel}_time" for channel in ALL_CHANNELS),
     *ALL_CHANNELS,
     *(f"{channel}_{axis}" for channel in ALL_CHANNELS for axis in axes_of(channel)),
     "speed",
 )
-"""Targets to map columns to: times, vectors (n, 3) and quaternions (n, 4), single axes of them,
-and speed for position."""
+"""Targets to map columns to: times, parts of a second to add to time, vectors (n, 3) and
+quaternions (n, 4), single axes of them, and speed for position."""
 
 TURNED: Final = ("force", "acceleration")
 """Channels that may be given in the tool's axes."""

@@ -13,7 +13,7 @@ import numpy as np
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.core.units import unit_factor, unit_in_name
-from mmt.session.importing.checks import ImportReport, unit_by_gravity
+from mmt.session.importing.checks import ImportReport, unit_by_gravity, unit_by_speed
 from mmt.session.importing.columns import (
     MESSAGE_PARTS,
     STANDARD_NAMES,
@@ -32,10 +32,14 @@ _WORDS: Final = {
     "speed": "v|vel|velocity|speed",
 }
 _TIME: Final = re.compile(
-    r"^(t|times?|timestamps?|stamps?|clock|secs?|seconds|zeit|temps|tiempo|tempo|date|datetime)$"
+    r"^(t|times?|timestamps?|stamps?|clock|(tv)?secs?|seconds|zeit|temps|tiempo|tempo|date|datetime)$"
 )
+_FRACTION: Final = re.compile(r"^(tv)?(n|nano|u|micro|m|milli)s(ecs?|econds?)?$")
+"""Matches the name of a part of a second, which may stand beside one of `_SECONDS`."""
+_SECONDS: Final = re.compile(r"(^|[._\s])s(ecs?|econds)?$")
 _AXIS_OF: Final = re.compile(r"(.+)[./]([xyzwXYZW])")
 """Matches an axis of something, as in ``wrench.force.x``."""
+_OF_ROS: Final = re.compile(r"(pose[./]position|translation)[./][xyz]$")
 _TIME_STEPS: Final = (("s", 0.05), ("ms", 50.0), ("us", 50e3), ("ns", 50e6))
 """Largest step of times for each unit, if rows come at 20 Hz or faster."""
 _FIRST_OF_DAYS = 20_000.0
@@ -58,15 +62,17 @@ class Proposal:
     """The columns that the options use."""
 
     def weighed(self, report: ImportReport) -> "Proposal":
-        """Return the proposal with a unit of acceleration in which the report's mean is gravity."""
-        if "acceleration" in self.options.units or "acceleration" in report.told:
-            return self
+        """Return the proposal with units that the report suggests, where nothing else tells them.
+
+        Acceleration has one in which its mean is gravity; positions named as in ROS, which are in
+        m by its REP 103, have that if a hand's speed follows.
+        """
         means = [each.mean for each in report.channels if each.channel == "acceleration"]
-        unit = unit_by_gravity(float(np.linalg.norm(means)))
-        if unit is None:
-            return self
-        units = {**self.options.units, "acceleration": unit}
-        return replace(self, options=replace(self.options, units=units))
+        found = {"acceleration": unit_by_gravity(float(np.linalg.norm(means)))}
+        if any(_OF_ROS.search(self.options.columns.get(f"position_{axis}", "")) for axis in "xyz"):
+            found["position"] = unit_by_speed(report.speed_mm_s or 0.0)
+        units = {name: unit for name, unit in found.items() if unit and name not in report.told}
+        return replace(self, options=replace(self.options, units={**units, **self.options.units}))
 
     def command(self, path: Path) -> str:
         """Return the command that imports the file with these options."""
@@ -139,6 +145,9 @@ def _guess(names: Sequence[str]) -> dict[str, str]:
         target = None if name in STANDARD_NAMES.values() else target
         if target and target not in columns and STANDARD_NAMES.get(target) not in names:
             columns[target] = name
+    if "time_fraction" in columns and not _SECONDS.search(columns.get("time", "").lower()):
+        fraction = columns.pop("time_fraction")
+        columns.setdefault("time", fraction)
     for channel in CHANNELS:  # a sensor of one or two axes
         axes = {f"{channel}_{axis}" for axis in "xyz"}
         if axes & set(columns):
@@ -153,8 +162,10 @@ def _guess(names: Sequence[str]) -> dict[str, str]:
     return columns
 
 
-def _orientation_target(joined: str) -> str | None:
-    """Return the target of a quaternion, or a component of one, that a name in words suggests."""
+def _special_target(joined: str) -> str | None:
+    """Return the target of a quaternion, or of a part of a second, that joined words suggest."""
+    if _FRACTION.match(joined):
+        return "time_fraction"
     found = re.fullmatch(r"(?:q|quat|quaternion|orientation)(xyzw|wxyz|[wxyz])", joined)
     if found is None:
         return None
@@ -183,7 +194,7 @@ def _target(name: str) -> str | None:
     words = re.findall(r"[a-z]+[0-9]?", spaced.lower())
     for end in range(len(words), max(0, len(words) - 3), -1):  # the last words may be a unit
         joined, behind = "".join(words[:end]), "_".join(words[end:])
-        if not behind and (target := _orientation_target(joined)):
+        if not behind and (target := _special_target(joined)):
             return target
         if _TIME.match(joined) and (not behind or unit_factor("time", behind)):
             return "time"
@@ -217,7 +228,7 @@ def _time_unit(columns: SourceColumns, options: ImportOptions) -> dict[str, str]
     """Guess the unit of time from its steps, if neither file nor options state it; else {}."""
     name = options.columns.get("time", STANDARD_NAMES["time"])
     time = columns.values.get(name, np.zeros(0))
-    told = "time" in options.units or name in columns.units
+    told = "time" in options.units or name in columns.units or "time_fraction" in options.columns
     named = name != STANDARD_NAMES["time"] and unit_in_name("time", name)
     if told or named or time.ndim != 1 or len(time) < 2:
         return {}
