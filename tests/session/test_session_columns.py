@@ -3,6 +3,7 @@
 import re
 import time
 from contextlib import suppress
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import scipy.io
 
 from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS
 from mmt.session import import_session, read_session
 from mmt.session.importing.options import ImportOptions, assignments
 from mmt.session.importing.proposal import propose, try_proposal
@@ -418,3 +420,43 @@ def test_positions_named_as_in_ros_are_proposed_in_metres_if_a_hand_moves_so(tmp
     assert error is None
     assert proposal.options.units.get("position") == ("m" if in_metres else None)
     check(import_recording(path, proposal.options)[0].frames)
+
+
+@pytest.mark.parametrize(
+    ("heading", "ticks"), [("Time", 1.0), ("X[s]", 1.0), ("t (ms)", 1e3), ("Time", 1e3)]
+)
+def test_each_signal_may_have_its_time_before_it(tmp_path, heading, ticks):
+    """As measuring programs write them that record each channel at its own rate."""
+    signals = {"x": POSITION_MM[:, 0], "Fz": FORCE_N[::2, 2], "az": ACCELERATION_M_S2[:, 2]}
+    columns = []
+    for name, values in signals.items():
+        times = ticks * (TIME_S[::2] if name == "Fz" else TIME_S)
+        columns += [[f"{value:.6f}" for value in column] for column in (times, values)]
+    header = ",".join(f"{heading},{name}" for name in signals)
+    rows = [",".join(row) for row in zip_longest(*columns, fillvalue="")]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    proposal, _, error = try_proposal(path, propose(path))
+    assert error is None
+    base = re.sub(r"\W.*", "", heading)
+    wanted = {f"{c}_time": f"{base}.{n}" for n, c in enumerate(CHANNELS, 1)}
+    assert wanted.items() <= proposal.options.columns.items()
+    frames = import_recording(path, proposal.options)[0].frames
+    count = len(frames)
+    assert count > 2990
+    np.testing.assert_allclose(frames["position_mm"][:, 0], POSITION_MM[:count, 0], atol=1e-3)
+    np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:count, 2], atol=1e-3)
+    np.testing.assert_allclose(
+        frames["acceleration_m_s2"][:, 2], ACCELERATION_M_S2[:count, 2], atol=1e-3
+    )
+
+
+def test_formulas_without_values_are_told(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for row in [["t", "fx", "fy", "fz"], *([0.001 * n, 0, 0, "=1+1"] for n in range(50))]:
+        book.active.append(row)
+    book.save(tmp_path / "a.xlsx")
+    columns = {"time": "t", **{f"force_{axis}": f"f{axis}" for axis in "xyz"}}
+    with pytest.raises(InputError, match="force_z has no value in any row; a workbook's formulas"):
+        import_session(tmp_path / "a.xlsx", columns=columns)

@@ -128,6 +128,12 @@ class _Mapping:
                 )
         shapes = {values.shape for values in given.values() if values.ndim}
         if len(shapes) != 1:
+            empty = next((axis for axis, values in given.items() if values.shape == (0,)), None)
+            if empty is not None:
+                raise InputError(
+                    f"{self._origin}: {channel}_{empty} has no value in any row; a workbook's "
+                    "formulas have values once a spreadsheet program has saved it"
+                )
             sizes = ", ".join(" x ".join(map(str, shape)) for shape in sorted(shapes))
             raise InputError(
                 f"{self._origin}: the axes of {channel} end in different rows: "

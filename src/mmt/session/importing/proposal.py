@@ -3,7 +3,7 @@
 import re
 import shlex
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -99,7 +99,12 @@ def propose(path: str | Path, options: ImportOptions | None = None) -> Proposal:
     standard = {*names, *_with_vectors(names)}
     found = set(mapped) | {target for target, name in STANDARD_NAMES.items() if name in standard}
     of_messages = any(text.startswith("/") for text in mapped.values())
-    timed = "time" in found or of_messages or bool(read.times) or options.rate_hz is not None
+    timed = (
+        any(target.endswith("time") for target in found)
+        or of_messages
+        or bool(read.times)
+        or options.rate_hz is not None
+    )
     lacking = [] if timed else ["time"]
     if "speed" in found:
         found.add("position")
@@ -130,7 +135,9 @@ def try_proposal(
 def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOptions, SourceColumns]:
     """Return the columns without values, the completed options, and the columns they use."""
     read = read_columns(path, Wanted(), options)
-    options = replace(options, columns={**_guess(read.names), **options.columns})
+    guessed = _guess(read.names)
+    guessed |= _own_times(read, guessed)
+    options = replace(options, columns={**guessed, **options.columns})
     return read, options, read_columns(path, wanted_names(options), options)
 
 
@@ -160,6 +167,23 @@ def _guess(names: Sequence[str]) -> dict[str, str]:
     if any(name.startswith("position") for name in (*columns, *names)):
         columns.pop("speed", None)
     return columns
+
+
+def _own_times(read: SourceColumns, columns: Mapping[str, str]) -> dict[str, str]:
+    """Return the time of each channel where several equal ones stand, each before its columns."""
+    bare = {name: re.sub(r"\.\d+$", "", name) for name in read.names}
+    times = [
+        place
+        for place, (name, base) in enumerate(bare.items())
+        if base != name
+        and (_target(base) == "time" or unit_factor("time", read.units.get(name, "")))
+    ]
+    found = {}
+    for target, name in columns.items() if len(times) > 1 else ():
+        before = [place for place in times if name in bare and place < read.names.index(name)]
+        if before:
+            found[f"{target.split('_')[0]}_time"] = read.names[before[-1]]
+    return found
 
 
 def _special_target(joined: str) -> str | None:
@@ -226,7 +250,8 @@ def _target_of_axis(owner: str, letter: str, owners: Collection[str]) -> str | N
 
 def _time_unit(columns: SourceColumns, options: ImportOptions) -> dict[str, str]:
     """Guess the unit of time from its steps, if neither file nor options state it; else {}."""
-    name = options.columns.get("time", STANDARD_NAMES["time"])
+    mapped = [name for target, name in options.columns.items() if target.endswith("time")]
+    name = mapped[0] if mapped else STANDARD_NAMES["time"]
     time = columns.values.get(name, np.zeros(0))
     told = "time" in options.units or name in columns.units or "time_fraction" in options.columns
     named = name != STANDARD_NAMES["time"] and unit_in_name("time", name)
