@@ -770,6 +770,17 @@ def test_a_comma_is_a_decimal_sign_only_where_it_must_be(thousands, decimals):
     np.testing.assert_allclose(found, np.array([1, *thousands]) / 1000, atol=0.51 / 10**decimals)
 
 
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.floats(-1e9, 1e9), min_size=1), st.integers(0, 5), st.booleans())
+def test_a_sign_before_thousands_is_known_by_the_other_before_decimals(values, decimals, german):
+    swapped = str.maketrans(",.", ".,")
+    texts = [f"{value:,.{decimals}f}" + "." * (not decimals) for value in [1234.5, *values]]
+    number = Numbers(ImportOptions())
+    found = [number(text.translate(swapped) if german else text) for text in texts]
+    number.check("a.csv")
+    np.testing.assert_allclose(found, [1234.5, *values], atol=0.51 / 10**decimals)
+
+
 @pytest.mark.parametrize("shift_s", [-3600, 3600])
 def test_an_hour_of_summer_time_is_no_gap(tmp_path, shift_s):
     when = MOMENTS + np.where(np.arange(ROWS) < 100, 0, shift_s).astype("m8[s]")

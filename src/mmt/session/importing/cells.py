@@ -28,6 +28,8 @@ _TIMES: Final = ("%H:%M:%S.%f", "%H:%M:%S", "%M:%S.%f", "%I:%M:%S.%f %p", "%I:%M
 _DURATION: Final = re.compile(r"(\d+) days?[.,]? \+?(.+)")
 _GROUPED: Final = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
 """Matches a number that may have a comma before its thousands."""
+_BOTH_SIGNS: Final = re.compile(r"[-+]?\d{1,3}([.,])\d{3}(?:\1\d{3})*(?!\1)([.,])\d*")
+"""Matches a number with one sign before its thousands and the other before its decimals."""
 _TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 _MOST_COMPONENTS: Final = 16
 """Arrays with at most so many rows, and more columns, have their samples along the columns."""
@@ -77,10 +79,20 @@ class Numbers:
             return found
         if self._thousands:
             return float(text.replace(self._thousands, "").replace(",", "."))
-        if "," not in text or "." in text:
+        return self._of_signs(text)
+
+    def _of_signs(self, text: str) -> float:
+        """Return the number in a text by the signs in it, and note which sign is which."""
+        decimal, plain = ",", text.replace(",", ".", 1)
+        if grouped := _BOTH_SIGNS.fullmatch(text):
+            thousands, decimal = grouped.groups()
+            plain = text.replace(thousands, "").replace(decimal, ".")
+        elif "," not in text or "." in text:
             return float(text)
-        value = float(text.replace(",", ".", 1))
-        if _GROUPED.fullmatch(text):
+        value = float(plain)
+        if decimal == ".":
+            self._points = self._points or text
+        elif _GROUPED.fullmatch(text):
             self._grouped = self._grouped or text
         else:
             self._commas = self._commas or text
