@@ -460,3 +460,37 @@ def test_formulas_without_values_are_told(tmp_path):
     columns = {"time": "t", **{f"force_{axis}": f"f{axis}" for axis in "xyz"}}
     with pytest.raises(InputError, match="force_z has no value in any row; a workbook's formulas"):
         import_session(tmp_path / "a.xlsx", columns=columns)
+
+
+@pytest.mark.parametrize("form", ["_{}", "[{}]", ".{}", "array"])
+@pytest.mark.parametrize("robot", ["ur", "franka"])
+def test_what_robots_call_their_measurements_is_proposed(tmp_path, robot, form):
+    names, first = {
+        "ur": (("actual_TCP_pose", "actual_TCP_force", "actual_tool_accelerometer"), 0),
+        "franka": (("O_T_EE", "O_F_ext_hat_K", "actual_tool_accelerometer"), 12),
+    }[robot]
+    pose = np.random.default_rng(3).random((3000, 16))
+    pose[:, first : first + 3] = POSITION_MM / 1e3
+    arrays = {names[0]: pose, names[1]: np.column_stack([FORCE_N, pose[:, 3:6]])}
+    arrays |= {names[2]: ACCELERATION_M_S2, "timestamp": TIME_S}
+    if form == "array":
+        np.savez(path := tmp_path / "a.npz", **arrays)
+    else:
+        columns = {"timestamp": arrays.pop("timestamp")}
+        for name, values in arrays.items():
+            columns |= {name + form.format(place): each for place, each in enumerate(values.T)}
+        path = write_rows(tmp_path / "a.csv", ",".join(columns) + "\n", list(columns.values()))
+    proposal, _, error = try_proposal(path, propose(path))
+    assert error is None
+    check(import_recording(path, proposal.options)[0].frames)
+    assert proposal.options.units["position"] == "m"
+
+
+def test_a_unit_in_the_file_counts_more_than_what_robots_use(tmp_path):
+    names = [f"actual_TCP_pose_{place} [mm]" for place in range(3)]
+    header = ",".join(["timestamp", *names, "Fx", "Fy", "Fz", "ax", "ay", "az"]) + "\n"
+    rows = [TIME_S, *POSITION_MM.T, *FORCE_N.T, *ACCELERATION_M_S2.T]
+    path = write_rows(tmp_path / "a.csv", header, rows)
+    proposal, _, error = try_proposal(path, propose(path))
+    assert error is None
+    check(import_recording(path, proposal.options)[0].frames)

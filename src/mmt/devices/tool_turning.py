@@ -49,7 +49,7 @@ class TurningEstimator:
     """
 
     def __init__(self) -> None:
-        self._numbers = np.full(SPAN, -_LONG_AGO)
+        self._numbers = np.full(SPAN, -_LONG_AGO, np.int64)
         self._quaternions = np.zeros((SPAN, 4))
 
     def step(self, sequence: int, orientation: FloatArray) -> Turning | None:

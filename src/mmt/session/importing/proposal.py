@@ -40,6 +40,14 @@ _SECONDS: Final = re.compile(r"(^|[._\s])s(ecs?|econds)?$")
 _AXIS_OF: Final = re.compile(r"(.+)[./]([xyzwXYZW])")
 """Matches an axis of something, as in ``wrench.force.x``."""
 _OF_ROS: Final = re.compile(r"(pose[./]position|translation)[./][xyz]$")
+_OF_ROBOTS: Final = (
+    ("position", "actual_TCP_pose", 0, "m"),  # RTDE of Universal Robots
+    ("force", "actual_TCP_force", 0, "N"),
+    ("acceleration", "actual_tool_accelerometer", 0, "m/s2"),
+    ("position", "O_T_EE", 12, "m"),  # libfranka: a matrix, column by column
+    ("force", "O_F_ext_hat_K", 0, "N"),
+)
+"""Channel, name, first element and unit of what robots' own interfaces call by one name."""
 _TIME_STEPS: Final = (("s", 0.05), ("ms", 50.0), ("us", 50e3), ("ns", 50e6))
 """Largest step of times for each unit, if rows come at 20 Hz or faster."""
 _FIRST_OF_DAYS = 20_000.0
@@ -135,9 +143,11 @@ def try_proposal(
 def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOptions, SourceColumns]:
     """Return the columns without values, the completed options, and the columns they use."""
     read = read_columns(path, Wanted(), options)
-    guessed = _guess(read.names)
+    known, units = _of_robots(read.names, read.units)
+    guessed = _guess(read.names) | known
     guessed |= _own_times(read, guessed)
-    options = replace(options, columns={**guessed, **options.columns})
+    columns, units = {**guessed, **options.columns}, {**units, **options.units}
+    options = replace(options, columns=columns, units=units)
     return read, options, read_columns(path, wanted_names(options), options)
 
 
@@ -167,6 +177,25 @@ def _guess(names: Sequence[str]) -> dict[str, str]:
     if any(name.startswith("position") for name in (*columns, *names)):
         columns.pop("speed", None)
     return columns
+
+
+def _of_robots(
+    names: Sequence[str], told: Mapping[str, str]
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the columns by target, and units that are not told, of names in `_OF_ROBOTS`."""
+    columns: dict[str, str] = {}
+    units: dict[str, str] = {}
+    for channel, base, first, unit in _OF_ROBOTS:
+        found: dict[str, str] = {}
+        for number, axis in enumerate("xyz", first):
+            written = [f"{base}{form}" for form in (f"_{number}", f"({number})", f".{number}")]
+            known = [name for name in written if name in names]
+            if known or base in names or f"{base}[{number}]" in names:
+                found[f"{channel}_{axis}"] = (*known, f"{base}[{number}]")[0]
+        if len(found) == 3:
+            columns |= found
+            units |= {} if told.keys() & found.values() else {channel: unit}
+    return columns, units
 
 
 def _own_times(read: SourceColumns, columns: Mapping[str, str]) -> dict[str, str]:
