@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from mmt.cli import tool as tool_command
 from mmt.cli.main import app
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import ALL_CHANNELS, empty_frames
 from mmt.devices.tool_load import LoadRemover, ToolLoad, load_from, with_centre
 from mmt.devices.tool_turning import DELAY, SPAN, TurningEstimator
@@ -204,15 +204,17 @@ tool_axes = ["force", "acceleration"]
 """
 
 
-@pytest.mark.parametrize("skipped", [False, True])
+@pytest.mark.parametrize("end", ["turned", "skipped", "lost"])
 def test_the_command_asks_to_turn_the_tool_of_a_scene_with_its_orientation(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, skipped: bool
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: str
 ) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     (tmp_path / "lab.toml").write_text(SCENE, encoding="utf-8")
     tool, prompts = LiveTool(), []
 
     def device(driver: str, options: object, *, role: str) -> Any:
+        if role == "robot" and end == "lost":
+            raise MmtError("the robot does not answer")
         read = {"robot": tool.orientation, "force_sensor": tool.force}.get(role, tool.proper)
         nothing = dict.fromkeys(("connect", "close", "calibrate"), lambda: None)
         return SimpleNamespace(read=read, orientation=tool.orientation, **nothing)
@@ -223,17 +225,17 @@ def test_the_command_asks_to_turn_the_tool_of_a_scene_with_its_orientation(
         if not tool.turns:
             number = len(prompts) - 1
             tool.pose = np.vstack([np.eye(3), -np.eye(3)])[number]
-        return "s" if tool.turns and skipped else ""
+        return "s" if tool.turns and end == "skipped" else ""
 
     monkeypatch.setattr(tool_command, "load_device", device)
     monkeypatch.setattr("mmt.cli.common.typer.prompt", prompt)
     arguments = ["device", "calibrate", str(tmp_path / "lab.toml"), "--tool", "probe"]
-    run = CliRunner().invoke(app, [*arguments, "--duration", "0.5"], catch_exceptions=False)
-    assert run.exit_code == 0, run.output
+    run = CliRunner().invoke(app, [*arguments, "--duration", "0.5"])
+    assert isinstance(run.exception, MmtError if end == "lost" else type(None)), run.output
     assert len(prompts) == 7
     stored = json.loads((tmp_path / "mmt-haptics/calibrations/tool-probe.json").read_text())
-    assert ("centre" in run.output) is not skipped
-    if skipped:
-        assert load_from(stored).centre_m is None
-    else:
+    assert load_from(stored).mass_kg == pytest.approx(0.12, rel=0.01)
+    assert (load_from(stored).centre_m is None) == (end != "turned")
+    if end == "turned":
+        assert "centre" in run.output
         np.testing.assert_allclose(load_from(stored).centre_m or (), ARM_M, atol=0.01)

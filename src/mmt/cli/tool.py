@@ -69,16 +69,17 @@ def calibrate_tool(
         force_sensor.close()
         accelerometer.close()
     load = identify([pose for pose in found if pose is not None])
+    path = save_calibration(CALIBRATED_AS, name, load.as_dict())  # whatever the turning brings
     devices = load_scene(Path(scene)).devices
     if devices is not None and devices.tool_axes:
         turned_s = _TURNED * duration_s
         found_centre = measure_when_still(
-            f"hold it at rest for its bias, then turn it free in the air for {turned_s:g} s, "
-            "quickly and about each of its axes; s leaves its centre of mass out",
+            f"hold it at rest; when told, turn it free in the air for {turned_s:g} s, quickly and "
+            "about each of its axes; s leaves its centre of mass out",
             lambda: with_centre(load, asyncio.run(_turned(scene, turned_s))),
         )
         load = found_centre or load
-    path = save_calibration(CALIBRATED_AS, name, load.as_dict())
+        save_calibration(CALIBRATED_AS, name, load.as_dict())
     figures = {"mass_g": 1e3 * load.mass_kg, "residual_n": load.residual_n}
     for axis, place_m in zip("xyz", load.centre_m or (), strict=False):
         figures[f"centre_{axis}_mm"] = 1e3 * place_m
