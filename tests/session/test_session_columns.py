@@ -494,3 +494,16 @@ def test_a_unit_in_the_file_counts_more_than_what_robots_use(tmp_path):
     proposal, _, error = try_proposal(path, propose(path))
     assert error is None
     check(import_recording(path, proposal.options)[0].frames)
+
+
+def test_axes_that_are_mapped_count_more_than_an_array_of_the_standard_name(tmp_path):
+    arrays = {"time_s": TIME_S, "force_n": 0.0 * FORCE_N}
+    arrays |= {f"f{axis}": column for axis, column in zip("xyz", FORCE_N.T, strict=True)}
+    np.savez(path := tmp_path / "a.npz", **arrays)
+    columns = {f"force_{axis}": f"f{axis}" for axis in "xyz"}
+    np.testing.assert_allclose(
+        import_session(path, columns=columns).frames["force_n"], FORCE_N, atol=1e-6
+    )
+    with pytest.raises(InputError, match="force_x is missing"):
+        import_session(path, columns={"force_z": "fz"})
+    assert not columns.keys() & propose(path).options.columns.keys()

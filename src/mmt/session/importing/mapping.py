@@ -100,7 +100,9 @@ class _Mapping:
         if channel == "orientation":
             turns = self._of_axes(channel)
             return None if turns is None else normalised(turns)
-        whole = self._column(channel, channel)
+        mapped = self._options.columns
+        by_axes = channel not in mapped and any(f"{channel}_{a}" in mapped for a in "xyz")
+        whole = None if by_axes else self._column(channel, channel)
         if whole is not None:
             if whole.ndim == 1 and channel != "position":
                 self._note(f"{channel} is one number a row, which was taken along z, the normal")

@@ -167,6 +167,8 @@ def _guess(names: Sequence[str]) -> dict[str, str]:
         columns.setdefault("time", fraction)
     for channel in CHANNELS:  # a sensor of one or two axes
         axes = {f"{channel}_{axis}" for axis in "xyz"}
+        if STANDARD_NAMES[channel] in names:
+            columns = {target: name for target, name in columns.items() if target not in axes}
         if axes & set(columns):
             columns.pop(channel, None)
             constant = "0.0" if "0" in names else "0"
