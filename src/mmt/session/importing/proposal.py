@@ -70,10 +70,10 @@ class Proposal:
     """The columns that the options use."""
 
     def weighed(self, report: ImportReport) -> "Proposal":
-        """Return the proposal with units that the report suggests, where nothing else tells them.
+        """Return the proposal with units that the report suggests, if nothing else tells them.
 
-        Acceleration has one in which its mean is gravity; positions named as in ROS, which are in
-        m by its REP 103, have that if a hand's speed follows.
+        Acceleration gets the one in which its mean is gravity. Positions named as in ROS, which
+        uses m by its REP 103, get m if the speed is then that of a hand.
         """
         means = [each.mean for each in report.channels if each.channel == "acceleration"]
         found = {"acceleration": unit_by_gravity(float(np.linalg.norm(means)))}
@@ -201,7 +201,7 @@ def _of_robots(
 
 
 def _own_times(read: SourceColumns, columns: Mapping[str, str]) -> dict[str, str]:
-    """Return the time of each channel where several equal ones stand, each before its columns."""
+    """Return the time of each channel, if several of one name stand before columns."""
     bare = {name: re.sub(r"\.\d+$", "", name) for name in read.names}
     times = [
         place
