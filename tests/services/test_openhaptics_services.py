@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from service_runs import run_session
+from service_runs import Together, run_session
 
 from mmt.core.errors import MmtError
 from mmt.scene import Scene
@@ -75,13 +75,15 @@ async def test_arms_that_are_unplugged_while_they_run_come_back_and_the_recordin
     (tmp_path / "still_sensor.py").write_text(STILL)
     monkeypatch.syspath_prepend(str(tmp_path))
     file = tmp_path / "session.mcap"
-    running = asyncio.create_task(run_session(scene_of(emulated, file, 4.0, on_lost="hold"), None))
-    await asyncio.sleep(1.5)
+    together = Together.of(scene_of(emulated, file, 4.0, on_lost="hold"))
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    await together.until(lambda: together.leader.time_s > 0.5)
     emulated.unplug()
     await asyncio.sleep(0.5)
     motors = emulated.tip_state(device=0).motor_n, emulated.tip_state(device=1).motor_n
     emulated.plug()
-    leader, follower = await running
+    leader, follower = await together.end(), await following
     assert motors == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     assert (leader.outcome, follower.problem) == ("completed", None)
     assert follower.devices["robot"]["losses"] >= 1
