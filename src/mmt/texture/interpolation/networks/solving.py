@@ -15,6 +15,7 @@ polynomials, samples on a line or a plane) are not in U.
 Cost: n^3 / 3 multiplications; n^3 with the inverse, which the errors take.
 """
 
+from contextlib import suppress
 from functools import cached_property
 from typing import Final
 
@@ -23,6 +24,7 @@ from scipy.linalg import lapack
 from scipy.spatial.distance import cdist
 
 from mmt.core.arrays import FloatArray
+from mmt.texture.linear_algebra import cholesky, product, solve_backward, solve_forward
 
 SAME_PLANE: Final = 1e-6
 """A combination of polynomials whose values (n,) are smaller than this is dropped."""
@@ -61,7 +63,7 @@ class RadialBasisNetwork:
         polynomials = _polynomials(points)
         basis, singular, right = np.linalg.svd(polynomials, full_matrices=False)
         kept = singular > SAME_PLANE
-        self._basis: FloatArray = basis[:, kept]
+        self._basis: FloatArray = np.ascontiguousarray(basis[:, kept])
         radial = _radial(points, points)
         radial[np.diag_indices_from(radial)] += smoothing
         projected = self._off(self._off(radial).T)
@@ -71,9 +73,10 @@ class RadialBasisNetwork:
         radial[np.diag_indices_from(radial)] += added
         self.weights = np.zeros_like(values)
         for _ in range(2):  # the second time refines
-            left = self._off(values - radial @ self.weights)
-            self.weights += self._off(lapack.dpotrs(self._factor, left, lower=1)[0])
-        rest = self._basis.T @ (values - radial @ self.weights)
+            left = self._off(values - product(radial, self.weights))
+            solved = solve_backward(self._factor, solve_forward(self._factor, left.T))
+            self.weights += self._off(solved.T)
+        rest = product(self._basis.T, values - product(radial, self.weights))
         self.coefficients = np.asarray((right[kept].T / singular[kept]) @ rest)
 
     def at(self, queries: FloatArray) -> FloatArray:
@@ -84,9 +87,8 @@ class RadialBasisNetwork:
     @cached_property
     def inverse(self) -> FloatArray:
         """The block of the system's inverse that gives the weights from the values, (n, n)."""
-        lower, _ = lapack.dpotri(self._factor, lower=1)
-        full = np.tril(lower) + np.tril(lower, -1).T
-        return np.asarray(self._off(self._off(full).T))
+        root = solve_forward(self._factor, np.eye(len(self.points)))
+        return self._off(self._off(product(root, np.ascontiguousarray(root.T))).T)
 
     def is_indispensable(self, pivot: float) -> bool:
         """Return whether a sample with this diagonal element of `inverse` cannot be left out.
@@ -99,17 +101,20 @@ class RadialBasisNetwork:
 
     def _off(self, columns: FloatArray) -> FloatArray:
         """Return the part of columns (n, k) that is orthogonal to the polynomials."""
-        return np.asarray(columns - self._basis @ (self._basis.T @ columns))
+        inside = product(self._basis.T, np.ascontiguousarray(columns))
+        return np.asarray(columns - product(self._basis, inside))
 
     def _factored(self, projected: FloatArray, rounding: float) -> tuple[FloatArray, float]:
         """Return the Cholesky factor, and the number added to the diagonal for it."""
-        system = projected + self._scale * (self._basis @ self._basis.T)
+        basis = np.ascontiguousarray(self._basis.T)
+        system = projected + self._scale * product(self._basis, basis)
         least = max(_LEAST_RECIPROCAL_CONDITION * self._scale, rounding)
-        factor, failed = lapack.dpotrf(system, lower=1, clean=1)
-        if not failed and lapack.dpocon(factor, self._scale, uplo="L")[0] * self._scale >= least:
-            return np.asarray(factor), 0.0
+        with suppress(np.linalg.LinAlgError):
+            factor = cholesky(system)
+            if lapack.dpocon(factor, self._scale, uplo="U")[0] * self._scale >= least:
+                return factor, 0.0
         system[np.diag_indices_from(system)] += 2.0 * least
-        return np.asarray(lapack.dpotrf(system, lower=1, clean=1)[0]), 2.0 * least
+        return cholesky(system), 2.0 * least
 
 
 def _radial(queries: FloatArray, centres: FloatArray) -> FloatArray:
