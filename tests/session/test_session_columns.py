@@ -451,6 +451,17 @@ def test_each_signal_may_have_its_time_before_it(tmp_path, heading, ticks):
     )
 
 
+def test_a_speed_has_its_time_and_a_time_for_all_has_none(tmp_path):
+    columns = [TIME_S, np.full(3000, 50.0), TIME_S, FORCE_N[:, 2], TIME_S]
+    path = write_rows(tmp_path / "a.csv", "Time,v,Time,Fz,stamp\n", columns)
+    proposal, _, error = try_proposal(path, propose(path))
+    assert error is None
+    mapped = proposal.options.columns
+    times = [mapped[target] for target in ("position_time", "force_time", "time")]
+    assert times == ["Time.1", "Time.2", "stamp"]
+    assert sum(target.endswith("time") for target in mapped) == 3
+
+
 def test_formulas_without_values_are_told(tmp_path):
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
@@ -496,6 +507,20 @@ def test_a_unit_in_the_file_counts_more_than_what_robots_use(tmp_path):
     check(import_recording(path, proposal.options)[0].frames)
 
 
+def test_a_unit_in_an_hdf5_file_counts_more_than_what_robots_use(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    pose = np.zeros((3000, 16))
+    pose[:, 12:15] = POSITION_MM
+    with h5py.File(path := tmp_path / "a.h5", "w") as file:
+        file["time"], file["O_T_EE"], file["O_F_ext_hat_K"] = TIME_S, pose, FORCE_N
+        file["O_T_EE"].attrs["units"] = "mm"
+    proposal, _, error = try_proposal(path, propose(path))
+    assert error is None
+    assert proposal.options.units == {"force": "N"}
+    frames = import_recording(path, proposal.options)[0].frames
+    np.testing.assert_allclose(frames["position_mm"], POSITION_MM, atol=1e-3)
+
+
 def test_axes_that_are_mapped_count_more_than_an_array_of_the_standard_name(tmp_path):
     arrays = {"time_s": TIME_S, "force_n": 0.0 * FORCE_N}
     arrays |= {f"f{axis}": column for axis, column in zip("xyz", FORCE_N.T, strict=True)}
@@ -507,3 +532,14 @@ def test_axes_that_are_mapped_count_more_than_an_array_of_the_standard_name(tmp_
     with pytest.raises(InputError, match="force_x is missing"):
         import_session(path, columns={"force_z": "fz"})
     assert not columns.keys() & propose(path).options.columns.keys()
+
+
+def test_a_robots_force_takes_the_place_of_another_column_that_may_be_one(tmp_path):
+    names = [f"actual_TCP_force_{place}" for place in range(3)]
+    path = write_rows(
+        tmp_path / "a.csv", ",".join(["t", "force", *names]) + "\n", [TIME_S, TIME_S, *FORCE_N.T]
+    )
+    proposal, _, error = try_proposal(path, propose(path))
+    assert error is None
+    frames = import_recording(path, proposal.options)[0].frames
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-4)

@@ -21,7 +21,7 @@ from mmt.session.importing.columns import (
     Wanted,
     wanted_names,
 )
-from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.options import ImportOptions, quantity_of
 from mmt.session.importing.reading_child import read_limited
 from mmt.session.importing.recording import check_kinds, import_columns, read_columns
 
@@ -103,7 +103,8 @@ def propose(path: str | Path, options: ImportOptions | None = None) -> Proposal:
     check_kinds([path], options)
     read, options, columns = read_limited(path, options, _read, path, options)
     names, mapped = read.names, options.columns
-    options = replace(options, units={**options.units, **_time_unit(columns, options)})
+    units = {**_robots_units(columns, options), **_time_unit(columns, options)}
+    options = replace(options, units={**options.units, **units})
     standard = {*names, *_with_vectors(names)}
     found = set(mapped) | {target for target, name in STANDARD_NAMES.items() if name in standard}
     of_messages = any(text.startswith("/") for text in mapped.values())
@@ -143,17 +144,15 @@ def try_proposal(
 def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOptions, SourceColumns]:
     """Return the columns without values, the completed options, and the columns they use."""
     read = read_columns(path, Wanted(), options)
-    known, units = _of_robots(read.names, read.units)
-    guessed = _guess(read.names) | known
-    guessed |= _own_times(read, guessed)
-    columns, units = {**guessed, **options.columns}, {**units, **options.units}
-    options = replace(options, columns=columns, units=units)
+    guessed = _guess(read.names)
+    columns = {**guessed, **_own_times(read, guessed), **options.columns}
+    options = replace(options, columns=columns)
     return read, options, read_columns(path, wanted_names(options), options)
 
 
 def _guess(names: Sequence[str]) -> dict[str, str]:
     """Guess the columns from their names; return them by target."""
-    columns: dict[str, str] = {}
+    columns = _of_robots(names)
     found = [match for name in names if (match := _AXIS_OF.fullmatch(name))]
     owners = {match[0 if match[2] in "wW" else 1] for match in found}  # a quaternion is no position
     for name in sorted(_with_vectors(names), key=lambda name: name.lower() == "date"):
@@ -181,43 +180,47 @@ def _guess(names: Sequence[str]) -> dict[str, str]:
     return columns
 
 
-def _of_robots(
-    names: Sequence[str], told: Mapping[str, str]
-) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the columns by target, and units that are not told, of names in `_OF_ROBOTS`."""
+def _of_robots(names: Sequence[str]) -> dict[str, str]:
+    """Return the columns by target of names in `_OF_ROBOTS`."""
     columns: dict[str, str] = {}
-    units: dict[str, str] = {}
-    for channel, base, first, unit in _OF_ROBOTS:
+    for channel, base, first, _ in _OF_ROBOTS:
         found: dict[str, str] = {}
         for number, axis in enumerate("xyz", first):
-            written = [f"{base}{form}" for form in (f"_{number}", f"({number})", f".{number}")]
-            known = [name for name in written if name in names]
-            if known or base in names or f"{base}[{number}]" in names:
-                found[f"{channel}_{axis}"] = (*known, f"{base}[{number}]")[0]
-        if len(found) == 3:
-            columns |= found
-            units |= {} if told.keys() & found.values() else {channel: unit}
-    return columns, units
+            element = f"{base}[{number}]"
+            forms = [element, f"{base}_{number}", f"{base}({number})", f"{base}.{number}"]
+            name = next((form for form in forms if form in names), element)
+            if name in names or base in names:
+                found[f"{channel}_{axis}"] = name
+        columns |= found if len(found) == 3 else {}
+    return columns
+
+
+def _robots_units(columns: SourceColumns, options: ImportOptions) -> dict[str, str]:
+    """Return the units of columns in `_OF_ROBOTS` that neither file nor options state."""
+    units: dict[str, str] = {}
+    for channel, base, _, unit in _OF_ROBOTS:
+        name = options.columns.get(f"{channel}_x", "")
+        told = {name, base} & columns.units.keys() or channel in options.units
+        units |= {channel: unit} if name.startswith(base) and not told else {}
+    return units
 
 
 def _own_times(read: SourceColumns, columns: Mapping[str, str]) -> dict[str, str]:
     """Return the time of each channel, if several of one name stand before columns."""
-    bare = {name: re.sub(r"\.\d+$", "", name) for name in read.names}
-    times = [
-        place
-        for place, (name, base) in enumerate(bare.items())
-        if base != name
-        and (_target(base) == "time" or unit_factor("time", read.units.get(name, "")))
-    ]
-    found = {}
-    for target, name in columns.items() if len(times) > 1 else ():
-        before = [place for place in times if name in bare and place < read.names.index(name)]
-        if before:
-            found[f"{target.split('_')[0]}_time"] = read.names[before[-1]]
-    return found
+    own, last = {}, ""
+    for name in read.names:
+        base = re.sub(r"\.\d+$", "", name)
+        of_time = _target(base) == "time" or unit_factor("time", read.units.get(name, ""))
+        last = name if base != name and of_time else last
+        own[name] = last
+    if len({*own.values(), ""}) < 3:
+        return {}
+    times = {quantity_of(target): own[name] for target, name in columns.items() if own.get(name)}
+    times.setdefault("position", times.get("speed", ""))
+    return {f"{channel}_time": times[channel] for channel in CHANNELS if times.get(channel)}
 
 
-def _special_target(joined: str) -> str | None:
+def _target_of_whole(joined: str) -> str | None:
     """Return the target of a quaternion, or of a part of a second, that joined words suggest."""
     if _FRACTION.match(joined):
         return "time_fraction"
@@ -249,7 +252,7 @@ def _target(name: str) -> str | None:
     words = re.findall(r"[a-z]+[0-9]?", spaced.lower())
     for end in range(len(words), max(0, len(words) - 3), -1):  # the last words may be a unit
         joined, behind = "".join(words[:end]), "_".join(words[end:])
-        if not behind and (target := _special_target(joined)):
+        if not behind and (target := _target_of_whole(joined)):
             return target
         if _TIME.match(joined) and (not behind or unit_factor("time", behind)):
             return "time"
