@@ -204,6 +204,12 @@ def test_every_part_gets_each_update_with_its_session_time(leader: Leader) -> No
     assert got == [(13.3, 0.01), (16.0, 0.01)]
 
 
+def test_after_a_reset_nothing_is_known_of_what_the_actuator_plays(leader: Leader) -> None:
+    leader.use.played_share = 0.4
+    leader.use.reset(15.0)
+    assert leader.use.played_share is None
+
+
 def test_a_known_surface_is_rendered_at_once_by_a_fade_between_models(leader: Leader) -> None:
     leader.update(13.3, 2, 21.0, started=True)
     leader.heard()

@@ -70,7 +70,7 @@ class ModelOutput(Part):
         self.fell = ""
         """Why the expected share has fallen with the newest update, "" if it has not."""
         self.played_share: float | None = None
-        """Share of the model's power that the actuator plays; None until it is known."""
+        """Share of the model's power that the actuator plays, as last told; None before."""
         self._rendered: int | None = None  # the surface whose model is rendered
         self._recorded: dict[int, TextureModel] = {}  # by surface, in this recorder:
         self._recorder: McapRecorder | None = None
@@ -241,7 +241,7 @@ class ModelOutput(Part):
         self._since_s, self._said, self._new_faults = time_s, SignalFaults(), SignalFaults()
         self._log.update = self._log.start_s = self._log.stop_s = None
         self.takes_over = False
-        self.forced, self.fell = None, ""
+        self.forced, self.fell, self.played_share = None, "", None
         self._choose()
         self._event("model reset")
 
