@@ -184,9 +184,7 @@ class _Mapping:
             )
         factor = source.factor * self._factor(target, quantity, source)
         scaled = values if factor == 1.0 else factor * values
-        if target == "time_fraction":
-            return scaled
-        if quantity == "time":
+        if target.endswith("time"):
             scaled = self._with_fraction(target, source.name, scaled)
             of_day = self._columns.units.get(source.name) == DATE
             scaled, notes = continued(scaled, abs(factor), of_day=of_day)
