@@ -28,11 +28,11 @@ REST_TICKS: Final = 150
 STROKE_TICKS: Final = 250
 """Least rest before a beginning and after an end of a stroke, and least length of the stroke."""
 
-ACTUATOR: Final = HaptuatorOptions(volts_per_m_s2=1.0, full_scale_v=100.0)
-"""A Haptuator that is driven within the band of its data sheet, evened out there."""
-
+_ACTUATOR: Final = HaptuatorOptions(volts_per_m_s2=1.0, full_scale_v=100.0)
+"""A Haptuator that is driven within the band of its data sheet, and even there."""
 _FREQUENCIES_HZ: Final = np.linspace(0.0, RATE_HZ / 2.0, WINDOW // 2 + 1)
 _MEMBERSHIP: Final = band_membership(_FREQUENCIES_HZ)
+_PLAYED: Final = np.square(VoltageDrive(_ACTUATOR, RATE_HZ).gain(_FREQUENCIES_HZ))
 _EDGE_WINDOW: Final = 30
 _SEARCH_TICKS: Final = 900
 _QUIET_TICKS: Final = 50
@@ -77,7 +77,6 @@ class Reference:
     def __init__(self, passage: Passage, at_once: FloatArray) -> None:
         self._bands = _expected_bands(passage)
         self._at_once = at_once
-        self._played = VoltageDrive(ACTUATOR, RATE_HZ).gain(_FREQUENCIES_HZ)
         stroking = (passage.speed_mm_s > STROKE_MM_S) & (passage.force_n > STROKE_N)
         self._begins = _changes(~stroking, REST_TICKS, STROKE_TICKS)
         self._ends = _changes(stroking, STROKE_TICKS, REST_TICKS)
@@ -85,8 +84,8 @@ class Reference:
     def judge(self, vibration_m_s2: FloatArray) -> FeltErrors:
         """Compare the vibration felt (n,) with the reference."""
         floor = LEAST_RMS_M_S2**2
-        density = _measured_density(vibration_m_s2)
-        bands, at_skin = density @ _MEMBERSHIP, density * np.square(self._played) @ _MEMBERSHIP
+        spectra = _measured_spectra(vibration_m_s2)
+        bands, at_skin = spectra @ _MEMBERSHIP, spectra @ (_PLAYED * _MEMBERSHIP.sum(axis=1))
         power, wanted = bands.sum(axis=1), self._bands.sum(axis=1)
         counts = (power > floor) | (wanted > floor)
         middle = (np.arange(len(bands), dtype=np.float64) * HOP + WINDOW / 2.0) / RATE_HZ
@@ -94,7 +93,7 @@ class Reference:
             time_s=middle[counts],
             level_db=_ratio_db(power, wanted, floor)[counts],
             bands_db=_ratio_db(bands, self._bands, floor / BANDS)[counts],
-            skin_db=_ratio_db(at_skin.sum(axis=1), wanted, floor)[counts],
+            skin_db=_ratio_db(at_skin, wanted, floor)[counts],
             onset_ms=self._delays(vibration_m_s2, self._begins, rising=True),
             offset_ms=self._delays(vibration_m_s2, self._ends, rising=False),
         )
@@ -132,7 +131,7 @@ def _expected_bands(passage: Passage) -> FloatArray:
     return np.asarray(windows @ (weights / weights.sum()))
 
 
-def _measured_density(vibration_m_s2: FloatArray) -> FloatArray:
+def _measured_spectra(vibration_m_s2: FloatArray) -> FloatArray:
     """Return the power at `_FREQUENCIES_HZ` in each moment's window, shape (k, 101)."""
     window = np.hanning(WINDOW + 1)[:-1]
     pieces = sliding_window_view(vibration_m_s2, WINDOW)[::HOP] * window
