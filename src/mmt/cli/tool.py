@@ -30,7 +30,7 @@ def calibrate_tool(
 ) -> None:
     """Prompt for six poses, measure them, identify the load, and store it.
 
-    If the scene has the tool's orientation, the tool is then turned for its centre of mass.
+    If the scene names `tool_axes`, the tool is then turned for its centre of mass.
 
     Parameters
     ----------
@@ -73,13 +73,14 @@ def calibrate_tool(
     devices = load_scene(Path(scene)).devices
     if devices is not None and devices.tool_axes:
         turned_s = _TURNED * duration_s
-        found_centre = measure_when_still(
+        with_its_centre = measure_when_still(
             f"hold it at rest; when told, turn it free in the air for {turned_s:g} s, quickly and "
             "about each of its axes; s leaves its centre of mass out",
             lambda: with_centre(load, asyncio.run(_turned(scene, turned_s))),
         )
-        load = found_centre or load
-        save_calibration(CALIBRATED_AS, name, load.as_dict())
+        if with_its_centre is not None:
+            load = with_its_centre
+            save_calibration(CALIBRATED_AS, name, load.as_dict())
     figures = {"mass_g": 1e3 * load.mass_kg, "residual_n": load.residual_n}
     for axis, place_m in zip("xyz", load.centre_m or (), strict=False):
         figures[f"centre_{axis}_mm"] = 1e3 * place_m

@@ -10,12 +10,16 @@ from mmt.core.frames import FIELD_OF_CHANNEL, Channel
 
 _ONE: Final = np.eye(3)
 _CROSS: Final = np.cross(_ONE[:, None], _ONE).transpose(0, 2, 1).reshape(3, 9)
-"""Makes the nine elements of the matrix of the cross product with a vector."""
+
+
+def cross_matrices(vectors: FloatArray) -> FloatArray:
+    """Return the matrices (n, 3, 3) of the cross products with vectors (n, 3)."""
+    return np.asarray(vectors @ _CROSS).reshape(-1, 3, 3)
 
 
 def rotation_matrices(orientation: FloatArray) -> FloatArray:
     """Return the matrices (n, 3, 3) of unit quaternions (n, 4), by Rodrigues' formula."""
-    crossed = (orientation[:, 1:] @ _CROSS).reshape(-1, 3, 3)
+    crossed = cross_matrices(orientation[:, 1:])
     matrices: FloatArray = _ONE + 2.0 * (orientation[:, :1, None] * crossed + crossed @ crossed)
     return matrices
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.frames import FRAMES_HZ
+from mmt.core.rotations import cross_matrices
 
 SPAN: Final = 31
 """Frames that the parabola spans."""
@@ -37,9 +38,8 @@ class Turning(NamedTuple):
 
         It is the acceleration relative to the place zero: ``a x r + v x (v x r)``.
         """
-        crossed = _crossed(self.velocity)
-        matrix: FloatArray = _crossed(self.acceleration) + crossed @ crossed
-        return matrix
+        about, faster = cross_matrices(np.array(self))
+        return np.asarray(faster + about @ about)
 
 
 class TurningEstimator:
@@ -93,9 +93,3 @@ def _rotation_vectors(quaternions: FloatArray, origin: int) -> FloatArray:
     angle = np.copysign(2.0 * np.arctan2(sine, np.abs(real)), real)
     vectors: FloatArray = imaginary * (angle / np.maximum(sine, _TINY))[:, None]
     return vectors
-
-
-def _crossed(vector: FloatArray) -> FloatArray:
-    """Return the matrix (3, 3) of the cross product with a vector (3,)."""
-    x, y, z = vector.tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
