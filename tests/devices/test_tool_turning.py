@@ -2,7 +2,7 @@
 
 import json
 import math
-import time
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,6 +18,7 @@ from mmt.cli import tool as tool_command
 from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import ALL_CHANNELS, empty_frames
+from mmt.core.ticking import Ticker
 from mmt.devices.tool_load import LoadRemover, ToolLoad, load_from, with_centre
 from mmt.devices.tool_turning import DELAY, SPAN, TurningEstimator
 
@@ -157,39 +158,37 @@ def test_a_stored_centre_that_is_damaged_is_refused(centre: Any) -> None:
 
 
 class LiveTool:
-    """A tool in the hand, held in poses or turned, whose devices are read at any time."""
+    """A tool in the hand, held in poses or turned. Its time is that of the ticks."""
 
     def __init__(self) -> None:
         self.pose = np.array([0.0, 0.0, 1.0])
         self.turns = False
+        self.now_s = 0.0
 
-    def rotation(self, at_s: float) -> Rotation:
+    def rotation(self, shift_s: float = 0.0) -> Rotation:
         """Return the rotation from the tool's axes to the scene's."""
-        phases = 2.0 * math.pi * at_s * np.array([1.0, 1.3, 0.8])
+        phases = 2.0 * math.pi * (self.now_s + shift_s) * np.array([1.0, 1.3, 0.8])
         return Rotation.from_rotvec(np.radians([50.0, 40.0, 60.0]) * np.sin(phases))
 
     def proper(self) -> tuple[float, ...]:
         """Return what the accelerometer measures: it stands still."""
         if not self.turns:
             return tuple((GRAVITY * self.pose).tolist())
-        return tuple(self.rotation(time.monotonic()).inv().apply([0.0, 0.0, GRAVITY]).tolist())
+        return tuple(self.rotation().inv().apply([0.0, 0.0, GRAVITY]).tolist())
 
     def force(self) -> tuple[float, ...]:
         """Return what the force sensor measures of the centre of mass."""
         proper = np.array(self.proper())
         if self.turns:
-            now_s, step_s = time.monotonic(), 1e-3
             before, now, after = (
-                self.rotation(now_s + shift).apply(ARM_M) for shift in (-step_s, 0.0, step_s)
+                self.rotation(shift_s).apply(ARM_M) for shift_s in (-1e-3, 0, 1e-3)
             )
-            moved = (before - 2.0 * now + after) / step_s**2
-            proper = proper + self.rotation(now_s).inv().apply(moved)
+            proper = proper + self.rotation().inv().apply((before - 2.0 * now + after) / 1e-6)
         return tuple((BIAS_N - 0.12 * proper).tolist())
 
     def orientation(self) -> tuple[float, ...]:
         """Return the orientation that the robot measures."""
-        turn = self.rotation(time.monotonic()) if self.turns else Rotation.identity()
-        return tuple(quaternions(turn).tolist())
+        return tuple(quaternions(self.rotation()).tolist())
 
 
 SCENE = """[link]
@@ -227,12 +226,21 @@ def test_the_command_asks_to_turn_the_tool_of_a_scene_with_its_orientation(
             tool.pose = np.vstack([np.eye(3), -np.eye(3)])[number]
         return "s" if tool.turns and end == "skipped" else ""
 
+    class Counted(Ticker):
+        def __init__(self, period_ns: int, callback: Callable[[int], None], **more: Any) -> None:
+            def tick(elapsed: int) -> None:
+                tool.now_s += 1e-9 * period_ns * elapsed
+                callback(elapsed)
+
+            super().__init__(period_ns, tick, **more)
+
+    monkeypatch.setattr(tool_command, "Ticker", Counted)
     monkeypatch.setattr(tool_command, "load_device", device)
     monkeypatch.setattr("mmt.cli.common.typer.prompt", prompt)
     arguments = ["device", "calibrate", str(tmp_path / "lab.toml"), "--tool", "probe"]
     run = CliRunner().invoke(app, [*arguments, "--duration", "0.5"])
     assert isinstance(run.exception, MmtError if end == "lost" else type(None)), run.output
-    assert len(prompts) == 7
+    assert ["pose" in text for text in prompts[:7]] == [True] * 6 + [False]
     stored = json.loads((tmp_path / "mmt-haptics/calibrations/tool-probe.json").read_text())
     assert load_from(stored).mass_kg == pytest.approx(0.12, rel=0.01)
     assert (load_from(stored).centre_m is None) == (end != "turned")
