@@ -19,7 +19,8 @@ from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.feedback_model import ModelForce
 from mmt.leader.motion.feedback_passive import PassiveForce
-from mmt.leader.motion.hand import HandPart, OperatorHandle
+from mmt.leader.motion.hand import HandPart
+from mmt.leader.motion.operator_handle import OperatorHandle
 
 RECOVERY_MM = 0.05
 

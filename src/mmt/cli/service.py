@@ -32,7 +32,6 @@ from mmt.core.errors import MmtError
 from mmt.core.extras import optional_import
 from mmt.core.logs import Logs, details
 from mmt.core.queued_output import drain_output
-from mmt.core.realtime import be_real_time, require_real_time
 from mmt.core.version import __version__
 from mmt.scene import Scene, Service
 
@@ -159,6 +158,8 @@ class ServiceRun(ABC, Generic[AnyService]):
         options, logger = self.options, logging.getLogger(f"mmt.{self.name}")
         require_one_output(options.json_file, json_lines=options.json_lines)
         if options.realtime:
+            from mmt.core.realtime import require_real_time
+
             require_real_time()
         if options.verbose and not options.json_lines:
             print_parts(self.scene, self.name)
@@ -197,6 +198,8 @@ class ServiceRun(ABC, Generic[AnyService]):
 
         def ready() -> None:
             if self.options.realtime:
+                from mmt.core.realtime import be_real_time
+
                 be_real_time()
             self.on_ready(service)
 

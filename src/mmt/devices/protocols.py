@@ -11,11 +11,13 @@ block for longer than a small part of a 1 ms tick.
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, runtime_checkable
 
 from mmt.core import arrays
 from mmt.core.arrays import FloatArray
-from mmt.core.quaternions import Quaternion
+
+if TYPE_CHECKING:
+    from mmt.core.quaternions import Quaternion
 
 Vector = arrays.Vector
 """x, y, z as plain floats."""
@@ -136,7 +138,7 @@ class PositionKeeping(Protocol):
 class OrientationMeasuring(Protocol):
     """A robot that measures the orientation of its tool; optional for a driver."""
 
-    def orientation(self) -> Quaternion:
+    def orientation(self) -> "Quaternion":
         """Return the tool's orientation (w, x, y, z) in the scene's axes, as new as the position.
 
         Frames are left out while it is not finite or its norm is not 1.

@@ -3,9 +3,8 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from mmt.core.arrays import RecordArray, difference, step_towards
-from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector, fault_table
-from mmt.devices.reconnection import ReconnectingHandle
+from mmt.core.arrays import RecordArray
+from mmt.devices.protocols import LeaderInterface, Vector, fault_table
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Link, Simulated
 
@@ -13,6 +12,7 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.leader.motion.hand_contact import FollowerContact
+    from mmt.leader.motion.operator_handle import OperatorHandle
 
 
 _NO_OFFSET: Final[Vector] = (0.0, 0.0, 0.0)
@@ -27,48 +27,6 @@ class CommandSource(Protocol):
 
     def command(self, tick: Tick, own_mm: Vector | None) -> Vector | None:
         """Return the command (mm), given this hand's own command; or None."""
-
-
-class OperatorHandle(ReconnectingHandle):
-    """A handle that may be lost and return elsewhere, and the follower's position command.
-
-    While the handle is lost the command does not change: the robot holds. After the handle's
-    return the difference between the command and the handle's position is reduced at a bounded
-    speed, in addition to the hand's motion, so that the command does not jump.
-
-    Parameters
-    ----------
-    device
-        The handle's driver.
-    recovery_mm
-        Reduction of the difference in one tick, mm.
-    """
-
-    def __init__(self, device: LeaderInterface, recovery_mm: float) -> None:
-        super().__init__(device)
-        self._recovery_mm = recovery_mm
-        self._offset: Vector | None = None
-        self._read_losses = 0
-        self.command_mm: Vector | None = None
-        """The follower's position command (mm), or None before the handle was ever read."""
-
-    def read(self, elapsed_ticks: int) -> InterfaceState | None:
-        """Return the state now, or None while the handle is lost; set the command."""
-        state = super().read(elapsed_ticks)
-        if state is None:
-            return None
-        position = state.position_mm
-        if self.losses != self._read_losses:  # returned, perhaps during an earlier `write`
-            self._read_losses = self.losses
-            if self.command_mm is not None:
-                self._offset = difference(self.command_mm, position)
-        if self._offset is None:
-            self.command_mm = position
-            return state
-        x, y, z = step_towards(self._offset, (0.0, 0.0, 0.0), self._recovery_mm * elapsed_ticks)
-        self.command_mm = (position[0] + x, position[1] + y, position[2] + z)
-        self._offset = (x, y, z) if x or y or z else None
-        return state
 
 
 class HandPart(Part):
@@ -89,8 +47,8 @@ class HandPart(Part):
     def __init__(
         self,
         session: Session,
-        device: LeaderInterface | OperatorHandle,
-        handle: OperatorHandle | None = None,
+        device: "LeaderInterface | OperatorHandle",
+        handle: "OperatorHandle | None" = None,
         contact: "FollowerContact | None" = None,
     ) -> None:
         self._session = session
@@ -135,6 +93,8 @@ class HandPart(Part):
             contact = FollowerContact(session, scene.handle.surface_stiffness_n_mm)
         if scene.handle.on_lost == "stop":
             return cls(session, device, contact=contact)
+        from mmt.leader.motion.operator_handle import OperatorHandle
+
         link = scene.link or Link()
         handle = OperatorHandle(device, link.recovery_mm_s / scene.session.rate_hz)
         return cls(session, handle, handle, contact)

@@ -4,7 +4,6 @@ import json
 from typing import TYPE_CHECKING, TypeAlias, Union
 
 from mmt.core.errors import InputError
-from mmt.testing.simulation.altered_surface import AlteredSurface, from_altered_parameters
 from mmt.testing.simulation.surfaces import (
     ALTERED_VERSION,
     COURSE_VERSION,
@@ -16,10 +15,11 @@ from mmt.testing.simulation.surfaces import (
 )
 
 if TYPE_CHECKING:
+    from mmt.testing.simulation.altered_surface import AlteredSurface
     from mmt.testing.simulation.model_surface import ModelSurface
 
-KnownSurface: TypeAlias = Union[Surface, AlteredSurface, "ModelSurface"]
-"""A texture of this project, altered or not, or that of a model, imported only if needed."""
+KnownSurface: TypeAlias = Union[Surface, "AlteredSurface", "ModelSurface"]
+"""A texture of this project, altered or not, or that of a model; the rare ones are not imported."""
 
 
 def surface_from_annotations(annotations: bytes) -> KnownSurface:
@@ -40,6 +40,11 @@ def surface_from_annotations(annotations: bytes) -> KnownSurface:
 
             return from_parameters(name, parameters)
         if version == ALTERED_VERSION:
+            from mmt.testing.simulation.altered_surface import (
+                AlteredSurface,
+                from_altered_parameters,
+            )
+
             base = surface_from_annotations(json.dumps(parameters["base"]).encode())
             if isinstance(base, AlteredSurface):
                 raise InputError("annotations hold an altered surface of an altered one")

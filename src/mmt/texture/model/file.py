@@ -1,7 +1,7 @@
 """The ``.npz`` file of a texture model; the layout is in ``docs/reference/model-file.md``."""
 
 from dataclasses import astuple
-from typing import Final, NamedTuple, cast
+from typing import TYPE_CHECKING, Final, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,9 @@ from mmt.texture.model.file_arrays import Arrays, file_arrays
 from mmt.texture.settings import Method
 from mmt.texture.space.inputs import InputSpace
 from mmt.texture.space.samples import TextureSamples
-from mmt.texture.touch_down.transient import Law, Transient
+
+if TYPE_CHECKING:
+    from mmt.texture.touch_down.transient import Transient
 
 _LARGEST_WHOLE: Final = 2**31
 
@@ -32,7 +34,7 @@ class ModelContents(NamedTuple):
     method: Method
     rate_hz: float
     field: FieldCells | None = None
-    touch_down: Transient | None = None
+    touch_down: "Transient | None" = None
 
 
 def unpack(data: bytes) -> ModelContents:
@@ -177,9 +179,11 @@ def _field(content: Arrays, *, directed: bool) -> FieldCells:
     return field
 
 
-def _touch_down(content: Arrays) -> Transient | None:
+def _touch_down(content: Arrays) -> "Transient | None":
     if "touch_down_shapes" not in content:
         return None
+    from mmt.texture.touch_down.transient import Law, Transient
+
     shapes, speeds, law = (
         real_numbers(name, content[name])
         for name in ("touch_down_shapes", "touch_down_speed_mm_s", "touch_down_law")
