@@ -1,6 +1,7 @@
 """Every kind of file, written with any names, units, order and holes, is read as it was meant."""
 
 import gzip
+import json
 import re
 import zipfile
 from decimal import Decimal
@@ -204,14 +205,46 @@ def write_parquet(path, columns, units):
     return names
 
 
+def write_tdms(path, columns, units):
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment(
+            [
+                nptdms.ChannelObject("run", name, values, {"unit_string": units[name]})
+                for name, values in columns.items()
+            ]
+        )
+    return {name: name for name in columns}
+
+
+def write_json(path, columns, units):
+    names = {name: f"{name}_{units[name]}" for name in columns}
+    lists = {names[name]: values.tolist() for name, values in columns.items()}
+    path.write_text(json.dumps({"run": lists}))
+    return {name: f"run.{told}" for name, told in names.items()}
+
+
+def write_jsonl(path, columns, units):
+    names = {name: f"{name}_{units[name]}" for name in columns}
+    rows = np.column_stack(list(columns.values())).tolist()
+    lines = [json.dumps({"run": dict(zip(names.values(), row, strict=True))}) for row in rows]
+    path.write_text("\n".join(lines))
+    return {name: f"run.{told}" for name, told in names.items()}
+
+
 WRITERS = {
+    "json": write_json,
+    "jsonl": write_jsonl,
     "npz": write_npz,
     "npy": write_npy,
     "mat": write_mat,
     "h5": write_h5,
     "xlsx": write_xlsx,
     "parquet": write_parquet,
+    "tdms": write_tdms,
 }
+TELLING = ("h5", "tdms", "xlsx")
+"""Kinds that tell units apart from names."""
 
 
 @pytest.mark.parametrize("kind", WRITERS)
@@ -219,7 +252,7 @@ WRITERS = {
 @settings(max_examples=8, deadline=None)
 def test_each_kind_of_file_is_read_in_the_units_that_it_tells(kind, units, order):
     """By attribute, by a row of units, or by the ends of the names."""
-    if kind not in ("h5", "xlsx"):
+    if kind not in TELLING:
         plain = {"time": "ms", "position": "um", "force": "mN", "acceleration": "mg"}
         units = {target: plain[target.split("_")[0]] for target in units}
     columns = {name_of(target): in_file(target, units[target]) for target in order}
@@ -245,7 +278,7 @@ def test_a_unit_of_something_else_is_refused_by_name_or_scaled(tmp_path, kind, t
         names = {name: name for name in columns}
     else:
         units = units | {
-            name: unit.replace("/", "_") for name, unit in units.items() if kind != "h5"
+            name: unit.replace("/", "_") for name, unit in units.items() if kind not in TELLING
         }
         names = WRITERS[kind](path, columns, units)
     mapped = {t: names[name_of(t)] for t in TRUTH}
@@ -263,6 +296,89 @@ def test_a_unit_of_something_else_is_refused_by_name_or_scaled(tmp_path, kind, t
 )
 def test_a_v_at_the_end_of_a_name_is_no_volt(name, unit):
     assert unit_in_name("speed", name) == unit
+
+
+def test_objects_and_lists_of_json_are_columns(tmp_path):
+    rows = [
+        {"t": at, "tip": {"p": [*place], "f": [{"n": z}]}, "a": a if a > -1 else None}
+        for at, place, z, a in zip(
+            TIME_S.tolist(),
+            POSITION_MM.tolist(),
+            FORCE_N[:, 2].tolist(),
+            ACCELERATION_M_S2[:, 2].tolist(),
+            strict=True,
+        )
+    ]
+    lines = [json.dumps(row) for row in rows]
+    lines[5] = lines[5].replace('"a"', '"a": NaN, "a"')
+    columns = {"time": "t", "position": "tip.p", "force": "tip.f.0.n"}
+    for name, content in [("a.ndjson", "\n".join(lines)), ("a.json", f"[{','.join(lines)}]")]:
+        (tmp_path / name).write_text(content)
+        frames = import_session(tmp_path / name, columns=columns).frames
+        np.testing.assert_allclose(frames["position_mm"], POSITION_MM, rtol=1e-6)
+        np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
+        assert propose(tmp_path / name).names == ["t", "tip.p", "tip.f.0.n", "a", "a.1", "a.2"]
+    (tmp_path / "a.jsonl").write_text("\n".join(lines)[:-9])
+    session, report = import_recording(tmp_path / "a.jsonl", ImportOptions(columns))
+    assert len(session.frames) == ROWS - 1
+    assert any("last line is cut off" in warning for warning in report.warnings)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("{}\n[1, 2]\n", "row 2 is not an object"),
+        ('{"t": 0}\n{"t": \n{"t": 1}', "line 2 is not JSON"),
+        ('{"t": 0}\n{"t": [0]}', "lists of t are not all of one length"),
+        ('{"t": [0]}\n{"t": [0, 1]}', "lists of t are not all of one length"),
+        ('{"t": {}}\n{"t": "soon"}', "t does not hold numbers: .*soon"),
+        ("[" * 100_000, "this is not JSON"),
+        ("", "t, which is not there"),
+    ],
+)
+def test_json_of_another_form_is_refused(tmp_path, content, message):
+    (tmp_path / "a.jsonl").write_text(content)
+    with pytest.raises(InputError, match=message):
+        import_session(tmp_path / "a.jsonl", columns={"time": "t", "force_z": "t"})
+
+
+def test_waveforms_of_tdms_have_their_own_times(tmp_path):
+    nptdms = pytest.importorskip("nptdms")
+    begin = np.datetime64("2026-01-31T23:59:59.900000")
+
+    def wave(group, name, values, rate_hz, after_ms):
+        about = {
+            "wf_increment": 1 / rate_hz,
+            "wf_start_time": begin + np.timedelta64(after_ms, "ms"),
+        }
+        return nptdms.ChannelObject(group, name, values, about)
+
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment([wave("ni", "z", np.sin(0.1 * np.arange(2 * ROWS)), 2000, 0)])
+        writer.write_segment([wave("arm", "z", FORCE_N[:, 2], 1000, 50)])
+        writer.write_segment([nptdms.ChannelObject("arm", "note", ["a", "b"])])
+    columns = {"acceleration": "ni.z", "force": "arm.z"}
+    session = import_session(tmp_path / "a.tdms", columns=columns)
+    assert session.began_utc_ns == (begin + np.timedelta64(50, "ms")).astype("M8[ns]").astype(int)
+    force = session.frames["force_n"][:, 2]
+    np.testing.assert_allclose(force, FORCE_N[: len(force), 2], rtol=1e-6)
+    assert propose(tmp_path / "a.tdms").names == ["ni.z", "arm.z", "arm.note"]
+    (tmp_path / "a.tdms").write_bytes(b"TDSm" + bytes(24) + b"x" * 40)
+    with pytest.raises(InputError, match="not a TDMS file"):
+        import_session(tmp_path / "a.tdms", columns=columns)
+
+
+def test_the_header_of_labview_is_left_out(tmp_path):
+    above = ["LabVIEW Measurement\t", "Separator\tTab", "***End_of_Header***\t", ""]
+    above += ["Channels\t1\t", f"Samples\t{ROWS}\t", "Delta_X\t0.001000\t", above[2]]
+    header = [["X_Value", "Fz (mN)", "Comment"]]
+    (tmp_path / "a.lvm").write_text(
+        text([TIME_S, 1000 * FORCE_N[:, 2]], header, "\t", comma=False, above=above)
+    )
+    proposal = propose(tmp_path / "a.lvm")
+    assert proposal.options.columns["time"] == "X_Value"
+    session, _ = import_recording(tmp_path / "a.lvm", proposal.options)
+    np.testing.assert_allclose(session.frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-5)
 
 
 def test_a_workbook_beside_a_text_keeps_its_numbers(tmp_path):

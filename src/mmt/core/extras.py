@@ -32,6 +32,7 @@ PACKAGES: Final[dict[str, tuple[str, str]]] = {
     "pyarrow": ("export", "Parquet needs pyarrow"),
     "h5py": ("export", "HDF5 needs h5py"),
     "openpyxl": ("import", "workbooks need openpyxl"),
+    "nptdms": ("import", "TDMS files need npTDMS"),
     "pyxdf": ("import", "XDF files need pyxdf"),
     "rosbags": ("import", "ROS bags need rosbags"),
     "prometheus_client": ("metrics", "[metrics] needs prometheus-client"),

@@ -32,7 +32,7 @@ _WORDS: Final = {
     "speed": "v|vel|velocity|speed",
 }
 _TIME: Final = re.compile(
-    r"^(t|times?|timestamps?|stamps?|clock|(tv)?secs?|seconds|zeit|temps|tiempo|tempo|date|datetime)$"
+    r"^(t|times?|timestamps?|stamps?|clock|(tv)?secs?|seconds|zeit|temps|tiempo|tempo|date|datetime|xvalue)$"
 )
 _FRACTION: Final = re.compile(r"^(tv)?(n|nano|u|micro|m|milli)s(ecs?|econds?)?$")
 """Matches the name of a part of a second, which may stand beside one of `_SECONDS`."""

@@ -34,7 +34,7 @@ from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import InputError, MmtError, short_message
 from mmt.session.importing.options import ImportOptions
 
-DECODED_HERE: Final = (".csv", ".txt", ".tsv", ".dat", ".npy", ".npz", ".wav")
+DECODED_HERE: Final = (".csv", ".txt", ".tsv", ".dat", ".lvm", ".npy", ".npz", ".wav")
 
 _MEMORY_GB: Final = 2.0
 _MEMORY_PER_BYTE: Final = 16

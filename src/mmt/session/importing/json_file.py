@@ -1,0 +1,113 @@
+"""Read JSON: a line or an element for each row, or an object of arrays."""
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mmt.core.errors import InputError
+from mmt.session.importing.cells import columns_of
+from mmt.session.importing.columns import SourceColumns, distinct, reading
+from mmt.session.importing.options import ImportOptions
+
+
+def read_json(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> SourceColumns:
+    """Read the wanted columns (n,), or (n, k) for lists, of JSON lines or of one JSON value.
+
+    Members of objects are called ``a.b``. Members that a row lacks, and null, are missing values.
+    Of JSON lines a last one that is cut off is left out.
+
+    Raises
+    ------
+    InputError
+        The file is missing or not JSON, a row is not an object, or a wanted column does not hold
+        numbers or lists of one length.
+    """
+    origin, notes = f"import {path}", list[str]()
+    with reading(origin, "JSON", (ValueError, RecursionError)), path.open(encoding="utf-8") as file:
+        if path.suffix.lower() == ".json":
+            content = _parsed(file.read())
+        else:
+            content = list(_lines(file, notes))
+        if isinstance(content, dict):
+            columns = {
+                name: column for name, column in _leaves(content) if column.__class__ is list
+            }
+            names = list(columns)
+        elif isinstance(content, list):
+            names, columns = _columns(content, wanted)
+        else:
+            raise InputError("it holds neither rows nor arrays")
+        arrays = {name: _array(column, name) for name, column in columns.items() if wanted(name)}
+    return SourceColumns(origin=origin, names=names, notes=notes, **columns_of(arrays, origin))
+
+
+def _parsed(text: str) -> Any:
+    return json.loads(text, object_pairs_hook=_members)
+
+
+def _members(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object's members; of two with one name both, with numbers."""
+    members = dict(pairs)
+    if len(members) == len(pairs):
+        return members
+    names, _ = distinct([name for name, _ in pairs])
+    return dict(zip(names, (value for _, value in pairs), strict=True))
+
+
+def _lines(lines: Iterable[str], notes: list[str]) -> Iterator[Any]:
+    """Yield the value of each line."""
+    cut = ""
+    for number, line in enumerate(lines, start=1):
+        if cut:
+            raise InputError(cut)
+        if line.strip():
+            try:
+                yield _parsed(line)
+            except ValueError as error:
+                cut = f"line {number} is not JSON: {error}"
+    if cut:
+        notes.append(f"the last line is cut off, and was left out ({cut})")
+
+
+def _columns(
+    rows: Sequence[Any], wanted: Callable[[str], bool]
+) -> tuple[list[str], dict[str, list[Any]]]:
+    """Return the names of all columns of rows, and the wanted columns."""
+    names: dict[str, None] = {}
+    columns: dict[str, list[Any]] = {}
+    for place, row in enumerate(rows):
+        if not isinstance(row, dict):
+            raise InputError(f"row {place + 1} is not an object with a member for each column")
+        for name, value in _leaves(row):
+            names[name] = None
+            if wanted(name):
+                column = columns.setdefault(name, [])
+                column += [None] * (place - len(column))
+                column.append(value)
+    padded = {name: [*some, *[None] * (len(rows) - len(some))] for name, some in columns.items()}
+    return list(names), padded
+
+
+def _leaves(value: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield name and value of each member that is no object; lists with objects are taken apart."""
+    for name, member in value.items():
+        if isinstance(member, list) and any(isinstance(each, dict) for each in member):
+            yield from _leaves({str(i): each for i, each in enumerate(member)}, f"{prefix}{name}.")
+        elif isinstance(member, dict):
+            yield from _leaves(member, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", member
+
+
+def _array(column: Sequence[Any], name: str) -> Any:
+    """Return a column (n,) or (n, k) of cells."""
+    widths = {len(value) for value in column if isinstance(value, list)}
+    if not widths:
+        return np.array(column, dtype=object)
+    if len(widths) > 1 or not all(value is None or isinstance(value, list) for value in column):
+        raise InputError(f"the lists of {name} are not all of one length")
+    missing = [None] * widths.pop()
+    return np.array([missing if value is None else value for value in column], dtype=object)

@@ -1,0 +1,77 @@
+"""TDMS files, as LabVIEW and other programs for boards by National Instruments write them."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.extras import require
+from mmt.session.importing.cells import columns_of
+from mmt.session.importing.columns import SourceColumns, distinct, reading
+from mmt.session.importing.options import ImportOptions
+
+_PERIOD: Final = "wf_increment"
+_BEGIN: Final = "wf_start_time"
+_UNITS: Final = ("unit_string", "NI_UnitDescription")
+_NO_DATE: Final = np.datetime64("1904-01-01T01", "ns")
+"""LabVIEW's dates count from 1904: one in its first hour was never set."""
+
+
+def read_tdms(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> SourceColumns:
+    """Read the wanted channels (n,) of a TDMS file, and the times of those that are waveforms.
+
+    A channel's column has its name, or ``GROUP.NAME`` if the file has several groups.
+
+    Raises
+    ------
+    InputError
+        npTDMS is not installed, the file is missing or not TDMS, or a wanted channel does not hold
+        numbers.
+    """
+    origin = f"import {path}"
+    require("nptdms")
+    import nptdms
+
+    damaged = reading(origin, "a TDMS file")
+    with damaged, path.open("rb") as stream, nptdms.TdmsFile.open(stream) as file:
+        found = [channel for group in file.groups() for channel in group.channels() if len(channel)]
+        several = len({channel.group_name for channel in found}) > 1
+        names, notes = distinct([f"{c.group_name}.{c.name}" if several else c.name for c in found])
+        channels = dict(zip(names, found, strict=True))
+        units = {name: _unit(channel.properties) for name, channel in channels.items()}
+        waves = {name: c for name, c in channels.items() if c.properties.get(_PERIOD, 0.0) > 0.0}
+        begins = {name: _begin(channel.properties) for name, channel in waves.items()}
+        first = min((begin for begin in begins.values() if begin is not None), default=None)
+        return SourceColumns(
+            origin=origin,
+            names=names,
+            times={name: _times_s(c, begins[name], first) for name, c in waves.items()},
+            notes=notes,
+            began_utc_ns=None if first is None else int(first.astype(np.int64)),
+            **columns_of(
+                {name: channel[:] for name, channel in channels.items() if wanted(name)},
+                origin,
+                {name: unit for name, unit in units.items() if unit},
+            ),
+        )
+
+
+def _unit(properties: Mapping[str, Any]) -> str:
+    return next((str(properties[name]) for name in _UNITS if properties.get(name)), "")
+
+
+def _begin(properties: Mapping[str, Any]) -> "np.datetime64 | None":
+    begin = properties.get(_BEGIN)
+    if not isinstance(begin, np.datetime64) or begin < _NO_DATE:
+        return None
+    nanoseconds: np.datetime64 = begin.astype("datetime64[ns]")
+    return nanoseconds
+
+
+def _times_s(channel: Any, begin: "np.datetime64 | None", first: "np.datetime64 | None") -> Any:
+    """Return the times (n,) of a waveform's samples, in s since the first waveform's beginning."""
+    offset_s = float(channel.properties.get("wf_start_offset", 0.0))
+    if begin is not None and first is not None:
+        offset_s += float((begin - first) / np.timedelta64(1, "s"))
+    return offset_s + float(channel.properties[_PERIOD]) * np.arange(len(channel))
