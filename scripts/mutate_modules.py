@@ -29,6 +29,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "link/queue": ("link/test_link_outbox.py", "link/test_link_backlog.py"),
     "link/rate_limit": ("link/test_rate_limit.py",),
     "link/reader": ("link/test_link_reading.py",),
+    "session/importing/cells": ("session/test_import_cells.py",),
     "session/mcap_writer": (
         "session/test_session_files.py",
         "session/test_session_stamps.py",

@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from mmt.core.errors import InputError
 from mmt.core.units import unit_factor, unit_in_name
 from mmt.session import import_session
-from mmt.session.importing.cells import Numbers
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
@@ -733,52 +732,6 @@ def test_a_workbook_is_read_whole_whatever_size_it_states(tmp_path, stated):
             target.writestr(name, re.sub(rb'ref="A1:B\d+"', f'ref="{stated}"'.encode(), content))
     frames = import_session(tmp_path / "a.xlsx", columns={"time": "t", "force": "Fz"}).frames
     np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    "form",
-    [
-        lambda s: f"{s // 3600:.0f}:{s // 60 % 60:02.0f}:{s % 60:09.6f}",
-        lambda s: f"{s // 60 % 60:02.0f}:{s % 60:06.3f}",
-        lambda s: f"0 days {s // 3600:02.0f}:{s // 60 % 60:02.0f}:{s % 60:09.6f}",
-        lambda s: f"{s // 3600 - 12:02.0f}:{s // 60 % 60:02.0f}:{s % 60:09.6f} PM",
-        lambda s: f"2026/01/31 {s // 3600:02.0f}:{s // 60 % 60:02.0f}:{s % 60:09.6f}",
-    ],
-)
-def test_times_of_day_are_read_in_the_forms_of_common_programs(tmp_path, form):
-    cells = [f"{form(53999.8 + t)},{z:.9g}" for t, z in zip(TIME_S, FORCE_N[:, 2], strict=True)]
-    (tmp_path / "a.csv").write_text("\n".join(["when,Fz", *cells]))
-    frames = import_session(tmp_path / "a.csv", columns={"time": "when", "force": "Fz"}).frames
-    np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
-    np.testing.assert_array_equal(frames["sequence"], np.arange(ROWS))
-
-
-@settings(max_examples=30, deadline=None)
-@given(thousands=st.lists(st.integers(1, 999_999), min_size=2), decimals=st.integers(2, 4))
-def test_a_comma_is_a_decimal_sign_only_where_it_must_be(thousands, decimals):
-    number = Numbers(ImportOptions())
-    for value in thousands:
-        number(f"{value:,}")
-    if max(thousands) < 1000:
-        number.check("a.csv")
-    else:
-        with pytest.raises(InputError, match="--decimal"):
-            number.check("a.csv")
-    number = Numbers(ImportOptions())
-    found = [number(f"{v / 1000:.{decimals}f}".replace(".", ",")) for v in (1, *thousands)]
-    number.check("a.csv")
-    np.testing.assert_allclose(found, np.array([1, *thousands]) / 1000, atol=0.51 / 10**decimals)
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.lists(st.floats(-1e9, 1e9), min_size=1), st.integers(0, 5), st.booleans())
-def test_a_sign_before_thousands_is_known_by_the_other_before_decimals(values, decimals, german):
-    swapped = str.maketrans(",.", ".,")
-    texts = [f"{value:,.{decimals}f}" + "." * (not decimals) for value in [1234.5, *values]]
-    number = Numbers(ImportOptions())
-    found = [number(text.translate(swapped) if german else text) for text in texts]
-    number.check("a.csv")
-    np.testing.assert_allclose(found, [1234.5, *values], atol=0.51 / 10**decimals)
 
 
 @pytest.mark.parametrize("shift_s", [-3600, 3600])
