@@ -30,6 +30,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "link/rate_limit": ("link/test_rate_limit.py",),
     "link/reader": ("link/test_link_reading.py",),
     "session/importing/cells": ("session/test_import_cells.py",),
+    "session/importing/columns": ("session/test_import_names.py",),
     "session/mcap_writer": (
         "session/test_session_files.py",
         "session/test_session_stamps.py",
