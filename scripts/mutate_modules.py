@@ -31,6 +31,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "link/reader": ("link/test_link_reading.py",),
     "session/importing/cells": ("session/test_import_cells.py",),
     "session/importing/columns": ("session/test_import_names.py",),
+    "session/importing/options": ("session/test_import_options.py",),
     "session/mcap_writer": (
         "session/test_session_files.py",
         "session/test_session_stamps.py",

@@ -13,7 +13,7 @@ import scipy.io
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.session import import_session, read_session
-from mmt.session.importing.options import ImportOptions, assignments
+from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
 from mmt.session.info import info
@@ -224,21 +224,6 @@ def test_damaged_files_are_explained(tmp_path, name, content):
         import_session(tmp_path / name)
 
 
-@pytest.mark.parametrize(
-    ("given", "reason"),
-    [
-        ({"columns": {"weight": "x"}}, "--map weight=.*there is no weight to map to, only time"),
-        ({"units": {"weight": "g"}}, "units are of time, position, force, acceleration"),
-        ({"units": {"force": "bar"}}, "bar is no known unit of it; known are N, mN"),
-        ({"rate_hz": -5.0}, "rate_hz is -5.0, it must be above zero"),
-        ({"longest_gap_s": float("nan")}, "longest_gap_s is nan"),
-    ],
-)
-def test_options_that_mean_nothing_are_refused(given, reason):
-    with pytest.raises(InputError, match=reason):
-        ImportOptions(**given)
-
-
 @pytest.mark.parametrize("given", [{"sheet": "a"}, {"separator": ","}, {"offsets": {"b": "1"}}])
 def test_options_of_other_kinds_of_files_are_refused(tmp_path, given):
     np.savez(tmp_path / "a.npz", time_s=TIME_S, force_n=FORCE_N)
@@ -250,13 +235,6 @@ def test_a_column_that_is_not_there_is_named_with_those_that_are(tmp_path):
     np.savez(tmp_path / "a.npz", time_s=TIME_S, F=FORCE_N)
     with pytest.raises(InputError, match="force is mapped to G, which is not there; the columns"):
         import_session(tmp_path / "a.npz", columns={"force": "G"})
-
-
-def test_pairs_on_the_command_line_have_one_form():
-    assert assignments(["a=b", "c = d=e"], "--map") == {"a": "b", "c": "d=e"}
-    for wrong in ["a"], ["=b"], ["a="], ["a=b", "a=c"]:
-        with pytest.raises(InputError, match="--map"):
-            assignments(wrong, "--map")
 
 
 # What looks wrong is said, with the option that mends it.
