@@ -13,9 +13,9 @@ import scipy.io
 import scipy.io.wavfile
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from unit_samples import FOREIGN, UNITS
 
 from mmt.core.errors import InputError
-from mmt.core.units import unit_factor, unit_in_name
 from mmt.session import import_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
@@ -30,56 +30,6 @@ POSITION_MM = np.column_stack([30 * np.sin(5 * TIME_S), 10 * TIME_S, 0.3 * np.co
 FORCE_N = np.column_stack([0.1 * np.cos(5 * TIME_S), 0.2 * TIME_S, 1 + 0.5 * np.sin(2 * TIME_S)])
 ACCELERATION_M_S2 = np.random.default_rng(1).standard_normal((ROWS, 3)) + np.array([0.0, 0.0, 9.81])
 
-UNITS = {
-    "time": {
-        "s": 1.0,
-        "ms": 1e-3,
-        "msec": 1e-3,
-        "us": 1e-6,
-        "\u03bcs": 1e-6,
-        "ns": 1e-9,
-        "min": 60.0,
-    },
-    "position": {
-        "mm": 1.0,
-        "m": 1e3,
-        "cm": 10.0,
-        "um": 1e-3,
-        "\u00b5m": 1e-3,
-        "\u03bcm": 1e-3,
-        "inch": 25.4,
-        "in": 25.4,
-        "ft": 304.8,
-        "Micrometers": 1e-3,
-        "MM": 1.0,
-    },
-    "force": {
-        "N": 1.0,
-        "mN": 1e-3,
-        "cN": 1e-2,
-        "kN": 1e3,
-        "gf": 9.80665e-3,
-        "kg": 9.80665,
-        "lbs": 4.4482216152605,
-        "lbf": 4.4482216152605,
-        "oz": 0.27801385095378,
-        "dyn": 1e-5,
-    },
-    "acceleration": {
-        "m/s2": 1.0,
-        "m/s^2": 1.0,
-        "m/s\u00b2": 1.0,
-        "cm/s2": 1e-2,
-        "mm/s2": 1e-3,
-        "g": 9.80665,
-        "mg": 9.80665e-3,
-        "Gal": 1e-2,
-        "ft/s2": 0.3048,
-        "m/s/s": 1.0,
-    },
-}
-"""Factors to s, mm, N and m/s2 as the SI brochure and the international pound have them."""
-FOREIGN = {"time": "V", "position": "deg", "force": "Nm", "acceleration": "counts"}
 CHANNELS = {"position": POSITION_MM, "force": FORCE_N, "acceleration": ACCELERATION_M_S2}
 TRUTH = {
     "time": TIME_S,
@@ -257,13 +207,6 @@ def test_a_unit_of_something_else_is_refused_by_name_or_scaled(tmp_path, kind, t
     check(import_recording(path, options)[0].frames)
 
 
-@pytest.mark.parametrize(
-    ("name", "unit"), [("data.v", ""), ("tool_v", ""), ("F_V", "V"), ("F_mV", "mV"), ("a.g", "")]
-)
-def test_a_v_at_the_end_of_a_name_is_no_volt(name, unit):
-    assert unit_in_name("speed", name) == unit
-
-
 def test_a_workbook_beside_a_text_keeps_its_numbers(tmp_path):
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
@@ -283,15 +226,6 @@ def test_a_workbook_beside_a_text_keeps_its_numbers(tmp_path):
     np.testing.assert_allclose(
         frames["acceleration_m_s2"][:, 2], ACCELERATION_M_S2[:, 2], rtol=1e-6
     )
-
-
-@pytest.mark.parametrize("quantity", UNITS)
-def test_units_have_the_factors_of_the_standards(quantity):
-    for unit, factor in UNITS[quantity].items():
-        for spelled in (unit, f" {unit} ", unit.lower() if unit != "MN" else unit):
-            assert unit_factor(quantity, spelled) == pytest.approx(factor, rel=1e-9)
-    for unit in (*FOREIGN.values(), "", "x", "kgm", "1", "/", "m/s3", "N/m"):
-        assert unit_factor(quantity, unit) is None
 
 
 def rows_of(path, header, columns):
