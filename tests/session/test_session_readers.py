@@ -250,17 +250,6 @@ def test_no_column_hides_another_of_its_name(names):
                 import_session(path, columns={"force": name})
 
 
-@pytest.mark.parametrize("form", ["acc[{}]", "a(c)[{}]", "/arm/data[{}]", "F({})"])
-def test_elements_in_brackets_are_a_vector(tmp_path, form):
-    names = [form.format(place) for place in range(3)]
-    path = rows_of(tmp_path / "a.csv", ["t", *names], [TIME_S, *FORCE_N.T])
-    whole = import_session(path, columns={"time": "t", "force": form[:-4]})
-    turned = {f"force_{axis}": f"-{name}" for axis, name in zip("xyz", names, strict=True)}
-    parts = import_session(path, columns={"time": "t", **turned})
-    np.testing.assert_allclose(whole.frames["force_n"], FORCE_N, rtol=1e-6)
-    np.testing.assert_allclose(parts.frames["force_n"], -FORCE_N, rtol=1e-6)
-
-
 def test_numbers_are_columns_where_columns_are_numbered(tmp_path):
     columns = {"time": "1", "force_x": "2", "force_y": "3", "force_z": "4"}
     path = tmp_path / "a.csv"
@@ -340,15 +329,6 @@ def test_dates_and_times_of_day_are_times(tmp_path, form):
     np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
 
 
-def test_the_rate_that_is_said_wins_over_the_stamps_and_says_so(tmp_path):
-    coarse = np.floor(TIME_S * 10) / 10
-    path = rows_of(tmp_path / "a.csv", ["time_s", "force"], [coarse, FORCE_N[:, 2]])
-    options = ImportOptions({"force": "force"}, rate_hz=1000.0)
-    session, report = import_recording(path, options)
-    np.testing.assert_allclose(session.frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
-    assert any("1000 rows a second, as --rate says; time_s" in each for each in report.warnings)
-
-
 def test_a_sound_needs_the_factor_of_its_sensor(tmp_path):
     wave = np.column_stack([np.sin(0.3 * np.arange(8000)), np.zeros(8000)])
     for kind, full in (("i2", 32767), ("i4", 2**31 - 1), ("f4", 1.0)):
@@ -357,14 +337,6 @@ def test_a_sound_needs_the_factor_of_its_sensor(tmp_path):
             import_session(tmp_path / "a.wav", columns={"acceleration": "1"})
         frames = import_session(tmp_path / "a.wav", columns={"acceleration": "1*40"}).frames
         assert frames["acceleration_m_s2"][50:-50, 2].max() == pytest.approx(20, rel=0.05)
-
-
-def test_speed_stands_for_a_straight_path(tmp_path):
-    path = rows_of(tmp_path / "a.csv", ["t", "v [m/s]"], [TIME_S, 0.1 + 0.05 * np.sin(9 * TIME_S)])
-    session = import_session(path, columns={"time": "t", "speed": "v"})
-    path_mm = 100 * TIME_S + 50 / 9 * (1 - np.cos(9 * TIME_S))
-    np.testing.assert_allclose(session.frames["position_mm"][:, 0], path_mm, atol=1e-3)
-    assert "position was made of v" in session.events[0]["event"]
 
 
 @given(late_s=st.floats(-3, 3), seed=st.integers(0, 20))
