@@ -34,6 +34,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "session/importing/columns": ("session/test_import_names.py",),
     "session/importing/mapping": ("session/test_import_mapping.py",),
     "session/importing/options": ("session/test_import_options.py",),
+    "session/importing/quaternions": ("session/test_import_mapping.py",),
     "session/mcap_writer": (
         "session/test_session_files.py",
         "session/test_session_stamps.py",

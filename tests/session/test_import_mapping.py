@@ -205,3 +205,33 @@ def test_times_go_on_where_a_clock_or_a_counter_jumps():
     ticks = {"n_ms": (65_516.0 + np.arange(50)) % 65_536, "force_n": VECTORS}
     found = mapped(ticks, {"time": "n_ms"})
     np.testing.assert_allclose(found.times["force"], 65.516 + TIME_S)
+
+
+TURNS = np.random.default_rng(2).normal(size=(50, 4))
+TURNS /= np.linalg.norm(TURNS, axis=1, keepdims=True)
+
+
+@settings(max_examples=20)
+@given(st.permutations(range(4)), st.sampled_from([1.0, 1 + 1e-7, 1.009, 0.991, 1.02, 0.98]))
+def test_an_orientation_is_four_components_or_an_array_in_the_order_of_its_name(order, norm):
+    expected = TURNS if 1e-6 < abs(norm - 1.0) < 0.01 else TURNS * norm
+    rest, turns = {"time_s": TIME_S, "force_n": VECTORS}, TURNS * norm
+    axes = {f"/p.turn.{'wxyz'[place]}": turns[:, place] for place in order}
+    for values, name in (
+        ({"Q_WXYZ": turns}, "Q_WXYZ"),
+        ({"q.xyzw": turns[:, [1, 2, 3, 0]], "q": turns}, "q.xyzw"),
+        (axes, "/p"),
+        ({"orientation": turns}, "orientation"),
+    ):
+        found = mapped({**rest, **values}, {"orientation": name}).values["orientation"]
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+        own = mapped({**rest, **values}, {"orientation": name, "orientation_y": "0.5"})
+        assert (own.values["orientation"][:, 2] > 0.48).all()
+        assert ("orientation" in mapped({**rest, **values}).values) == (name == "orientation")
+    for values, reason in (
+        ({"q": turns}, "orientation is mapped to q, whose name does not tell its order"),
+        ({"q": VECTORS}, r"mapped to q, which is no array of shape \(n, 4\)"),
+        ({**axes, "q.a.w": turns, "q.b.w": turns}, "mapped to q, which is no array"),
+    ):
+        with pytest.raises(InputError, match=f"^a.npz: .*{reason}"):
+            mapped({**rest, **values}, {"orientation": "q"})
