@@ -255,10 +255,6 @@ def test_numbers_are_columns_where_columns_are_numbered(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(text([TIME_S, *FORCE_N.T], [], ",", comma=False, above=[]))
     np.testing.assert_allclose(import_session(path, columns=columns).frames["force_n"], FORCE_N)
-    with pytest.raises(InputError, match=r"column 5, which is not there.*written 5\.0"):
-        import_session(path, columns={**columns, "force_z": "5"})
-    constant = import_session(path, columns={**columns, "force_z": "5.0"}).frames["force_n"]
-    np.testing.assert_array_equal(constant[:, 2], 5.0)
     rows_of(path, ["0", "1", "2", "3"], [TIME_S, *FORCE_N.T])
     zero = import_session(
         path, columns={"time": "0", "force_z": "3", "force_x": "1", "force_y": "2"}
