@@ -16,6 +16,7 @@ LEAST_SHARE: Final = 0.9
 MODULES: Final[dict[str, tuple[str, ...]]] = {
     "contact/passivity": ("contact/test_passivity.py", "contact/test_energies.py"),
     "core/ranges": ("test_ranges.py",),
+    "core/units": ("test_units.py",),
     "devices/tool_load": ("devices/test_tool_load.py", "devices/test_tool_turning.py"),
     "devices/tool_turning": ("devices/test_tool_turning.py",),
     "follower/command_guard": ("follower/test_command_guard.py",),
@@ -29,6 +30,12 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "link/queue": ("link/test_link_outbox.py", "link/test_link_backlog.py"),
     "link/rate_limit": ("link/test_rate_limit.py",),
     "link/reader": ("link/test_link_reading.py",),
+    "session/importing/cells": ("session/test_import_cells.py",),
+    "session/importing/columns": ("session/test_import_names.py",),
+    "session/importing/framing": ("session/test_import_framing.py",),
+    "session/importing/mapping": ("session/test_import_mapping.py",),
+    "session/importing/options": ("session/test_import_options.py",),
+    "session/importing/quaternions": ("session/test_import_mapping.py",),
     "session/mcap_writer": (
         "session/test_session_files.py",
         "session/test_session_stamps.py",

@@ -13,7 +13,7 @@ import scipy.io
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.session import import_session, read_session
-from mmt.session.importing.options import ImportOptions, assignments
+from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
 from mmt.session.info import info
@@ -76,52 +76,6 @@ def test_a_german_measuring_program_is_understood(tmp_path):
         encoding="cp1252",
     )
     check(import_session(path).frames)
-
-
-def test_a_table_without_header_and_without_times_has_numbers_for_names(tmp_path):
-    path = write_rows(tmp_path / "a.dat", "", [*FORCE_N.T])
-    columns = {"force_x": "1", "force_y": "2", "force_z": "3"}
-    frames = import_session(path, columns=columns, rate_hz=1000).frames
-    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-6)
-    with pytest.raises(InputError, match="--rate HZ"):
-        import_session(path, columns=columns)
-
-
-def test_each_channel_may_have_times_of_its_own(tmp_path):
-    np.savez(
-        tmp_path / "a.npz",
-        tp=TIME_S[::4],
-        p=POSITION_MM[::4],
-        tf=TIME_S[::2],
-        f=FORCE_N[::2],
-        ta=TIME_S,
-        a=ACCELERATION_M_S2,
-    )
-    columns = {name: name[0] for name in ("position", "force", "acceleration")}
-    columns |= {f"{name}_time": f"t{name[0]}" for name in columns}
-    frames = import_session(tmp_path / "a.npz", columns=columns).frames
-    assert len(frames) == 2997
-    np.testing.assert_allclose(frames["position_mm"], POSITION_MM[:2997], atol=1e-3)
-    np.testing.assert_allclose(frames["force_n"], FORCE_N[:2997], atol=1e-4)
-
-
-def test_components_of_arrays_are_axes(tmp_path):
-    np.savez(tmp_path / "a.npz", time_s=TIME_S, wrench=np.hstack([FORCE_N, FORCE_N])[:, [1, 2, 0]])
-    columns = {"force_x": "wrench[2]", "force_y": "wrench[0]", "force_z": "-wrench[1]"}
-    frames = import_session(tmp_path / "a.npz", columns=columns).frames
-    np.testing.assert_allclose(frames["force_n"], FORCE_N * [1, 1, -1], atol=1e-6)
-    scaled = import_session(tmp_path / "a.npz", columns={**columns, "force_y": "wrench[0]*-2.5e-1"})
-    np.testing.assert_allclose(scaled.frames["force_n"], FORCE_N * [1, -0.25, -1], atol=1e-6)
-    with pytest.raises(InputError, match=r"component 9 of wrench, which has shape \(3000, 3\)"):
-        import_session(tmp_path / "a.npz", columns={"force_x": "wrench[9]"})
-    with pytest.raises(InputError, match=r"for force_y; .* as in --map force_y=wrench\[0\]"):
-        import_session(tmp_path / "a.npz", columns={**columns, "force_y": "wrench"})
-
-
-def test_times_are_no_number(tmp_path):
-    np.savez(tmp_path / "a.npz", force_n=FORCE_N)
-    with pytest.raises(InputError, match=r"time is mapped to the number 0, .* give --rate HZ"):
-        import_session(tmp_path / "a.npz", columns={"time": "0"})
 
 
 def test_blanks_are_gaps_when_asked(tmp_path):
@@ -224,39 +178,11 @@ def test_damaged_files_are_explained(tmp_path, name, content):
         import_session(tmp_path / name)
 
 
-@pytest.mark.parametrize(
-    ("given", "reason"),
-    [
-        ({"columns": {"weight": "x"}}, "--map weight=.*there is no weight to map to, only time"),
-        ({"units": {"weight": "g"}}, "units are of time, position, force, acceleration"),
-        ({"units": {"force": "bar"}}, "bar is no known unit of it; known are N, mN"),
-        ({"rate_hz": -5.0}, "rate_hz is -5.0, it must be above zero"),
-        ({"longest_gap_s": float("nan")}, "longest_gap_s is nan"),
-    ],
-)
-def test_options_that_mean_nothing_are_refused(given, reason):
-    with pytest.raises(InputError, match=reason):
-        ImportOptions(**given)
-
-
 @pytest.mark.parametrize("given", [{"sheet": "a"}, {"separator": ","}, {"offsets": {"b": "1"}}])
 def test_options_of_other_kinds_of_files_are_refused(tmp_path, given):
     np.savez(tmp_path / "a.npz", time_s=TIME_S, force_n=FORCE_N)
     with pytest.raises(InputError, match=r"--\w+ is for .*leave it out"):
         import_session(tmp_path / "a.npz", **given)
-
-
-def test_a_column_that_is_not_there_is_named_with_those_that_are(tmp_path):
-    np.savez(tmp_path / "a.npz", time_s=TIME_S, F=FORCE_N)
-    with pytest.raises(InputError, match="force is mapped to G, which is not there; the columns"):
-        import_session(tmp_path / "a.npz", columns={"force": "G"})
-
-
-def test_pairs_on_the_command_line_have_one_form():
-    assert assignments(["a=b", "c = d=e"], "--map") == {"a": "b", "c": "d=e"}
-    for wrong in ["a"], ["=b"], ["a="], ["a=b", "a=c"]:
-        with pytest.raises(InputError, match="--map"):
-            assignments(wrong, "--map")
 
 
 # What looks wrong is said, with the option that mends it.
@@ -521,17 +447,12 @@ def test_a_unit_in_an_hdf5_file_counts_more_than_what_robots_use(tmp_path):
     np.testing.assert_allclose(frames["position_mm"], POSITION_MM, atol=1e-3)
 
 
-def test_axes_that_are_mapped_count_more_than_an_array_of_the_standard_name(tmp_path):
+def test_no_axes_are_proposed_beside_an_array_of_the_standard_name(tmp_path):
     arrays = {"time_s": TIME_S, "force_n": 0.0 * FORCE_N}
     arrays |= {f"f{axis}": column for axis, column in zip("xyz", FORCE_N.T, strict=True)}
     np.savez(path := tmp_path / "a.npz", **arrays)
-    columns = {f"force_{axis}": f"f{axis}" for axis in "xyz"}
-    np.testing.assert_allclose(
-        import_session(path, columns=columns).frames["force_n"], FORCE_N, atol=1e-6
-    )
-    with pytest.raises(InputError, match="force_x is missing"):
-        import_session(path, columns={"force_z": "fz"})
-    assert not columns.keys() & propose(path).options.columns.keys()
+    proposed = propose(path).options.columns
+    assert not {f"force_{axis}" for axis in "xyz"} & proposed.keys()
 
 
 def test_a_robots_force_takes_the_place_of_another_column_that_may_be_one(tmp_path):

@@ -274,12 +274,6 @@ def test_import_says_what_is_left_out_and_what_is_not_there(tmp_path):
     assert above in told(ultra, acceleration_rate_hz=10_000)
 
 
-@pytest.mark.parametrize("rate_hz", [0, 500, 1500, 11_000, -1000])
-def test_other_rates_are_refused(rate_hz):
-    with pytest.raises(InputError, match=f"--acceleration-rate {rate_hz}: it is a multiple"):
-        ImportOptions(acceleration_rate_hz=rate_hz)
-
-
 def test_an_exported_file_keeps_its_rate_until_another_is_asked_for(tmp_path):
     frames = made_frames(2000, samples_per_frame=5)
     for kind in ("npz", "csv", "parquet"):
@@ -288,17 +282,6 @@ def test_an_exported_file_keeps_its_rate_until_another_is_asked_for(tmp_path):
             session = import_session(tmp_path / f"a.{kind}", acceleration_rate_hz=asked)
             assert session.samples_per_frame == expected
             assert len(session.frames) == pytest.approx(2000, abs=2)
-
-
-def test_rows_on_the_grid_of_the_rate_are_not_touched(tmp_path):
-    session = RecordedSession(made_frames(100, samples_per_frame=5))
-    whole = session.frames.copy()
-    whole["time_ns"] = whole["sequence"] * 1_000_000
-    vectors = RecordedSession(whole).vectors()
-    np.savez(tmp_path / "other.npz", time_s=RecordedSession(whole).time_s, **vectors)
-    same = import_session(tmp_path / "other.npz", acceleration_rate_hz=5000).frames
-    np.testing.assert_array_equal(same["acceleration_m_s2"], whole["acceleration_m_s2"])
-    assert import_session(tmp_path / "other.npz").samples_per_frame == 1
 
 
 def test_several_samples_a_row_are_proposed_as_they_stand(tmp_path):

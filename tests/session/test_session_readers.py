@@ -14,11 +14,10 @@ import scipy.io
 import scipy.io.wavfile
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from unit_samples import FOREIGN, UNITS
 
 from mmt.core.errors import InputError
-from mmt.core.units import unit_factor, unit_in_name
 from mmt.session import import_session
-from mmt.session.importing.cells import Numbers
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
@@ -32,56 +31,6 @@ POSITION_MM = np.column_stack([30 * np.sin(5 * TIME_S), 10 * TIME_S, 0.3 * np.co
 FORCE_N = np.column_stack([0.1 * np.cos(5 * TIME_S), 0.2 * TIME_S, 1 + 0.5 * np.sin(2 * TIME_S)])
 ACCELERATION_M_S2 = np.random.default_rng(1).standard_normal((ROWS, 3)) + np.array([0.0, 0.0, 9.81])
 
-UNITS = {
-    "time": {
-        "s": 1.0,
-        "ms": 1e-3,
-        "msec": 1e-3,
-        "us": 1e-6,
-        "\u03bcs": 1e-6,
-        "ns": 1e-9,
-        "min": 60.0,
-    },
-    "position": {
-        "mm": 1.0,
-        "m": 1e3,
-        "cm": 10.0,
-        "um": 1e-3,
-        "\u00b5m": 1e-3,
-        "\u03bcm": 1e-3,
-        "inch": 25.4,
-        "in": 25.4,
-        "ft": 304.8,
-        "Micrometers": 1e-3,
-        "MM": 1.0,
-    },
-    "force": {
-        "N": 1.0,
-        "mN": 1e-3,
-        "cN": 1e-2,
-        "kN": 1e3,
-        "gf": 9.80665e-3,
-        "kg": 9.80665,
-        "lbs": 4.4482216152605,
-        "lbf": 4.4482216152605,
-        "oz": 0.27801385095378,
-        "dyn": 1e-5,
-    },
-    "acceleration": {
-        "m/s2": 1.0,
-        "m/s^2": 1.0,
-        "m/s\u00b2": 1.0,
-        "cm/s2": 1e-2,
-        "mm/s2": 1e-3,
-        "g": 9.80665,
-        "mg": 9.80665e-3,
-        "Gal": 1e-2,
-        "ft/s2": 0.3048,
-        "m/s/s": 1.0,
-    },
-}
-"""Factors to s, mm, N and m/s2 as the SI brochure and the international pound have them."""
-FOREIGN = {"time": "V", "position": "deg", "force": "Nm", "acceleration": "counts"}
 CHANNELS = {"position": POSITION_MM, "force": FORCE_N, "acceleration": ACCELERATION_M_S2}
 TRUTH = {
     "time": TIME_S,
@@ -291,13 +240,6 @@ def test_a_unit_of_something_else_is_refused_by_name_or_scaled(tmp_path, kind, t
     check(import_recording(path, options)[0].frames)
 
 
-@pytest.mark.parametrize(
-    ("name", "unit"), [("data.v", ""), ("tool_v", ""), ("F_V", "V"), ("F_mV", "mV"), ("a.g", "")]
-)
-def test_a_v_at_the_end_of_a_name_is_no_volt(name, unit):
-    assert unit_in_name("speed", name) == unit
-
-
 def test_objects_and_lists_of_json_are_columns(tmp_path):
     rows = [
         {"t": at, "tip": {"p": [*place], "f": [{"n": z}]}, "a": a if a > -1 else None}
@@ -402,15 +344,6 @@ def test_a_workbook_beside_a_text_keeps_its_numbers(tmp_path):
     )
 
 
-@pytest.mark.parametrize("quantity", UNITS)
-def test_units_have_the_factors_of_the_standards(quantity):
-    for unit, factor in UNITS[quantity].items():
-        for spelled in (unit, f" {unit} ", unit.lower() if unit != "MN" else unit):
-            assert unit_factor(quantity, spelled) == pytest.approx(factor, rel=1e-9)
-    for unit in (*FOREIGN.values(), "", "x", "kgm", "1", "/", "m/s3", "N/m"):
-        assert unit_factor(quantity, unit) is None
-
-
 def rows_of(path, header, columns):
     path.write_text(text(columns, [header], ",", comma=False, above=[]), encoding="utf-8")
     return path
@@ -433,26 +366,11 @@ def test_no_column_hides_another_of_its_name(names):
                 import_session(path, columns={"force": name})
 
 
-@pytest.mark.parametrize("form", ["acc[{}]", "a(c)[{}]", "/arm/data[{}]", "F({})"])
-def test_elements_in_brackets_are_a_vector(tmp_path, form):
-    names = [form.format(place) for place in range(3)]
-    path = rows_of(tmp_path / "a.csv", ["t", *names], [TIME_S, *FORCE_N.T])
-    whole = import_session(path, columns={"time": "t", "force": form[:-4]})
-    turned = {f"force_{axis}": f"-{name}" for axis, name in zip("xyz", names, strict=True)}
-    parts = import_session(path, columns={"time": "t", **turned})
-    np.testing.assert_allclose(whole.frames["force_n"], FORCE_N, rtol=1e-6)
-    np.testing.assert_allclose(parts.frames["force_n"], -FORCE_N, rtol=1e-6)
-
-
 def test_numbers_are_columns_where_columns_are_numbered(tmp_path):
     columns = {"time": "1", "force_x": "2", "force_y": "3", "force_z": "4"}
     path = tmp_path / "a.csv"
     path.write_text(text([TIME_S, *FORCE_N.T], [], ",", comma=False, above=[]))
     np.testing.assert_allclose(import_session(path, columns=columns).frames["force_n"], FORCE_N)
-    with pytest.raises(InputError, match=r"column 5, which is not there.*written 5\.0"):
-        import_session(path, columns={**columns, "force_z": "5"})
-    constant = import_session(path, columns={**columns, "force_z": "5.0"}).frames["force_n"]
-    np.testing.assert_array_equal(constant[:, 2], 5.0)
     rows_of(path, ["0", "1", "2", "3"], [TIME_S, *FORCE_N.T])
     zero = import_session(
         path, columns={"time": "0", "force_z": "3", "force_x": "1", "force_y": "2"}
@@ -523,15 +441,6 @@ def test_dates_and_times_of_day_are_times(tmp_path, form):
     np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
 
 
-def test_the_rate_that_is_said_wins_over_the_stamps_and_says_so(tmp_path):
-    coarse = np.floor(TIME_S * 10) / 10
-    path = rows_of(tmp_path / "a.csv", ["time_s", "force"], [coarse, FORCE_N[:, 2]])
-    options = ImportOptions({"force": "force"}, rate_hz=1000.0)
-    session, report = import_recording(path, options)
-    np.testing.assert_allclose(session.frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
-    assert any("1000 rows a second, as --rate says; time_s" in each for each in report.warnings)
-
-
 def test_a_sound_needs_the_factor_of_its_sensor(tmp_path):
     wave = np.column_stack([np.sin(0.3 * np.arange(8000)), np.zeros(8000)])
     for kind, full in (("i2", 32767), ("i4", 2**31 - 1), ("f4", 1.0)):
@@ -540,14 +449,6 @@ def test_a_sound_needs_the_factor_of_its_sensor(tmp_path):
             import_session(tmp_path / "a.wav", columns={"acceleration": "1"})
         frames = import_session(tmp_path / "a.wav", columns={"acceleration": "1*40"}).frames
         assert frames["acceleration_m_s2"][50:-50, 2].max() == pytest.approx(20, rel=0.05)
-
-
-def test_speed_stands_for_a_straight_path(tmp_path):
-    path = rows_of(tmp_path / "a.csv", ["t", "v [m/s]"], [TIME_S, 0.1 + 0.05 * np.sin(9 * TIME_S)])
-    session = import_session(path, columns={"time": "t", "speed": "v"})
-    path_mm = 100 * TIME_S + 50 / 9 * (1 - np.cos(9 * TIME_S))
-    np.testing.assert_allclose(session.frames["position_mm"][:, 0], path_mm, atol=1e-3)
-    assert "position was made of v" in session.events[0]["event"]
 
 
 @given(late_s=st.floats(-3, 3), seed=st.integers(0, 20))
@@ -849,52 +750,6 @@ def test_a_workbook_is_read_whole_whatever_size_it_states(tmp_path, stated):
             target.writestr(name, re.sub(rb'ref="A1:B\d+"', f'ref="{stated}"'.encode(), content))
     frames = import_session(tmp_path / "a.xlsx", columns={"time": "t", "force": "Fz"}).frames
     np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    "form",
-    [
-        lambda s: f"{s // 3600:.0f}:{s // 60 % 60:02.0f}:{s % 60:09.6f}",
-        lambda s: f"{s // 60 % 60:02.0f}:{s % 60:06.3f}",
-        lambda s: f"0 days {s // 3600:02.0f}:{s // 60 % 60:02.0f}:{s % 60:09.6f}",
-        lambda s: f"{s // 3600 - 12:02.0f}:{s // 60 % 60:02.0f}:{s % 60:09.6f} PM",
-        lambda s: f"2026/01/31 {s // 3600:02.0f}:{s // 60 % 60:02.0f}:{s % 60:09.6f}",
-    ],
-)
-def test_times_of_day_are_read_in_the_forms_of_common_programs(tmp_path, form):
-    cells = [f"{form(53999.8 + t)},{z:.9g}" for t, z in zip(TIME_S, FORCE_N[:, 2], strict=True)]
-    (tmp_path / "a.csv").write_text("\n".join(["when,Fz", *cells]))
-    frames = import_session(tmp_path / "a.csv", columns={"time": "when", "force": "Fz"}).frames
-    np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
-    np.testing.assert_array_equal(frames["sequence"], np.arange(ROWS))
-
-
-@settings(max_examples=30, deadline=None)
-@given(thousands=st.lists(st.integers(1, 999_999), min_size=2), decimals=st.integers(2, 4))
-def test_a_comma_is_a_decimal_sign_only_where_it_must_be(thousands, decimals):
-    number = Numbers(ImportOptions())
-    for value in thousands:
-        number(f"{value:,}")
-    if max(thousands) < 1000:
-        number.check("a.csv")
-    else:
-        with pytest.raises(InputError, match="--decimal"):
-            number.check("a.csv")
-    number = Numbers(ImportOptions())
-    found = [number(f"{v / 1000:.{decimals}f}".replace(".", ",")) for v in (1, *thousands)]
-    number.check("a.csv")
-    np.testing.assert_allclose(found, np.array([1, *thousands]) / 1000, atol=0.51 / 10**decimals)
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.lists(st.floats(-1e9, 1e9), min_size=1), st.integers(0, 5), st.booleans())
-def test_a_sign_before_thousands_is_known_by_the_other_before_decimals(values, decimals, german):
-    swapped = str.maketrans(",.", ".,")
-    texts = [f"{value:,.{decimals}f}" + "." * (not decimals) for value in [1234.5, *values]]
-    number = Numbers(ImportOptions())
-    found = [number(text.translate(swapped) if german else text) for text in texts]
-    number.check("a.csv")
-    np.testing.assert_allclose(found, [1234.5, *values], atol=0.51 / 10**decimals)
 
 
 @pytest.mark.parametrize("shift_s", [-3600, 3600])

@@ -47,7 +47,7 @@ _OTHERS: Final = {
         **dict.fromkeys(("d", "day", "days"), 86400.0),
     },
     "position": {
-        **dict.fromkeys(("in", "inch", "inches", '"', "″"), 25.4),
+        **dict.fromkeys(("in", "inch", "inches", '"'), 25.4),
         **dict.fromkeys(("ft", "foot", "feet"), 304.8),
         **dict.fromkeys(("mil", "mils", "thou"), 0.0254),
         **dict.fromkeys(("micron", "microns"), 1e-3),
@@ -94,10 +94,11 @@ def unit_in_name(quantity: str, name: str) -> str:
             return str(inside)
     spaced = re.sub(r"([a-z])([A-Z][a-z])", r"\1_\2", name)
     words = [word for word in re.split(r"[\s_.,/:-]+", spaced) if word]
-    for count in range(min(3, len(words) - 1), 0, -1):
+    for count in (2, 1):
         unit = "_".join(words[-count:])
+        known = len(words) > count and unit_factor(quantity, unit) is not None
         # a single letter is mostly part of the name: t_d, F_h
-        if unit_factor(quantity, unit) is not None and (len(unit) > 1 or unit in "smgnN"):
+        if known and (len(unit) > 1 or unit in "smgnN"):
             return unit
     last = words[-1] if len(words) > 1 else ""
     # v is a velocity, V is volts
@@ -108,10 +109,12 @@ def _plain(text: str) -> str:
     """Return a unit in ASCII: micro as u, powers as figures, no blanks, dots or brackets."""
     if len(text) > _LONGEST:
         return ""
-    text = unicodedata.normalize("NFKC", text).replace("μ", "u").replace("\N{MINUS SIGN}", "-")
+    text = unicodedata.normalize("NFKC", text)
+    for sign, plain in (("μ", "u"), ("\N{MINUS SIGN}", "-"), ("\N{PRIME}" * 2, '"')):
+        text = text.replace(sign, plain)
     text = re.sub(r"\s+since\b.*", "", text)  # times in netCDF
     text = re.sub(r"\s*\bper\b\s*", "/", text)
-    return re.sub(r"[\s·⋅*^()\[\]]|\.$", "", text)
+    return re.sub(r"[\s·⋅*^()\[\]]|\.\s*$", "", text)
 
 
 def _exact(quantity: str, unit: str) -> float | None:

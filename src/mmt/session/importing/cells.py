@@ -30,7 +30,6 @@ _GROUPED: Final = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
 """Matches a number that may have a comma before its thousands."""
 _BOTH_SIGNS: Final = re.compile(r"[-+]?\d{1,3}([.,])\d{3}(?:\1\d{3})*(?!\1)([.,])\d*")
 """Matches a number with one sign before its thousands and the other before its decimals."""
-_TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 _MOST_COMPONENTS: Final = 16
 """Arrays with at most so many rows, and more columns, have their samples along the columns."""
 
@@ -53,9 +52,7 @@ class Numbers:
     """Parser of cells: returns a number, or None for a missing value; ValueError for other text."""
 
     def __init__(self, options: ImportOptions) -> None:
-        self._commas = ""
-        self._grouped = ""
-        self._points = ""
+        self._commas = self._grouped = self._points = ""
         self._missing = MISSING | {text.strip().lower() for text in options.missing}
         self._thousands = {".": ",", ",": "."}.get(options.decimal or "")
         self._plain = not (options.missing or options.decimal)
@@ -83,15 +80,13 @@ class Numbers:
 
     def _of_signs(self, text: str) -> float:
         """Return the number in a text by the signs in it, and note which sign is which."""
-        decimal, plain = ",", text.replace(",", ".", 1)
+        decimal, plain = "," if "," in text else ".", text.replace(",", ".")
         if grouped := _BOTH_SIGNS.fullmatch(text):
             thousands, decimal = grouped.groups()
             plain = text.replace(thousands, "").replace(decimal, ".")
-        elif "," not in text or "." in text:
-            return float(text)
         value = float(plain)
         if decimal == ".":
-            self._points = self._points or text
+            self._points = self._points or (text if "." in text else "")
         elif _GROUPED.fullmatch(text):
             self._grouped = self._grouped or text
         else:
@@ -116,7 +111,11 @@ class Numbers:
 
     def reads(self, cell: Cell) -> bool:
         """Return whether a cell holds a number."""
-        return self.takes(cell) and text_of(cell).lower() not in self._missing
+        try:
+            value = self(cell)
+        except ValueError:
+            return False
+        return value is not None and not np.isnan(value)
 
     def takes(self, cell: Cell) -> bool:
         """Return whether a cell holds a number or a missing value."""
@@ -140,8 +139,8 @@ def numbers_in(values: Any, name: str, origin: str) -> tuple[FloatArray, str]:
     """
     array, unit = np.asarray(values), ""
     if array.dtype.kind in "mM":
-        ticks = array.astype(np.int64) / _TICKS.get(np.datetime_data(array.dtype)[0], np.nan)
-        array, unit = np.where(np.isnat(array), np.nan, ticks), DATE
+        since = array - np.datetime64(0, "s") if array.dtype.kind == "M" else array
+        array, unit = since / np.timedelta64(1, "s"), DATE
     elif array.dtype.kind in "SUO":
         number = Numbers(ImportOptions())
         cells = [
@@ -154,7 +153,7 @@ def numbers_in(values: Any, name: str, origin: str) -> tuple[FloatArray, str]:
             raise InputError(f"{origin}: {name} does not hold numbers: {error}") from error
         number.check(f"{origin}: {name}")
         unit = DATE if cells and seconds_of(cells[0]) is not None else ""
-        array = np.array(found, dtype=np.float64).reshape(array.shape)
+        array = np.array(found).reshape(array.shape)
     elif array.dtype.kind not in "iufb":
         raise InputError(f"{origin}: {name} holds {array.dtype}, not numbers")
     numbers: FloatArray = array.astype(np.float64)
@@ -187,9 +186,7 @@ def seconds_of(cell: Cell) -> float | None:
     if isinstance(cell, timedelta):
         return cell.total_seconds()
     if isinstance(cell, time):
-        return timedelta(
-            hours=cell.hour, minutes=cell.minute, seconds=cell.second, microseconds=cell.microsecond
-        ).total_seconds()
+        return (datetime.combine(date.min, cell, None) - datetime.min).total_seconds()
     if isinstance(cell, datetime):
         return (cell if cell.tzinfo else cell.replace(tzinfo=UTC)).timestamp()
     return None

@@ -132,13 +132,13 @@ def distinct(names: Sequence[str]) -> tuple[list[str], list[str]]:
 
     A column without a name gets its number.
     """
-    counts = Counter(filter(None, names))
-    taken, numbers, found = set(counts), dict.fromkeys(counts, 0), []
+    counts, numbers = Counter(filter(None, names)), Counter[str]()
+    taken, found = set(counts), []
     for place, name in enumerate(names, start=1):
-        new = name or str(place)
-        while counts[name] > 1 and new in taken:
-            numbers[name] += 1
-            new = f"{name}.{numbers[name]}"
+        base = new = name or str(place)
+        while counts[name] != 1 and new in taken:
+            numbers[base] += 1
+            new = f"{base}.{numbers[base]}"
         taken.add(new)
         found.append(new)
     doubled = {name: count for name, count in counts.items() if count > 1}

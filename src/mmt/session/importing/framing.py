@@ -91,7 +91,7 @@ def on_the_grid(
 
 def _of_frames(time_s: FloatArray, numbers: IntArray, samples_per_frame: int) -> Stamps:
     """Return the stamps of a channel's samples, with deviations from the frame numbers."""
-    off_s = time_s - time_s[0] - (numbers - numbers[0]) / RATE_HZ
+    off_s = time_s - time_s[0] - numbers / RATE_HZ
     off_s -= np.mean(off_s)
     missing = int(numbers[-1] - numbers[0]) + 1 - len(numbers)
     return Stamps(

@@ -271,21 +271,21 @@ class _Mapping:
     def _time(self, channel: Channel, rows: int) -> tuple[str, FloatArray]:
         """Return the name and the times (n,) of a channel."""
         found, rate_hz = self._stamps(channel), self._options.rate_hz
-        if rate_hz is None and found is None:
+        if rate_hz is None:
+            if found is not None:
+                return found
             raise InputError(
                 f"{self._origin}: there is no column time_s, nor one that is mapped to it (--map "
                 f"time=NAME); for a file without times give --rate HZ; "
                 f"{listed(self._columns.names)}"
             )
-        if rate_hz is None and found is not None:
-            return found
         if found is not None:
             span_s = float(np.ptp(found[1])) if len(found[1]) else 0.0
             self._note(
                 f"there are {rate_hz:g} rows a second, as --rate says; {found[0]}, by which all "
                 f"{rows} last {span_s:.6g} s, was left out"
             )
-        return "row number", np.arange(rows) / (rate_hz or 1.0)
+        return "row number", np.arange(rows) / rate_hz
 
     def _stamps(self, channel: Channel) -> tuple[str, FloatArray] | None:
         """Return the name and the times (n,) of a channel in the file, or None."""

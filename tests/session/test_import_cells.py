@@ -1,0 +1,119 @@
+"""Cells of tables are the numbers, dates and times that they show."""
+
+from datetime import UTC, date, datetime, time, timedelta
+from decimal import Decimal
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.core.errors import InputError
+from mmt.session.importing import cells
+from mmt.session.importing.options import ImportOptions
+
+FORMS = "%Y-%m-%d %H:%M:%S.%f|%Y-%m-%dT%H:%M:%S.%fZ|%Y-%m-%d %H:%M:%S+02:00|%d.%m.%Y %H:%M:%S,%f"
+FORMS += "|%d.%m.%Y %H:%M:%S|%Y/%m/%d %H:%M:%S.%f| %H:%M:%S.%f |%H:%M|%M:%S.%f|%I:%M:%S %p"
+FORMS += "|%I:%M:%S.%f %p|0 days %H:%M:%S.%f|7 days, +%H:%M:%S"
+
+
+@given(st.datetimes(datetime(1901, 1, 1), datetime(2200, 1, 1)), st.sampled_from(FORMS.split("|")))
+def test_dates_and_times_are_read_in_the_forms_of_common_programs(moment, form):
+    shown = datetime.strptime(f"{moment:{form}}", form)
+    seconds = (shown - datetime(1970 if "%Y" in form else 1900, 1, 1)).total_seconds()
+    seconds += 7 * 86400 * ("7 days" in form) - 7200 * ("+02" in form)
+    assert cells.Numbers(ImportOptions())(f"{moment:{form}}") == pytest.approx(seconds, abs=1e-5)
+    assert cells.seconds_of(moment) == pytest.approx(
+        (moment - datetime(1970, 1, 1)).total_seconds()
+    )
+    of_day = moment - datetime.combine(moment, time.min)
+    for cell in (of_day, moment.replace(tzinfo=UTC).timetz()):
+        assert cells.seconds_of(cell) == of_day.total_seconds()
+
+
+def test_what_is_no_date_is_none():
+    assert not any(map(cells.seconds_of, ("12", "1:2:3:4", "7 days, a:b", "25:00", "x:y")))
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    thousands=st.lists(st.integers(1, 999_999), min_size=2),
+    decimals=st.integers(2, 4),
+    missing=st.sampled_from([(), ("x",)]),
+)
+def test_a_comma_is_a_decimal_sign_only_where_it_must_be(thousands, decimals, missing):
+    number = cells.Numbers(ImportOptions())
+    for value in thousands:
+        number(f"{value:,}")
+    if max(thousands) < 1000:
+        number.check("a.csv")
+    else:
+        with pytest.raises(InputError, match="--decimal"):
+            number.check("a.csv")
+    number = cells.Numbers(ImportOptions(missing=missing))
+    found = [number(f"{v / 1000:.{decimals}f}".replace(".", ",")) for v in (1, *thousands)]
+    number.check("a.csv")
+    np.testing.assert_allclose(found, np.array([1, *thousands]) / 1000, atol=0.51 / 10**decimals)
+    for cell in ("7", 2.5, "1.5"):
+        number.check("a.csv")
+        number(cell)
+    with pytest.raises(InputError, match=r"with a point.*--decimal"):
+        number.check("a.csv")
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.floats(-1e9, 1e9), min_size=1), st.integers(0, 5), st.booleans())
+def test_a_sign_before_thousands_is_known_by_the_other_before_decimals(values, decimals, german):
+    swapped = str.maketrans(",.", ".,")
+    texts = [f"{value:,.{decimals}f}" + "." * (not decimals) for value in [1234.5, *values]]
+    number = cells.Numbers(ImportOptions())
+    found = [number(text.translate(swapped) if german else text) for text in texts]
+    number.check("a.csv")
+    np.testing.assert_allclose(found, [1234.5, *values], atol=0.51 / 10**decimals)
+
+
+@given(
+    st.sampled_from([*sorted(cells.MISSING), "1.#QNAN", "-1.#IND", "nan(ind)", "9999", "lost"]),
+    st.sampled_from([str.upper, str.lower, " {} ".format]),
+    st.sampled_from([None, ".", ","]),
+)
+def test_what_marks_a_missing_value_is_no_number_and_no_text(word, change, decimal):
+    options = ImportOptions(missing=(" 9999", "Lost "), decimal=decimal)
+    number = cells.Numbers(options)
+    given_cells = [change(word), "seven", None, 3, 2.5, Decimal("1.25"), timedelta(minutes=2)]
+    assert [*map(number.takes, given_cells)] == [True, False, True, True, True, True, True]
+    assert [*map(number.reads, given_cells)] == [False, False, False, True, True, True, True]
+    assert [*map(number, [change(word), *given_cells[2:]])] == [None, None, 3.0, 2.5, 1.25, 120.0]
+    assert cells.weigh_numbers([["1", "x", change(word)], ["a", "b"], ["2", "3"]] * 2, options) == 4
+
+
+@given(st.floats(-1e9, 1e9), st.booleans(), st.sampled_from([0, 3]))
+def test_the_decimal_sign_that_is_said_wins(value, comma, decimals):
+    text = f"{value:,.{decimals}f}".translate(str.maketrans(",.", ".,") if comma else {})
+    number = cells.Numbers(ImportOptions(decimal="," if comma else "."))
+    assert number(text) == pytest.approx(value, abs=0.51 / 10**decimals)
+    number.check("a.csv")
+
+
+@given(st.sampled_from(["D", "m", "s", "ms", "us", "ns"]), st.sampled_from(["M8", "m8"]))
+def test_arrays_of_any_type_are_their_numbers(tick, kind):
+    counts = np.arange(1, 18)[:, None] * [1, 2]
+    ticks = counts.astype(f"{kind}[{tick}]")
+    ticks[3, 1] = "NaT"
+    arrays = {"t": ticks.T, "n": counts.astype("S"), "w": counts[:, :1], "texts": ["01:00"]}
+    arrays |= {"few": np.ones((16, 17)), "many": np.ones((17, 18))}
+    found = cells.columns_of(arrays, "a.npz", {"n": "mm", "t": "mm"})
+    seconds = counts * (np.timedelta64(1, tick) / np.timedelta64(1, "s"))
+    np.testing.assert_allclose(found["values"].pop("t"), np.where(np.isnat(ticks), np.nan, seconds))
+    np.testing.assert_array_equal(found["values"].pop("n"), counts)
+    shapes = [values.shape for values in found["values"].values()]
+    assert shapes == [(17,), (1,), (17, 16), (17, 18)]
+    assert found["units"] == {"n": "mm", "t": "date", "texts": "date"}
+
+
+@pytest.mark.parametrize(
+    "values", [["1", "x"], [date(2026, 1, 31)], [{}], [1j], [b"\xff"], ["1,000", "1.5"]]
+)
+def test_an_array_of_something_else_is_refused_by_name(values):
+    with pytest.raises(InputError, match=r"a\.npz: F\b"):
+        cells.columns_of({"F": values}, "a.npz")
