@@ -16,6 +16,7 @@ LEAST_SHARE: Final = 0.9
 MODULES: Final[dict[str, tuple[str, ...]]] = {
     "contact/passivity": ("contact/test_passivity.py", "contact/test_energies.py"),
     "core/bounds": ("test_bounds.py",),
+    "core/frames": ("test_frames.py",),
     "core/guards": ("test_guards.py",),
     "core/ranges": ("test_ranges.py",),
     "devices/tool_load": ("devices/test_tool_load.py", "devices/test_tool_turning.py"),
