@@ -24,6 +24,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "follower/command_guard": ("follower/test_command_guard.py",),
     "follower/motion_limit": ("follower/test_motion_limit.py",),
     "follower/silence": ("follower/test_silence.py",),
+    "leader/backfill": ("leader/test_leader_backfill.py",),
     "leader/motion/force_ramp": ("leader/test_force_ramp.py", "leader/test_streamed_force.py"),
     "leader/numbering": ("leader/test_numbering.py",),
     "leader/output/playout": ("leader/test_playout.py",),
