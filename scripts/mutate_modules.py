@@ -30,6 +30,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "leader/output/playout": ("leader/test_playout.py",),
     "leader/motion/slew": ("leader/test_slew.py",),
     "link/packets": ("link/test_link_receiving.py", "link/test_link_other_clients.py"),
+    "link/protocol": ("link/test_link_protocol.py",),
     "link/queue": ("link/test_link_outbox.py", "link/test_link_backlog.py"),
     "link/rate_limit": ("link/test_rate_limit.py",),
     "link/reader": ("link/test_link_reading.py",),

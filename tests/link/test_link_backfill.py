@@ -14,7 +14,7 @@ from mmt.core.frames import frame_dtype
 from mmt.core.ranges import Range
 from mmt.link.backfill import FRAMES_PER_MESSAGE, BackfillSender, FrameBuffer
 from mmt.link.endpoint import LeaderEvents
-from mmt.link.protocol import BACKFILL, GONE, MAX_RANGES, encode_event, ranges_of_payload
+from mmt.link.protocol import BACKFILL, GONE, MAX_RANGES, encode_event
 from mmt.link.queue import SendQueue
 
 DTYPE = frame_dtype(CHANNELS)
@@ -51,29 +51,6 @@ def test_what_is_kept_out_of_order_is_found_in_order() -> None:
         kept.put(frames(number).tobytes())
     assert kept.select([(3, 9), (0, 4)])["sequence"].tolist() == [2, 3, 4]
     assert kept.select([])["sequence"].tolist() == []
-
-
-@pytest.mark.parametrize(
-    "payload",
-    [
-        None,
-        b"",
-        "ranges",
-        [1, 2],
-        [[1]],
-        [[1, 2, 3]],
-        [[2, 2]],
-        [[3, 2]],
-        [[-1, 2]],
-        [[0, 2**32 + 1]],
-        [[0.0, 2.0]],
-        [["0", "2"]],
-        [[0, 1]] * (MAX_RANGES + 1),
-    ],
-)
-def test_malformed_ranges_are_refused(payload: object) -> None:
-    assert ranges_of_payload(payload) is None
-    assert ranges_of_payload([[0, 2**32], (5, 6)]) == [(0, 2**32), (5, 6)]
 
 
 class Sent:
