@@ -26,6 +26,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "follower/silence": ("follower/test_silence.py",),
     "leader/backfill": ("leader/test_leader_backfill.py",),
     "leader/motion/force_ramp": ("leader/test_force_ramp.py", "leader/test_streamed_force.py"),
+    "leader/motion/hand_contact": ("leader/test_follower_contact.py",),
     "leader/numbering": ("leader/test_numbering.py",),
     "leader/output/playout": ("leader/test_playout.py",),
     "leader/motion/slew": ("leader/test_slew.py",),
