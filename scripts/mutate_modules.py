@@ -23,6 +23,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "devices/tool_load": ("devices/test_tool_load.py", "devices/test_tool_turning.py"),
     "devices/tool_turning": ("devices/test_tool_turning.py",),
     "follower/command_guard": ("follower/test_command_guard.py",),
+    "follower/echoes": ("follower/test_echoes.py", "follower/test_command_guard.py"),
     "follower/guarded_source": ("follower/test_guarded_source.py",),
     "follower/motion_limit": ("follower/test_motion_limit.py",),
     "follower/silence": ("follower/test_silence.py",),
