@@ -34,6 +34,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "leader/motion/force_ramp": ("leader/test_force_ramp.py", "leader/test_streamed_force.py"),
     "leader/motion/hand_contact": ("leader/test_follower_contact.py",),
     "leader/numbering": ("leader/test_numbering.py",),
+    "leader/output/concealment": ("leader/test_concealment.py",),
     "leader/output/playout": ("leader/test_playout.py",),
     "leader/motion/slew": ("leader/test_slew.py",),
     "link/packets": ("link/test_link_receiving.py", "link/test_link_other_clients.py"),
