@@ -17,7 +17,7 @@ from synthetic_sensors import MS, START_NS, SyntheticSensor, Time
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
-from mmt.core.frames import acceleration_samples, frame_dtype, missing_band
+from mmt.core.frames import acceleration_samples, frame_dtype
 from mmt.devices.adxl335.gravity import nominal
 from mmt.devices.adxl335.serial_driver import SerialAdxl335
 from mmt.devices.drivers import load_device
@@ -208,15 +208,6 @@ def test_a_polled_accelerometer_is_refused() -> None:
             Instrument(), None, Instrument(), ["position", "acceleration"], samples_per_frame=5
         )
     DeviceSource(Instrument(), None, Instrument(), ["position"], samples_per_frame=5)
-
-
-@pytest.mark.parametrize(
-    ("rate_hz", "samples_hz", "said"),
-    [(2000.0, 5000.0, "nothing above 1000 Hz"), (1999.0, 2000.0, ""), (4000.0, 2000.0, "")],
-)
-def test_what_a_slow_sensor_lacks_is_said(rate_hz: float, samples_hz: float, said: str) -> None:
-    assert said in missing_band(rate_hz, samples_hz)
-    assert bool(said) == bool(missing_band(rate_hz, samples_hz))
 
 
 @settings(deadline=None, max_examples=30)

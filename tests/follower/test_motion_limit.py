@@ -8,13 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.core.arrays import RecordArray
-from mmt.core.frames import COMMAND_DTYPE, frame_dtype
 from mmt.devices.protocols import Vector
-from mmt.follower.guarded_source import GuardedSource
 from mmt.follower.motion_limit import MotionLimit
 from mmt.scene import Simulated
-from mmt.scene.files import scene_from_tables
 
 BOX_MM = ((-50.0, -40.0, -10.0), (50.0, 60.0, 80.0))
 NAN = (math.nan, 0.0, 0.0)
@@ -181,74 +177,3 @@ def test_after_a_restart_it_begins_where_the_robot_is() -> None:
     place = limit.step(1, (40.0, 0.0, 0.0))
     assert place is not None
     assert 7.0 < place[0] <= 7.3 + 1e-9
-
-
-class NotingSource:
-    """Takes positions and measures none."""
-
-    finished = False
-    annotations = b""
-
-    def __init__(self) -> None:
-        self.taken: list[Vector] = []
-
-    def start(self, start_time_ns: int) -> None:
-        pass
-
-    def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
-        if command_position_mm is not None:
-            self.taken.append(command_position_mm)
-        return np.zeros(0, frame_dtype())
-
-    def describe(self) -> str:
-        return "notes"
-
-    def close(self) -> None:
-        pass
-
-
-@pytest.mark.parametrize("source_table", ["simulated", "devices"])
-def test_the_limits_of_a_scene_hold_behind_guard_and_feedback(source_table: str) -> None:
-    keys: dict[str, Any] = {"workspace_mm": BOX_MM, "acceleration_limit_mm_s2": 20_000.0}
-    keys |= {"robot": "a:B"} if source_table == "devices" else {}
-    others: dict[str, Any] = {name: {} for name in ("link", "hand", "playout", "actuator")}
-    scene = scene_from_tables({source_table: keys, **others})
-    source, held = NotingSource(), JumpingFeedback()
-    guarded = GuardedSource(scene, source, held, lambda _: None, lambda *_: None)
-    block = np.zeros(1, COMMAND_DTYPE)
-    for tick in range(900):
-        block["time_ns"], block["position_mm"] = tick * 1_000_000, (0.2 * tick, 0.0, -0.3 * tick)
-        guarded.receive(block, 0)
-        guarded.step(1)
-    places = np.array(source.taken)
-    assert (places >= np.array(BOX_MM[0]) - 1e-9).all()
-    assert (places <= np.array(BOX_MM[1]) + 1e-9).all()
-    assert np.abs(np.diff(places, n=2, axis=0)).max() <= 0.02 + 1e-9
-    assert places[-1][0] > 40.0
-
-
-class JumpingFeedback:
-    """Asks for 30 mm more in every third tick."""
-
-    event, dtype = "nothing", np.dtype([("time_ns", "<i8")])
-    ticks = 0
-
-    def command(self, position_mm: Vector | None) -> Vector | None:
-        self.ticks += 1
-        if position_mm is None or self.ticks % 3:
-            return position_mm
-        x, y, z = position_mm
-        return (x + 30.0, y, z)
-
-    def measured(self, frames: RecordArray) -> RecordArray | None:
-        return None
-
-    def on_records(self, records: RecordArray) -> None:
-        pass
-
-    def restart(self) -> None:
-        pass
-
-    @property
-    def summary(self) -> dict[str, Any]:
-        return {}

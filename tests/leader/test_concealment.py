@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from mmt.core.frames import frame_dtype
-from mmt.leader.output.concealment import LONGEST_FRAMES, build_concealment, course
+from mmt.leader.output.concealment import (
+    LONGEST_FRAMES,
+    Continuation,
+    FadeOut,
+    backwards,
+    build_concealment,
+    course,
+)
 from mmt.leader.output.playout import PlayoutBuffer
 from mmt.leader.output.stream import StreamedVibration
 
@@ -70,6 +77,35 @@ def test_no_joint_clicks_whatever_is_missing(way, gaps, seed):
     assert np.abs(np.diff(output)).max() <= step + 0.4 * peak + 1e-9
 
 
+@pytest.mark.parametrize("count", [1, 5])
+def test_a_fade_takes_five_frames_whatever_the_samples_in_a_frame(count):
+    def of(act, frames):
+        return np.concatenate([act() for _ in range(frames)])
+
+    share = np.arange(1, 5 * count + 1) / (5 * count)
+    pasts = []
+
+    def go_on(past, gains):
+        pasts.append(past)
+        return gains * past[-1]
+
+    for made in (FadeOut(count), Continuation(go_on, count)):
+        assert made.silent
+        assert list(made.bridge()) == [0.0] * count
+        assert of(lambda made=made: made.play([1.0] * count), 5) == pytest.approx(share)
+        assert (of(lambda made=made: made.play([1.0] * count), 60) == 1.0).all()
+        assert not made.silent
+        gap = of(made.bridge, 45)
+        held = 1.0 if isinstance(made, Continuation) else 0.0
+        assert gap[: 5 * count] == pytest.approx(np.maximum(1.0 - share, held))
+        assert gap[5 * count :] == pytest.approx(held)
+        back = of(lambda made=made: made.play([3.0] * count), 5)
+        assert back == pytest.approx(held + (3.0 - held) * share)
+    assert [len(past) for past in pasts] == [128 * count]
+    assert not pasts[0][: 60 * count].any()
+    assert backwards(np.arange(9.0), np.array([1.0, 0.5, 0.0])).tolist() == [7.0, 3.0, 0.0]
+
+
 def test_the_joint_of_a_model_is_as_smooth_as_the_signal():
     steps = {way: [] for way in WAYS}
     for seed in range(60):
@@ -114,11 +150,13 @@ def test_the_seed_decides_what_is_invented():
     first, again, other = (play("model", values, gap, seed)[0] for seed in (1, 1, 2))
     np.testing.assert_array_equal(first, again)
     assert (first != other).any()
+    repeated = [play("repetition", values, gap, seed)[0] for seed in (1, 2)]
+    np.testing.assert_array_equal(*repeated)
 
 
 @pytest.mark.parametrize("invented", [0, 30, 50, 77, 99, LONGEST_FRAMES])
 def test_the_level_never_falls_faster_than_a_fade(invented):
-    gains = np.concatenate([[1.0], course(invented)])
+    gains = np.concatenate([[1.0], course(invented, 1)])
     assert (np.diff(gains) <= 0.0).all()
     assert np.diff(gains).min() >= -0.2 - 1e-12
     assert (gains[-20 + 5 :] == 0.0).all()

@@ -21,7 +21,7 @@ class Watched:
             self.watch.add(number + count, round(time_s * SECOND_NS))
 
 
-@pytest.mark.parametrize("rate_hz", [951.0, 1000.0, 1049.0])
+@pytest.mark.parametrize("rate_hz", [950.0, 1000.0, 1050.0])
 def test_a_rate_within_five_percent_is_nothing_to_say(rate_hz: float) -> None:
     watched = Watched()
     watched.stream(rate_hz, 10.0)
@@ -39,6 +39,14 @@ def test_another_rate_is_said_once_with_both_figures(rate_hz: float) -> None:
     assert "promised 1000 frames a second" in sentence
     assert f"sends {rate_hz:.0f}" in sentence
     assert watched.watch.fault == sentence
+
+
+def test_a_stall_that_is_made_up_is_nothing_to_say() -> None:
+    watched = Watched()
+    watched.stream(900.0, 1.0)
+    watched.stream(1100.0, 1.0, 900, 6.0)
+    watched.stream(1000.0, 3.0, 2000, 7.0)
+    assert watched.said == []
 
 
 def test_a_rate_that_is_right_again_is_said() -> None:

@@ -31,23 +31,23 @@ class Account:
     def _note(self, sentence: str, *, announce: bool, **details: object) -> None:
         self.notes.append({"sentence": sentence, "announce": announce, **details})
 
-    def wait(self, ticks: int) -> None:
-        for _ in range(ticks):
-            self.missing.tick(1)
+    def wait(self, ticks: int) -> int:
+        """Return in how many of the ticks frames had come or been given up."""
+        return sum(self.missing.tick(1) for _ in range(ticks))
 
 
 def test_a_gap_is_noted_before_it_is_asked_for_and_closed_when_it_is_filled() -> None:
     account = Account()
     account.missing.jumped(9, numbered(12, 13, 15))
     assert (account.asked, account.notes) == ([], [])
-    account.wait(50)
+    assert account.wait(50) == 0
     assert account.asked == [[(10, 12), (14, 15)]]
     (note,) = account.notes
     assert (note["kind"], note["frames"], note["announce"]) == ("gap", 3, False)
     assert note["ranges"] == [(10, 12), (14, 15)]
     taken = account.missing.take_missing(numbered(14, 11, 10))
     assert taken["sequence"].tolist() == [10, 11, 14]
-    account.wait(50)
+    assert account.wait(150) == 1
     assert account.notes[1]["sentence"] == "of the missing frames 3 are filled in"
     assert account.notes[1]["ranges"] == [(10, 12), (14, 15)]
     assert account.missing.first is None
@@ -135,10 +135,12 @@ def test_after_a_reconnection_everything_is_asked_for_anew() -> None:
 
 def test_at_the_end_what_still_waits_is_noted_as_lost() -> None:
     account = Account()
-    account.missing.add_gap(3, 5)
+    for number in (3, 4, 5):
+        account.missing.add_gap(number, number + 1)
+    assert account.missing.outstanding() == [(3, 6)]
     account.missing.close()
     assert [note["kind"] for note in account.notes] == ["gap", "filled"]
-    assert account.notes[-1]["lost"] == 2
+    assert account.notes[-1]["lost"] == 3
     account.missing.close()
     assert len(account.notes) == 2
 

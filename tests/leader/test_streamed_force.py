@@ -31,7 +31,7 @@ class Handle:
 
 
 def forced(*force_n: float) -> RecordArray:
-    frames = made_frames(0, 2)
+    frames = made_frames(0, 3)
     frames["force_n"][-1] = force_n
     return frames
 
@@ -40,6 +40,7 @@ def test_the_newest_force_is_displayed_within_the_limit_in_its_direction() -> No
     handle = Handle()
     force = StreamedForce(handle, limit_n=3.0)
     force.tick(1, None)
+    assert force.summary == {"method": "streamed", "largest_n": 0.0}
     force.on_frames(forced(0.0, 0.0, 2.5))
     force.tick(1, None)
     force.on_frames(forced(30.0, 0.0, 40.0))
@@ -47,6 +48,23 @@ def test_the_newest_force_is_displayed_within_the_limit_in_its_direction() -> No
     assert handle.forces[0] == (0.0, 0.0, 0.0)
     assert handle.forces[1] == (0.0, 0.0, 2.5)
     assert handle.forces[2] == pytest.approx((1.8, 0.0, 2.4))
+    force.on_frames(forced(0.0, 0.0, 2.5))
+    force.tick(1, None)
+    assert force.summary["largest_n"] == 3.0
+
+
+def test_after_a_pause_the_force_comes_back_from_zero() -> None:
+    handle = Handle()
+    force = StreamedForce(handle, limit_n=3.0, silence_ticks=40)
+    for tick in range(180):
+        force.on_frames(forced(0.0, 0.0, 2.0))
+        if 60 <= tick < 120:
+            force.pause(1)
+        else:
+            force.tick(1, None)
+    assert handle.forces[59:120] == [(0.0, 0.0, 2.0)] + [(0.0, 0.0, 0.0)] * 60
+    back = [z for _, _, z in handle.forces[120:]]
+    assert back == pytest.approx([0.05 * k for k in range(1, 41)] + [2.0] * 20)
 
 
 def test_the_force_fades_to_zero_in_silence_and_comes_back() -> None:

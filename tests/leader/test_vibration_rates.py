@@ -115,8 +115,8 @@ def test_nothing_is_invented_for_longer_than_a_tenth_of_a_second(
 
 @pytest.mark.parametrize("k", [2, 5, 10])
 def test_a_gap_takes_as_long_at_any_rate(k: int) -> None:
-    np.testing.assert_allclose(course(0, k)[k - 1 :: k], course(0), atol=1e-12)
-    np.testing.assert_allclose(course(70, k)[k - 1 :: k], course(70), atol=1e-12)
+    np.testing.assert_allclose(course(0, k)[k - 1 :: k], course(0, 1), atol=1e-12)
+    np.testing.assert_allclose(course(70, k)[k - 1 :: k], course(70, 1), atol=1e-12)
 
 
 @pytest.mark.parametrize("k", [2, 5, 10])

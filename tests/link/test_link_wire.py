@@ -6,7 +6,6 @@ import struct
 import sys
 from pathlib import Path
 
-import msgpack
 import numpy as np
 import pytest
 import socketio
@@ -163,11 +162,3 @@ async def test_polling_is_refused() -> None:
             await client.connect(
                 f"http://127.0.0.1:{server.port}", auth=AUTH, transports=["polling"]
             )
-
-
-def test_the_maps_keys_are_those_of_the_page() -> None:
-    assert msgpack.unpackb(encode_event("frames", b"\x01")) == {
-        "type": 2,
-        "data": ["frames", b"\x01"],
-        "nsp": "/",
-    }

@@ -8,12 +8,10 @@ import pytest
 from instruments import Instrument
 from service_runs import small_scene
 
-from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import CHANNELS
 from mmt.devices.drivers import load_device
-from mmt.devices.source import DeviceSource, FrameReceiver
-from mmt.follower.guarded_source import GuardedSource
+from mmt.devices.source import DeviceSource
 from mmt.follower.sources import DeviceBackedSource, build_source
 
 
@@ -50,31 +48,6 @@ def test_ticks_begin_after_the_turn_of_a_device_that_has_turns() -> None:
     source = DeviceSource(robot, Instrument(), Instrument(), CHANNELS)
     source.start(0)
     assert robot.calls == ["connect", "calibrate", "await_turn"]
-
-
-def test_a_frame_that_comes_between_two_ticks_is_sent_at_once(tmp_path: Path) -> None:
-    class Source(DeviceSource):
-        def on_late_frames(self, callback: FrameReceiver) -> None:
-            self.taker = callback
-
-    class News:
-        def measured(self, frames: RecordArray) -> RecordArray:
-            return frames[:0]
-
-    source = Source(*[Instrument() for _ in range(3)], CHANNELS)
-    sent: list[tuple[RecordArray, RecordArray | None]] = []
-
-    def send(frames: RecordArray, news: RecordArray | None) -> None:
-        sent.append((frames, news))
-
-    for feedback in (None, News()):
-        driven = GuardedSource(small_scene(tmp_path), source, feedback, print, send)
-        source.start(0)
-        frames = source.step(1, 1000, None)
-        source.taker(frames)
-        assert sent[-1][0] is frames
-        assert (sent[-1][1] is None) == (feedback is None)
-        assert driven._measured() == (0.0, 1.0, 2.0)
 
 
 def test_ticks_that_were_missed_show_as_a_gap() -> None:

@@ -74,7 +74,7 @@ def real_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
         raise InputError(f"{name} is no array: {error}") from error
     if array.dtype.kind not in "fiu":
         raise InputError(f"{name} is of {array.dtype}: real numbers are needed")
-    return array.astype(np.float64, copy=False)
+    return np.asarray(array, np.float64)
 
 
 def finite_number(text: str) -> float:
@@ -133,4 +133,5 @@ def _described(allowed: Any) -> str:
         return ", ".join(f'"{part}"' for part in parts)
     if allowed in {None, NoneType}:
         return "None"
-    return _KINDS.get(allowed, getattr(allowed, "__name__", str(allowed)))
+    name: str = _KINDS.get(allowed, allowed.__name__)
+    return name

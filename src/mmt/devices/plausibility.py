@@ -13,7 +13,6 @@ _FARTHEST_MM: Final = 2000.0
 """No arm of this kind reaches farther."""
 _LEAST_NS: Final = 1_000_000
 """A tick; in a shorter time, a tip may still have moved for a whole tick."""
-_LEAST_MM2: Final = (FASTEST_MM_S * 1e-9 * _LEAST_NS) ** 2
 _SLACK_NS: Final = 5_000_000
 """Longest time of motion that is granted to a tip during implausible measurements."""
 
@@ -48,21 +47,17 @@ class PlausibilityCheck:
             Time of the measurement.
         """
         passed_ns, self._newest_ns = now_ns - self._newest_ns, now_ns
-        x, y, z = position
-        u, v, w = velocity
-        if not math.isfinite(x + y + z + u + v + w):
+        if not math.isfinite(sum(position) + sum(velocity)):
             return NOT_FINITE
+        x, y, z = position
         far = _FARTHEST_MM
         if not (-far <= x <= far and -far <= y <= far and -far <= z <= far):
             return OUT_OF_REACH
         if self.position is not None:
-            a, b, c = self.position
-            moved_mm2 = (x - a) ** 2 + (y - b) ** 2 + (z - c) ** 2
-            if moved_mm2 > _LEAST_MM2:  # a smaller move is always possible
-                moved_ns = min(now_ns - self._good_ns, passed_ns + _SLACK_NS)
-                reach_mm = FASTEST_MM_S * 1e-9 * max(moved_ns, _LEAST_NS)
-                if moved_mm2 > reach_mm * reach_mm:
-                    return JUMP
+            moved_ns = min(now_ns - self._good_ns, passed_ns + _SLACK_NS)
+            reach_mm = FASTEST_MM_S * 1e-9 * max(moved_ns, _LEAST_NS)
+            if math.dist(self.position, (x, y, z)) > reach_mm:
+                return JUMP
         self.position = (x, y, z)
         self._good_ns = now_ns
         return None

@@ -36,14 +36,12 @@ class FrameRateWatch:
 
     def add(self, number: int, time_ns: int) -> None:
         """Take the newest frame's number and its own time, by the follower's clock."""
-        if self._start is None:
+        if self._start is None or time_ns < self._start[1]:  # the first, or its clock jumped back
             self._start = number, time_ns
         first, start_ns = self._start
         passed_ns = time_ns - start_ns
-        if 0 <= passed_ns < _WINDOW_NS:
-            return
-        self._start = number, time_ns
-        if passed_ns > 0:  # else the clock has jumped back
+        if passed_ns >= _WINDOW_NS:
+            self._start = number, time_ns
             self._judge(1e9 * (number - first) / passed_ns)
 
     def _judge(self, rate_hz: float) -> None:

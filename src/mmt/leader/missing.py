@@ -140,7 +140,7 @@ class MissingFrames:
             self._filled += len(taken)
             self._idle_ticks = 0
             self._resolved = True
-            taken = taken[np.argsort(taken["sequence"], kind="stable")]
+            taken = taken[np.argsort(taken["sequence"])]
         return taken
 
     def give_up(self, ranges: list[Range]) -> None:

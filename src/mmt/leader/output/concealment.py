@@ -46,7 +46,7 @@ def _courses(samples_per_frame: int) -> tuple[FloatArray, FloatArray]:
     return gains, np.maximum(0.0, release)
 
 
-def course(invented: int, samples_per_frame: int = 1) -> FloatArray:
+def course(invented: int, samples_per_frame: int) -> FloatArray:
     """Return the gains of a gap (n,) if `invented` frames of the allowance are used up.
 
     Full level, a raised cosine down, then zero; but never below the gains of a fade.
@@ -123,7 +123,7 @@ class Continuation:
         Samples of vibration in a frame.
     """
 
-    def __init__(self, go_on: GoOn, samples_per_frame: int = 1) -> None:
+    def __init__(self, go_on: GoOn, samples_per_frame: int) -> None:
         self._go_on = go_on
         self._silence = [0.0] * samples_per_frame
         self._step = _FADE_STEP / samples_per_frame
@@ -151,7 +151,7 @@ class Continuation:
         """Return the next samples of the continuation."""
         if self._share > 0.0:
             self._share = 0.0
-            past = np.fromiter(self._past, np.float64, len(self._past))
+            past = np.array(list(self._past))
             gains = course(self._invented, len(self._silence))
             self._continued = self._go_on(past, gains).tolist()
             self._place = 0
@@ -182,7 +182,7 @@ def backwards(past: FloatArray, gain: FloatArray) -> FloatArray:
     return repeated
 
 
-def modelled(seed: int, samples_per_frame: int = 1) -> GoOn:
+def modelled(seed: int, samples_per_frame: int) -> GoOn:
     """Return a continuation by a model of the newest samples; imports the compiled numerics."""
     from mmt.texture.synthesis.concealment import continuation
 

@@ -1,0 +1,44 @@
+"""Only where a tip can have gone since it was last measured is believed."""
+
+import math
+from itertools import product
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mmt.core.arrays import Vector
+from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH, PlausibilityCheck
+
+STILL: Vector = (0.0, 0.0, 0.0)
+MS = 1_000_000
+
+
+@given(
+    start=st.tuples(*[st.floats(-800.0, 800.0)] * 3),
+    way=st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda way: math.hypot(*way) > 0.1),
+    steps_ms=st.lists(st.integers(0, 40), min_size=1, max_size=4),
+    share=st.sampled_from([0.999, 1.001]),
+)
+def test_a_tip_goes_as_far_as_the_fastest_hand(
+    start: Vector, way: Vector, steps_ms: list[int], share: float
+) -> None:
+    """The time without sense counts up to 5 ms."""
+    check, now_ns = PlausibilityCheck(), 10**12
+    assert check.problem(start, STILL, now_ns) is None
+    for step_ms in steps_ms[:-1]:
+        now_ns += step_ms * MS
+        assert check.problem((math.nan, 0.0, 0.0), STILL, now_ns) == NOT_FINITE
+    reach_mm = 5.0 * max(1, min(sum(steps_ms), steps_ms[-1] + 5))
+    x, y, z = (a + share * reach_mm / math.hypot(*way) * b for a, b in zip(start, way, strict=True))
+    problem = check.problem((x, y, z), STILL, now_ns + steps_ms[-1] * MS)
+    assert problem == (None if share < 1.0 else JUMP)
+    assert check.position == ((x, y, z) if share < 1.0 else start)
+
+
+def test_a_first_measurement_is_finite_and_within_reach() -> None:
+    told = ((2000.0, None), (2000.1, OUT_OF_REACH), (math.inf, NOT_FINITE))
+    for axis, sign, (value, problem) in product(range(3), (-1.0, 1.0), told):
+        x, y, z = (sign * value if axis == k else 0.0 for k in range(3))
+        assert PlausibilityCheck().problem((x, y, z), STILL, 0) == problem
+        speed = None if math.isfinite(value) else NOT_FINITE
+        assert PlausibilityCheck().problem(STILL, (x, y, z), 0) == speed

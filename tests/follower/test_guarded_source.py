@@ -1,0 +1,159 @@
+"""The robot is driven within its limits, and holds or retracts while a device is lost."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mmt.core.arrays import RecordArray
+from mmt.core.frames import COMMAND_DTYPE, empty_frames
+from mmt.devices.protocols import Vector
+from mmt.follower.guarded_source import GuardedSource
+from mmt.scene.files import scene_from_tables
+
+BOX_MM = ((-50.0, -40.0, -10.0), (50.0, 60.0, 80.0))
+LIMITS: dict[str, Any] = {"workspace_mm": BOX_MM, "acceleration_limit_mm_s2": 20_000.0}
+ARM = {"robot": "a:B"}
+
+
+class Source:
+    """Takes positions, and measures what the test sets, if anything."""
+
+    finished = False
+    annotations = b""
+    summary = {"robot": {"losses": 1}}  # noqa: RUF012 - it does not change
+
+    def __init__(self) -> None:
+        self.taken: list[Vector | None] = []
+        self.measures: Vector | None = None
+
+    def start(self, start_time_ns: int) -> None: ...
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def describe(self) -> str:
+        return "notes"
+
+    def on_loss(self, callback: Any) -> None:
+        self.lose = callback
+
+    def on_late_frames(self, callback: Any) -> None:
+        self.come_late = callback
+
+    def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
+        assert elapsed == 1 < now_ns
+        self.taken.append(command_position_mm)
+        frames = empty_frames(0 if self.measures is None else 1)
+        frames["time_ns"], frames["position_mm"] = len(self.taken), self.measures or 0.0
+        return frames
+
+
+class Feedback:
+    """Asks for 30 mm more in every third tick, and says what was measured."""
+
+    event, dtype = "nothing", np.dtype([("time_ns", "<i8")])
+    summary = {"method": "none"}  # noqa: RUF012 - it does not change
+    ticks = 0
+
+    def command(self, position_mm: Vector | None) -> Vector | None:
+        self.ticks += 1
+        if position_mm is None or self.ticks % 3:
+            return position_mm
+        x, y, z = position_mm
+        return (x + 30.0, y, z)
+
+    def measured(self, frames: RecordArray) -> RecordArray | None:
+        return frames[["time_ns"]]
+
+    def on_records(self, records: RecordArray) -> None: ...
+
+    def restart(self) -> None: ...
+
+
+class Driven:
+    """A guarded source, and what it says and sends."""
+
+    def __init__(self, feedback: Feedback | None = None, **tables: Any) -> None:
+        scene = scene_from_tables({"link": {}, "texture": {"normal": "y"}, **tables})
+        self.source, self.said, self.sent = Source(), [], []
+        self.guarded = GuardedSource(
+            scene, self.source, feedback, self.said.append, lambda *some: self.sent.append(some)
+        )
+
+    def command(self, position_mm: Vector, ticks: int = 1, echo_ns: int = 0) -> Vector | None:
+        block = np.zeros(1, COMMAND_DTYPE)
+        block["position_mm"], block["echo_time_ns"] = position_mm, echo_ns
+        for _ in range(ticks):
+            self.guarded.receive(block, echo_ns)
+            self.guarded.step(1)
+        return self.source.taken[-1]
+
+
+@pytest.mark.parametrize("tables", [{"simulated": LIMITS}, {"devices": LIMITS | ARM}])
+def test_the_limits_of_a_scene_hold_behind_guard_and_feedback(tables: dict[str, Any]) -> None:
+    driven = Driven(Feedback(), hand={}, **tables)
+    driven.source.measures = (0.0, 0.0, 0.0)
+    for tick in range(900):
+        driven.command((0.2 * tick, 0.0, -0.3 * tick))
+    places = np.array([place for place in driven.source.taken if place is not None])
+    assert (places >= np.array(BOX_MM[0]) - 1e-9).all()
+    assert (places <= np.array(BOX_MM[1]) + 1e-9).all()
+    assert np.abs(np.diff(places, n=2, axis=0)).max() <= 0.02 + 1e-9
+    assert places[-1][0] > 40.0
+    assert driven.guarded.summary["commands"]["clipped_commands"] > 500
+
+
+@pytest.mark.parametrize(
+    ("on_lost", "said"), [("hold", "holding"), ("retract", "retracting"), ("stop", None)]
+)
+def test_while_a_device_is_lost_the_robot_takes_no_commands(on_lost: str, said: str | None) -> None:
+    driven = Driven(hand={}, devices=LIMITS | ARM | {"on_lost": on_lost})
+    source = driven.source
+    assert driven.command((5.0, 5.0, 5.0)) is None  # not measured yet
+    source.measures = (math.nan, 0.0, 0.0)
+    assert driven.command((5.0, 5.0, 5.0), 2) is None
+    source.measures = (5.0, 5.0, 5.0)
+    assert driven.command((5.0, 5.0, 5.0), 10) == (5.0, 5.0, 5.0)
+    source.lose(True, "it is lost")
+    x, y, z = driven.command((20.0, 5.0, 5.0), 1000) or ()
+    assert (x > 19.0, y > 6.0, z) == (said is None, on_lost == "retract", 5.0)
+    source.measures = (-20.0, 5.0, 5.0)
+    driven.guarded.step(1)
+    source.lose(False, "it is back")
+    driven.command((20.0, 5.0, 5.0))
+    place = driven.command((20.0, 5.0, 5.0)) or ()
+    assert (place[0] < -19.0) == (said is not None)
+    assert driven.said == (
+        [f"it is lost: {said}", "it is back: taking commands again"] if said else []
+    )
+
+
+@pytest.mark.parametrize("feedback", [None, Feedback()])
+def test_frames_go_with_the_news_of_the_feedback_and_may_be_echoed(feedback: Any) -> None:
+    driven = Driven(feedback, hand={}, devices=ARM)
+    assert driven.guarded.step(1)[1] is None  # no frame
+    driven.source.measures = (1.0, 2.0, 3.0)
+    frames, news = driven.guarded.step(1)
+    driven.source.come_late(frames)
+    for found in (news, driven.sent[0][1]):
+        assert (None if found is None else found["time_ns"].tolist()) == (feedback and [2])
+    assert driven.sent[0][0] is frames
+    driven.command((1.0, 2.0, 3.0), echo_ns=2)
+    assert driven.guarded.summary["commands"]["implausible_commands"] == 0
+    driven.guarded.connect()
+    driven.command((1.0, 2.0, 3.0), echo_ns=2)
+    assert driven.guarded.summary["commands"]["implausible_commands"] == 1
+    assert driven.guarded.summary["devices"] == Source.summary
+    assert driven.guarded.summary["feedback"] == ({"method": "none"} if feedback else {})
+
+
+def test_a_recording_follows_no_commands() -> None:
+    driven = Driven(replay={"file": "a.mcap"})
+    driven.guarded.connect()
+    assert driven.command((1.0, 2.0, 3.0), 50) is None
+    driven.source.lose(True, "it is lost")
+    assert driven.said == []
+    assert driven.guarded.summary["commands"] == {}
