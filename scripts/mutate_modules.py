@@ -17,6 +17,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "contact/passivity": ("contact/test_passivity.py", "contact/test_energies.py"),
     "core/ranges": ("test_ranges.py",),
     "devices/ati/calibration_file": ("devices/test_gauges.py",),
+    "devices/labjack/packets": ("devices/test_labjack_packets.py",),
     "devices/tool_load": ("devices/test_tool_load.py", "devices/test_tool_turning.py"),
     "devices/tool_turning": ("devices/test_tool_turning.py",),
     "follower/command_guard": ("follower/test_command_guard.py",),
@@ -43,7 +44,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
 }
 """Modules of ``mmt``, each with its tests in ``tests``."""
 
-_READ_BY_TESTS: Final = ("configs", "docs")
+_READ_BY_TESTS: Final = ("configs", "docs", "scripts/firmware")
 
 _SETTINGS: Final = """
 [tool.mutmut]
