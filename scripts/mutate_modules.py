@@ -16,6 +16,7 @@ LEAST_SHARE: Final = 0.9
 MODULES: Final[dict[str, tuple[str, ...]]] = {
     "contact/passivity": ("contact/test_passivity.py", "contact/test_energies.py"),
     "core/ranges": ("test_ranges.py",),
+    "devices/adxl335/framing": ("devices/test_adxl335_framing.py",),
     "devices/ati/calibration_file": ("devices/test_gauges.py",),
     "devices/labjack/packets": ("devices/test_labjack_packets.py",),
     "devices/tool_load": ("devices/test_tool_load.py", "devices/test_tool_turning.py"),
