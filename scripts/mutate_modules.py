@@ -19,6 +19,10 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "devices/adxl335/framing": ("devices/test_adxl335_framing.py",),
     "devices/ati/calibration_file": ("devices/test_gauges.py",),
     "devices/ati/digital_registers": ("devices/test_digital_ft_codecs.py",),
+    "devices/haptuator/drive": (
+        "devices/test_haptuator_level.py",
+        "devices/test_haptuator_signal.py",
+    ),
     "devices/haptuator/framing": ("devices/test_haptuator_framing.py",),
     "devices/labjack/packets": ("devices/test_labjack_packets.py",),
     "devices/tool_load": ("devices/test_tool_load.py", "devices/test_tool_turning.py"),
