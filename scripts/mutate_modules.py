@@ -27,6 +27,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "devices/labjack/packets": ("devices/test_labjack_packets.py",),
     "devices/tool_load": ("devices/test_tool_load.py", "devices/test_tool_turning.py"),
     "devices/tool_turning": ("devices/test_tool_turning.py",),
+    "devices/wrench": ("devices/test_ati_wrench.py",),
     "follower/command_guard": ("follower/test_command_guard.py",),
     "follower/motion_limit": ("follower/test_motion_limit.py",),
     "follower/silence": ("follower/test_silence.py",),
