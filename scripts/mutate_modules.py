@@ -16,7 +16,9 @@ LEAST_SHARE: Final = 0.9
 MODULES: Final[dict[str, tuple[str, ...]]] = {
     "contact/normal": ("contact/test_contact_steps.py",),
     "contact/passivity": ("contact/test_passivity.py", "contact/test_energies.py"),
+    "core/quaternions": ("devices/test_orientation.py",),
     "core/ranges": ("test_ranges.py",),
+    "core/rotations": ("devices/test_orientation.py",),
     "devices/adxl335/framing": ("devices/test_adxl335_framing.py",),
     "devices/ati/calibration_file": ("devices/test_gauges.py",),
     "devices/ati/digital_registers": ("devices/test_digital_ft_codecs.py",),
