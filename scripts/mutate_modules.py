@@ -14,6 +14,7 @@ LEAST_SHARE: Final = 0.9
 """Share of the changes that are to be noticed."""
 
 MODULES: Final[dict[str, tuple[str, ...]]] = {
+    "contact/least_squares": ("contact/test_least_squares.py",),
     "contact/normal": ("contact/test_contact_steps.py",),
     "contact/passivity": ("contact/test_passivity.py", "contact/test_energies.py"),
     "core/quaternions": ("devices/test_orientation.py",),
