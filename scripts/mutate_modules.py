@@ -21,6 +21,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "core/ranges": ("test_ranges.py",),
     "core/rotations": ("devices/test_orientation.py",),
     "devices/adxl335/framing": ("devices/test_adxl335_framing.py",),
+    "devices/adxl335/gravity": ("devices/test_adxl335_gravity.py",),
     "devices/ati/calibration_file": ("devices/test_gauges.py",),
     "devices/ati/digital_registers": ("devices/test_digital_ft_codecs.py",),
     "devices/haptuator/drive": (
