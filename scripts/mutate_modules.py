@@ -56,6 +56,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
         "texture/test_segmentation.py",
         "texture/test_segmentation_online.py",
     ),
+    "texture/space/samples": ("texture/test_samples.py",),
 }
 """Modules of ``mmt``, each with its tests in ``tests``."""
 
