@@ -30,6 +30,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     ),
     "devices/haptuator/framing": ("devices/test_haptuator_framing.py",),
     "devices/labjack/packets": ("devices/test_labjack_packets.py",),
+    "devices/sensor_clock": ("devices/test_sensor_clock.py",),
     "devices/tool_load": ("devices/test_tool_load.py", "devices/test_tool_turning.py"),
     "devices/tool_turning": ("devices/test_tool_turning.py",),
     "devices/wrench": ("devices/test_ati_wrench.py",),
