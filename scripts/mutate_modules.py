@@ -52,6 +52,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     ),
     "texture/completion/criterion": ("texture/test_completion_by_uncertainty.py",),
     "texture/completion/distance": ("texture/test_completion.py",),
+    "texture/model/file": ("texture/test_model_file.py",),
     "texture/model/texture_model": ("texture/test_model.py", "texture/test_model_options.py"),
     "texture/segmentation/segmenter": (
         "texture/test_segmentation.py",
