@@ -14,15 +14,31 @@ LEAST_SHARE: Final = 0.9
 """Share of the changes that are to be noticed."""
 
 MODULES: Final[dict[str, tuple[str, ...]]] = {
+    "contact/least_squares": ("contact/test_least_squares.py",),
+    "contact/normal": ("contact/test_contact_steps.py",),
     "contact/passivity": ("contact/test_passivity.py", "contact/test_energies.py"),
     "core/bounds": ("test_bounds.py",),
     "core/frames": ("test_frames.py",),
     "core/guards": ("test_guards.py",),
+    "core/quaternions": ("devices/test_orientation.py",),
     "core/ranges": ("test_ranges.py",),
+    "core/rotations": ("devices/test_orientation.py",),
     "core/units": ("test_units.py",),
+    "devices/adxl335/framing": ("devices/test_adxl335_framing.py",),
+    "devices/adxl335/gravity": ("devices/test_adxl335_gravity.py",),
+    "devices/ati/calibration_file": ("devices/test_gauges.py",),
+    "devices/ati/digital_registers": ("devices/test_digital_ft_codecs.py",),
+    "devices/haptuator/drive": (
+        "devices/test_haptuator_level.py",
+        "devices/test_haptuator_signal.py",
+    ),
+    "devices/haptuator/framing": ("devices/test_haptuator_framing.py",),
+    "devices/labjack/packets": ("devices/test_labjack_packets.py",),
     "devices/plausibility": ("devices/test_plausibility.py",),
+    "devices/sensor_clock": ("devices/test_sensor_clock.py",),
     "devices/tool_load": ("devices/test_tool_load.py", "devices/test_tool_turning.py"),
     "devices/tool_turning": ("devices/test_tool_turning.py",),
+    "devices/wrench": ("devices/test_ati_wrench.py",),
     "follower/command_guard": ("follower/test_command_guard.py",),
     "follower/echoes": ("follower/test_echoes.py", "follower/test_command_guard.py"),
     "follower/guarded_source": ("follower/test_guarded_source.py",),
@@ -34,10 +50,10 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "leader/motion/feedback": ("leader/test_streamed_force.py",),
     "leader/motion/force_ramp": ("leader/test_force_ramp.py", "leader/test_streamed_force.py"),
     "leader/motion/hand_contact": ("leader/test_follower_contact.py",),
+    "leader/motion/slew": ("leader/test_slew.py",),
     "leader/numbering": ("leader/test_numbering.py",),
     "leader/output/concealment": ("leader/test_concealment.py",),
     "leader/output/playout": ("leader/test_playout.py",),
-    "leader/motion/slew": ("leader/test_slew.py",),
     "link/backfill": ("link/test_link_backfill_received.py", "link/test_link_backfill.py"),
     "link/packets": ("link/test_link_receiving.py", "link/test_link_other_clients.py"),
     "link/protocol": ("link/test_link_protocol.py",),
@@ -55,15 +71,19 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
         "session/test_session_stamps.py",
         "session/test_session_stock_reader.py",
     ),
+    "texture/completion/criterion": ("texture/test_completion_by_uncertainty.py",),
+    "texture/completion/distance": ("texture/test_completion.py",),
+    "texture/model/file": ("texture/test_model_file.py",),
     "texture/model/texture_model": ("texture/test_model.py", "texture/test_model_options.py"),
     "texture/segmentation/segmenter": (
         "texture/test_segmentation.py",
         "texture/test_segmentation_online.py",
     ),
+    "texture/space/samples": ("texture/test_samples.py",),
 }
 """Modules of ``mmt``, each with its tests in ``tests``."""
 
-_READ_BY_TESTS: Final = ("configs", "docs")
+_READ_BY_TESTS: Final = ("configs", "docs", "scripts/firmware")
 
 _SETTINGS: Final = """
 [tool.mutmut]

@@ -115,14 +115,10 @@ def samples(power: float) -> TextureSamples:
     return TextureSamples.isotropic(speed, force, lsf, np.full(3, 0.1 * power), np.full(3, power))
 
 
-def test_a_model_of_the_largest_power_is_finite_and_of_more_is_refused() -> None:
+def test_a_model_of_the_largest_power_is_finite() -> None:
     model = TextureModel(samples(LARGEST_POWER))
     assert np.isfinite(model.level_db([0.0, 100.0, 300.0], [0.0, 1.0, 3.0])).all()
     assert np.isfinite(model.spectrum(100.0, 1.0, frequencies_hz=np.arange(0.0, 500.0))).all()
-    for name in ("power", "variance"):
-        broken = replace(samples(1.0), **{name: np.array([1.0, 1.7e308, 1.0])})
-        with pytest.raises(InputError, match=rf"{name} must be finite, at most 1e\+300 and not"):
-            TextureModel(broken)
 
 
 @pytest.mark.parametrize("power", [1.1e12, 1e300, math.inf, math.nan])
@@ -139,12 +135,6 @@ def test_a_file_with_a_power_that_nothing_has_is_refused(name: str, power: float
 def test_the_rate_of_a_model_is_checked(rate_hz: float) -> None:
     with pytest.raises(InputError, match=r"rate_hz is .*, allowed is a finite number at least 1"):
         TextureModel(samples(1.0), rate_hz=rate_hz)
-
-
-@pytest.mark.parametrize("noise_power", [math.nan, -1.0, 1.7e308])
-def test_the_noise_of_samples_is_checked(noise_power: float) -> None:
-    with pytest.raises(InputError, match="noise_power is "):
-        TextureModel(replace(samples(1.0), noise_power=noise_power))
 
 
 @pytest.mark.parametrize(

@@ -172,6 +172,24 @@ def test_any_data_give_a_finite_model_that_never_pulls(data: list[tuple[float, f
         assert force_n >= 0.0
 
 
+@given(
+    st.floats(-5e-3, 5e-3),
+    st.floats(-1.0, 1.0),
+    st.sampled_from([0.5, 1.0, 1.5, 3.0]),
+    st.floats(0.0, 100.0),
+    st.floats(0.0, 2.0),
+    st.floats(0.0, 50.0),
+)
+def test_a_model_pushes_as_its_law_says(depth, speed, exponent, damping, dissipation, most) -> None:
+    model = ContactModel(-1e-3, 2e3, exponent, damping, dissipation)
+    place = depth - -1e-3
+    spring = 2e3 * max(place, 0.0) ** exponent
+    damped = spring + min(damping + dissipation * spring, most) * speed
+    assert model.spring_n(depth) == pytest.approx(spring)
+    assert model.force_n(depth, speed, most) == pytest.approx(max(damped, 0.0) if spring else 0.0)
+    assert model.stiffness_at(0.0) == model.stiffness_at(-1.0) == 2e3
+
+
 def test_the_slope_of_a_power_law_is_the_derivative_of_its_force() -> None:
     model = ContactModel(0.0, 4e4, 1.5)
     depth = 2e-3

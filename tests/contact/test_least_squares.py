@@ -54,6 +54,18 @@ def test_variances_stay_positive_and_bounded_whatever_comes(
         assert all(map(math.isfinite, estimate.parameters))
 
 
+@pytest.mark.parametrize("phi", [(0.1, 10.0, 0.0), (0.1, 0.0, 10.0), (0.0, 0.1, 10.0)])
+def test_a_variance_that_others_raise_begins_anew(phi: tuple[float, float, float]) -> None:
+    """One sample ties two parameters, and then nothing tells of either."""
+    initial = (1.0, 1.0, 1.0)
+    estimate = RecursiveLeastSquares(initial, noise_variance=0.01, forgetting=0.5)
+    estimate.update(phi, 3.0)
+    kept = estimate.parameters
+    for _ in range(60):
+        estimate.update((0.0, 0.0, 0.0), 0.0)
+    assert (estimate.variances(), estimate.parameters) == (initial, kept)
+
+
 @pytest.mark.parametrize("phi", [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (3.0, 0.0, 1.0)])
 def test_the_same_sample_for_ever_does_not_wind_it_up(phi: tuple[float, float, float]) -> None:
     estimate = RecursiveLeastSquares((10.0, 10.0, 10.0), noise_variance=0.01, forgetting=0.9)

@@ -120,32 +120,42 @@ def one(sequence: int, time_us: int, n: int = 1) -> BoardFrame:
     return BoardFrame(sequence % 2**32, time_us % 2**32, ((1, 2, 3),) * n)
 
 
-def test_counters_wrap_without_a_jump() -> None:
-    timeline = Timeline()
-    start = 2**32 - 5000
-    times = [t for k in range(10) for t, _ in timeline.place(one(start + k, start + 1000 * k))]
-    assert times == [(start + 1000 * k) * 1000 for k in range(10)]
-    assert not timeline.faults.total()
-
-
-def test_samples_of_a_frame_lie_evenly_and_lost_ones_are_counted() -> None:
-    timeline = Timeline()
-    timeline.place(one(4, 4000, 4))
-    placed = timeline.place(one(12, 12_000, 4))
-    assert [t for t, _ in placed] == [9_000_000, 10_000_000, 11_000_000, 12_000_000]
-    assert timeline.faults["lost samples"] == 4
+@given(
+    st.integers(1, 4000),
+    st.lists(st.tuples(st.integers(0, 50) | st.just(2**20), st.integers(1, 32)), max_size=30),
+)
+def test_every_sample_has_its_own_time_and_lost_ones_are_counted(
+    period_us: int, steps: list[tuple[int, int]]
+) -> None:
+    """Also where a counter wraps."""
+    timeline, start, number, lost = Timeline(), 2**32 - 100, 0, 0
+    timeline.place(one(start, start))
+    for step, n in steps:
+        before, number = number, number + step
+        samples = [(k % 2**16, 1, 2) for k in range(number - n + 1, number + 1)]
+        last = one(start + number, start + period_us * number)
+        placed = timeline.place(last._replace(samples=tuple(samples)))
+        assert placed == tuple(
+            ((start + period_us * k) * 1000, (k % 2**16, 1, 2))
+            for k in range(max(before, number - n) + 1, number + 1)
+        )
+        lost += max(0, step - n)
+    assert timeline.faults["lost samples"] == lost
+    assert timeline.faults["repeated frames"] == [step for step, _ in steps].count(0)
+    assert not timeline.faults["restarts"]
 
 
 def test_a_repeated_frame_is_left_out_and_a_restart_goes_on_in_time() -> None:
-    timeline = Timeline()
-    timeline.place(one(500_000, 10**9))
+    timeline, samples = Timeline(), ((7, 8, 9), (1, 2, 3))
+    begun = timeline.place(BoardFrame(500_000, 10**9, samples))
+    assert begun == ((10**12, (1, 2, 3)),)
     assert timeline.place(one(500_000, 10**9)) == ()
-    (restarted, _), *none = timeline.place(one(1, 1000))
-    ((following, _),) = timeline.place(one(2, 2000))
-    assert none == []
-    assert restarted > 10**12
+    ((restarted, sample),) = timeline.place(BoardFrame(500_000 + 2**20 + 1, 1000, samples))
+    assert (restarted, sample) == (10**12 + 10**6, (1, 2, 3))
+    (*_, (following, _)) = timeline.place(one(500_000 + 2**20 + 2, 2000, 2))
     assert following - restarted == 1_000_000
-    assert timeline.faults["restarts"] == timeline.faults["repeated frames"] == 1
+    assert timeline.place(one(1, 1000))[0][0] > following
+    assert timeline.faults == {"repeated frames": 1, "restarts": 2}
 
 
 @given(st.lists(st.tuples(st.integers(1, 1000), st.integers(1, 10**6), st.integers(1, 32))))

@@ -1,10 +1,11 @@
 """Calibration by gravity: what was put in comes out, and each mistake is told apart."""
 
 import math
+import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
@@ -105,17 +106,64 @@ def test_swapped_orientations_are_told() -> None:
 
 
 def test_a_slant_is_told() -> None:
-    a = math.radians(12)
-    slant = [GRAVITY_M_S2 * math.cos(a), GRAVITY_M_S2 * math.sin(a), 0.0]
-    message = refused([*(six() | {"+x": rest("+x", acceleration=slant)}).values()])
-    assert "with +x up, y is" in message
+    def slanted(degrees: float) -> list[Rest]:
+        x, y = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+        slant = [GRAVITY_M_S2 * x, GRAVITY_M_S2 * y, 0.0]
+        return [*(six() | {"+x": rest("+x", acceleration=slant)}).values()]
+
+    # the line of six rests takes a sixth of what one is off
+    residual = calibrate(slanted(6.8), 3.3).residual_m_s2
+    assert residual == pytest.approx(5 / 6 * GRAVITY_M_S2 * math.sin(math.radians(6.8)))
+    message = refused(slanted(7.0))
+    assert "with +x up, y is 1.00 m/s2 off its line" in message
     assert "at a slant" in message
 
 
 def test_another_supply_than_the_options_say_is_told() -> None:
-    assert "check the options for supply" in refused([*six().values()], supply_v=2.0)
+    message = refused([*six().values()], supply_v=2.0)
+    assert "x gives 0.338 V per g where a supply of 2 V means 0.200: check the options" in message
     far = GravityCalibration((2.3, 1.65, 1.65), nominal(3.3).gain_v_per_m_s2)
-    assert "2.300 V at zero g" in refused([rest(up, far) for up in UPS])
+    assert "2.300 V at zero g where a supply of 3.3 V means 1.650: check" in refused(
+        [rest(up, far) for up in UPS]
+    )
+
+
+def changed(axis: int, off_g: float, gain: float) -> GravityCalibration:
+    """Return the data sheet's values with another zero and gain of one axis."""
+    zero_v, gains = map(list, nominal(3.3)[:2])
+    zero_v[axis] += 0.33 * off_g
+    gains[axis] *= gain
+    return GravityCalibration(tuple(zero_v), tuple(gains))
+
+
+axes = st.integers(0, 2)
+
+
+@given(
+    axes,
+    st.tuples(st.floats(-2.0, 2.0), st.just(1.0), st.just(0.0))
+    | st.tuples(st.just(0.0), st.floats(0.5, 1.5), st.just(0.0))
+    | st.tuples(st.just(0.0), st.just(1.0), st.floats(0.0, 0.2)),
+)
+def test_a_zero_a_gain_and_a_tremor_have_their_bounds(axis, case) -> None:
+    off_g, gain, tremor_g = case
+    beyond = max(abs(off_g) / 1.2, abs(gain - 1.0) / 0.2, tremor_g / 0.1)
+    assume(abs(beyond - 1.0) > 1e-9)
+    spread = tuple(0.33 * tremor_g if axis == k else 0.0 for k in range(3))
+    rests = [rest(up, changed(axis, off_g, gain), spread=spread) for up in UPS]
+    if beyond < 1.0:
+        assert calibrate(rests, 3.3).residual_m_s2 < 1e-6
+    else:
+        assert re.search(f"^{'xyz'[axis]} gives|was not at rest", refused(rests))
+
+
+@given(axes, st.floats(-1.0, 1.0), st.floats(0.96, 1.04), st.booleans())
+def test_a_change_is_told_from_half_a_metre_or_two_percent(axis, zero_m_s2, gain, of_gain) -> None:
+    zero_m_s2, gain = (0.0, gain) if of_gain else (zero_m_s2, 1.0)
+    assume(abs(abs(zero_m_s2) - 0.5) > 1e-9 and abs(abs(gain - 1.0) - 0.02) > 1e-9)
+    told = changes(changed(axis, zero_m_s2 / GRAVITY_M_S2, gain), nominal(3.3))
+    assert len(told) == (abs(zero_m_s2) > 0.5 or abs(gain - 1.0) > 0.02)
+    assert all(sentence.startswith(f"{'xyz'[axis]}: zero moved by") for sentence in told)
 
 
 def test_what_changed_is_told_by_axis() -> None:
@@ -127,7 +175,11 @@ def test_what_changed_is_told_by_axis() -> None:
 
 
 def test_what_is_stored_comes_back() -> None:
-    assert from_dict(TRUE.as_dict()) == TRUE
+    edges = GravityCalibration((-999.0, 0.0, 999.0), (2e-6, 1.0, 999.0), 0.5)
+    for stored in (TRUE, nominal(3.3), edges):
+        assert from_dict(stored.as_dict()) == stored
+    rests = [*six().values()]
+    assert rests_from([each._asdict() for each in rests]) == rests
 
 
 @pytest.mark.parametrize(
@@ -136,7 +188,9 @@ def test_what_is_stored_comes_back() -> None:
         {},
         TRUE.as_dict() | {"zero_v": [1, 2]},
         TRUE.as_dict() | {"zero_v": [1, 2, math.nan]},
-        TRUE.as_dict() | {"gain_v_per_m_s2": [0.03, 0.0, 0.03]},
+        TRUE.as_dict() | {"zero_v": [1, -1000.0, 2]},
+        TRUE.as_dict() | {"gain_v_per_m_s2": [0.03, 1e-6, 0.03]},
+        TRUE.as_dict() | {"gain_v_per_m_s2": [0.03, 0.03, 1000.0]},
         TRUE.as_dict() | {"gain_v_per_m_s2": "abc"},
     ],
 )
@@ -156,5 +210,5 @@ def test_a_stored_calibration_is_not_trusted(content) -> None:
     ],
 )
 def test_recorded_rests_are_not_trusted(content) -> None:
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match=r"rests must be a list of|'up' must be one of"):
         rests_from(content)

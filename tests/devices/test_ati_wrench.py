@@ -56,18 +56,25 @@ def test_overload_is_counted_by_force_and_by_torque():
     assert tested.force((0.0, 0.0, 0.0, 0.0, -121.0, 0.0)) == (0.0, 0.0, 0.0)
     assert tested.force((12.0, -12.0, 17.0, 120.0, 120.0, -120.0)) is not None
     assert tested.overloads == 2
+    tested = converter(matrix_of([[0.5, 0.5, 0.0, 0.0, 0.0, 0.0], *[[0.0] * 6] * 5]))
+    assert tested.force((20.0, 4.0, 0.0, 0.0, 0.0, 0.0)) == (12.0, 0.0, 0.0)
+    assert tested.overloads == 0
+    assert tested.force((80.0, 16.0, 0.0, 0.0, 0.0, 0.0)) == (48.0, 0.0, 0.0)
+    assert (tested.overloads, tested.impossible) == (1, 0)
 
 
 @given(
     st.lists(st.lists(SOME, min_size=6, max_size=6), min_size=6, max_size=6),
     st.lists(SOME, min_size=6, max_size=6),
-    st.sampled_from([0.0, 1e-300, 1.0, 3.0, 10.0, 1e3, 1e200, math.inf]),
+    st.sampled_from([0.0, 0.5, 0.99, 1.01, 1.5, 3.0, 3.99, 4.01, 6.0, 1e200, math.inf]),
     st.booleans(),
 )
-def test_what_is_beyond_the_range_is_found_for_every_matrix(matrix, direction, scale, diagonally):
+def test_what_is_beyond_the_range_is_found_for_every_matrix(matrix, direction, share, diagonally):
     """The oracle is the whole wrench, part by part."""
     matrix = np.diag(np.diag(matrix)) if diagonally else np.array(matrix)
-    raw = tuple(scale * each if each else 0.0 for each in direction)
+    size = (np.abs(matrix @ direction) / (*RANGE_N, *RANGE_N_MM)).max()
+    assume(size > 1e-6)
+    raw = tuple(float(share / size * each) if each else 0.0 for each in direction)
     with np.errstate(invalid="ignore"):
         shares = np.abs([sum(row * raw) for row in matrix]) / (*RANGE_N, *RANGE_N_MM)
     largest = np.nan if np.isnan(shares).any() else shares.max()
@@ -81,16 +88,26 @@ def test_what_is_beyond_the_range_is_found_for_every_matrix(matrix, direction, s
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300, 49.0])
 def test_an_impossible_value_is_left_out(value):
     tested = converter()
-    assert tested.force((value, 0.0, 0.0, 0.0, 0.0, 0.0)) is None
-    assert (tested.impossible, tested.overloads) == (1, 0)
+    for count in (1, 2):
+        assert tested.force((value, 0.0, 0.0, 0.0, 0.0, 0.0)) is None
+        assert (tested.impossible, tested.overloads) == (count, 0)
 
 
-def test_a_moving_tool_gives_no_bias():
+@given(st.integers(0, 2), st.floats(0.0, 0.1))
+def test_a_tool_that_moves_by_two_percent_of_the_range_gives_no_bias(axis, share):
+    assume(abs(share - 0.02) > 1e-9)
     tested = converter()
-    moving = [(0.0, 0.0, 5.0 * math.sin(i), 0.0, 0.0, 0.0) for i in range(50)]
-    with pytest.raises(MmtError, match=r"Nano: Fz moves by .* hang free and at rest"):
-        tested.take_bias(moving, "Nano")
-    assert tested.bias == (0.0,) * 6
+    ends = [[0.5 * (k != axis) for k in range(6)] for _ in range(2)]
+    ends[0][axis], ends[1][axis] = share * RANGE_N[axis], -share * RANGE_N[axis]
+    records = [tuple(end) for end in ends] * 4
+    if share < 0.02:
+        tested.take_bias(records, "Nano")
+        assert tested.bias == pytest.approx([0.5 * (k != axis) for k in range(6)])
+    else:
+        words = f"Nano: F{'xyz'[axis]} moves by .*: let the tool hang free and at rest"
+        with pytest.raises(MmtError, match=words):
+            tested.take_bias(records, "Nano")
+        assert tested.bias == (0.0,) * 6
 
 
 def test_the_bias_is_the_mean():
@@ -100,10 +117,13 @@ def test_the_bias_is_the_mean():
     assert tested.force((1.2, 0, 0, 0, 0, 0)) == pytest.approx((1.0, 0.0, 0.0))
 
 
-@pytest.mark.parametrize("rows", [[], [[1.0] * 6] * 5, [[1.0] * 5] * 6, [[math.nan] * 6] * 6])
+@pytest.mark.parametrize("rows", [[], [[1.0] * 6] * 5, [[1.0] * 5] * 6, [[1.0] * 7] * 6])
 def test_a_matrix_must_be_six_by_six_and_finite(rows):
-    with pytest.raises(ValueError, match="it "):
+    with pytest.raises(ValueError, match=r"^it is not 6 x 6"):
         matrix_of(rows)
+    with pytest.raises(ValueError, match="not finite"):
+        matrix_of([*np.eye(5, 6).tolist(), [1.0] * 5 + [math.nan]])
+    np.testing.assert_array_equal(diagonal(2.0, 3.0), np.diag([2.0] * 3 + [3.0] * 3))
 
 
 @pytest.mark.parametrize(

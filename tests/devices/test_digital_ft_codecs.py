@@ -9,7 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.errors import MmtError
+from mmt.devices.ati.calibration import force_in_newton, torque_in_newton_mm
 from mmt.devices.ati.digital_registers import (
+    FORCE_UNITS,
+    TORQUE_UNITS,
     calibration_start,
     explain_status,
     pack_calibration,
@@ -86,27 +89,39 @@ def test_a_calibration_is_read_from_its_registers():
     assert registers[104] == 0x0204
     assert registers[117:121] == [0, 1000, 0, 500]
     stored = parse_calibration(registers, "sensor")
-    assert stored.calibration.serial == "FT1"
-    assert stored.calibration.part == "SI-12"
-    assert stored.calibration.range_n == (12.0, 12.0, 17.0)
-    assert stored.matrix[1][0] == pytest.approx(6 / 1000)
-    assert stored.matrix[5][5] == pytest.approx(35 / 500)
     assert (stored.gains, stored.offsets) == (tuple(range(6)), tuple(range(6, 12)))
 
 
-def test_other_units_of_a_calibration_are_converted():
-    stored = parse_calibration(packed(units=(1, 3)), "sensor")
-    assert stored.matrix[1][0] == pytest.approx(6 / 1000 * 4.4482216)
-    assert stored.calibration.range_n_mm == pytest.approx((120_000.0,) * 3)
+@given(
+    st.text("FT0189", max_size=8),
+    st.text("SI-0.12", max_size=32),
+    st.tuples(st.integers(1, 6), st.integers(1, 6)),
+    st.tuples(*[st.integers(1, 2**31 - 1)] * 2),
+    st.lists(st.floats(2**-9, 1e6, width=32), min_size=42, max_size=42),
+)
+def test_a_calibration_comes_back_in_newton_and_newton_mm(serial, part, units, counts, values):
+    rows, ranges = np.reshape(values[:36], (6, 6)), np.array(values[36:])
+    registers = pack_calibration(serial, part, rows, units, ranges, counts, range(6), range(6, 12))
+    stored = parse_calibration(registers, "sensor")
+    force, torque = FORCE_UNITS[units[0] - 1], TORQUE_UNITS[units[1] - 1]
+    scales = np.repeat([force_in_newton(force, ""), torque_in_newton_mm(torque, "")], 3)
+    np.testing.assert_allclose(stored.matrix, (rows.T * scales / np.repeat(counts, 3)).T)
+    found = stored.calibration
+    assert (found.serial, found.part, found.force_unit) == (serial, part, force)
+    np.testing.assert_allclose((*found.range_n, *found.range_n_mm), ranges * scales)
 
 
 @pytest.mark.parametrize(
     "wrong",
     [
         {"units": (0, 4)},
+        {"units": (7, 4)},
+        {"units": (2, 0)},
         {"units": (2, 7)},
         {"counts": (0, 1)},
+        {"counts": (1000, -1)},
         {"ranges": (12, math.nan, 17, 120, 120, 120)},
+        {"ranges": (12, 12, 17, 120, math.inf, 120)},
         {"ranges": (12, 12, 17, 120, 120, 0)},
     ],
 )
@@ -115,6 +130,10 @@ def test_an_empty_calibration_is_explained(wrong):
         parse_calibration(packed(**wrong), "sensor")
     with pytest.raises(MmtError, match="change 'calibration_number'"):
         parse_calibration([0xFFFF] * 168, "sensor")
+    endless = packed()
+    endless[32:34] = 0x7F80, 0
+    with pytest.raises(MmtError, match="sensor: the matrix of this calibration cannot be used"):
+        parse_calibration(endless, "sensor")
 
 
 def test_the_status_is_explained():

@@ -62,9 +62,21 @@ def test_the_user_axes_are_the_matrix():
     np.testing.assert_allclose(loaded.matrix, ROWS)
     assert loaded.calibration.serial == "FT00019"
     assert loaded.calibration.part == "SI-12-0.12"
+    assert loaded.calibration.force_unit == "N"
     assert loaded.calibration.range_n == (12.0, 12.0, 17.0)
     assert loaded.calibration.range_n_mm == (120.0, 120.0, 120.0)
     assert loaded.output_v == 10.0
+
+
+def test_what_a_file_leaves_out_has_its_usual_value():
+    for usual in (' OutputRange="20"', ' GainMultiplier="1"', ' OutputBipolar="True"'):
+        whole = cal_file(ranges=(0.5, 1, 1, 1, 1, 1))
+        assert parse_calibration_file(whole.replace(usual.encode(), b"")) == (
+            parse_calibration_file(whole)
+        )
+    nameless = re.sub(rb' (Serial|PartNumber)="[^"]*"', b"", cal_file())
+    loaded = parse_calibration_file(nameless.replace(b'"True"', b'"False"'))
+    assert (loaded.calibration.serial, loaded.calibration.part, loaded.output_v) == ("", "", 20.0)
 
 
 def test_other_units_are_converted():
@@ -74,38 +86,59 @@ def test_other_units_are_converted():
 
 
 @pytest.mark.parametrize(
-    ("units", "millimetres_a_unit", "newton_mm"),
-    [(("N", "N-mm", "mm"), 1, 1), (("N", "N-m", "m"), 1e3, 1e3)],
+    ("units", "millimetres_a_unit", "newton", "newton_mm"),
+    [(("N", "N-mm", "mm"), 1, 1, 1), (("kN", "N-m", "m"), 1e3, 1e3, 1e3)],
 )
 def test_a_file_without_user_axes_gives_the_matrix_at_the_displaced_origin(
-    units, millimetres_a_unit, newton_mm
+    units, millimetres_a_unit, newton, newton_mm
 ):
     displaced = np.array([0.3, -0.2, 6.096])
-    scales = np.array([11.4, 11.4, 5.9, 1.8, 1.8, 1.6])
+    scales = np.array([11.4, 11.4, 5.9, 1.0, 1.8, 1.6])
     axes = "".join(
         f'<Axis Name="{name}" values="{values(row * scale)}" max="12" scale="{scale}"/>'
         for name, row, scale in zip(NAMES, ROWS, scales, strict=True)
     )
     dx, dy, dz = displaced / millimetres_a_unit
-    axes += f'<BasicTransform Dx="{dx}" Dy="{dy}" Dz="{dz}" Rx="0" Ry="0" Rz="0"/>'
-    loaded = parse_calibration_file(cal_file(axes, units=units))
-    forces, torques = ROWS[:3], newton_mm * ROWS[3:]
-    moved = torques - np.cross(displaced, forces.T).T
-    np.testing.assert_allclose(loaded.matrix[:3], forces, rtol=1e-7)
-    np.testing.assert_allclose(loaded.matrix[3:], moved, rtol=1e-6)
+    forces, torques = newton * ROWS[:3], newton_mm * ROWS[3:]
+    for moves, by in (
+        (f'<BasicTransform Dx="{dx}" Dy="{dy}" Dz="{dz}" Rx="0" Ry="0" Rz="0"/>', displaced),
+        ("", (0, 0, 0)),
+        ("<BasicTransform/>", (0, 0, 0)),
+    ):
+        loaded = parse_calibration_file(cal_file(axes + moves, units=units))
+        moved = torques - np.cross(by, forces.T).T
+        np.testing.assert_allclose(loaded.matrix[:3], forces, rtol=1e-7)
+        np.testing.assert_allclose(loaded.matrix[3:], moved, rtol=1e-6)
+    for wrong, words in (
+        (axes.replace('"1.0"', '"0"'), "scale of Tx is zero"),
+        (axes.replace(' scale="11.4"', ""), "scale of Fx is '', not a finite number"),
+        (axes + '<BasicTransform Rx="1"/>', "BasicTransform turns the axes"),
+        (axes + '<BasicTransform Ry="1"/>', "BasicTransform turns the axes"),
+        (axes + '<BasicTransform Rz="1"/>', "BasicTransform turns the axes"),
+    ):
+        with pytest.raises(InputError, match=words):
+            parse_calibration_file(cal_file(wrong, units=units))
+    with pytest.raises(InputError, match="the file: the unit of length 'stone'"):
+        parse_calibration_file(cal_file(axes + moves, units=(*units[:2], "stone")))
 
 
 @pytest.mark.parametrize(
     ("content", "words"),
     [
         (b"", "it is no XML"),
-        (b"<html></html>", "no .cal file by ATI"),
+        (b"<FTSensor></FTSensor>", "no .cal file by ATI"),
+        (b"<html><Calibration/></html>", "no .cal file by ATI"),
         (cal_file("<Nothing/>"), "neither UserAxis nor Axis"),
         (cal_file('<UserAxis Name="Fx" values="1 2 3 4 5 6" max="1"/>'), "no UserAxis for Fy, Fz"),
         (cal_file().replace(b"0.02 ", b"", 1), "Fx has 5 values, six are expected"),
         (cal_file().replace(b"0.02 ", b"x ", 1), "values of Fx is 'x', not a finite number"),
         (cal_file(ranges=(0, 1, 1, 1, 1, 1)), "not above zero"),
-        (cal_file(units=("stone", "N-mm", "mm")), "unit of force 'stone' is not known"),
+        (cal_file(units=("stone", "N-mm", "mm")), "the file: the unit of force 'stone'"),
+        (cal_file(units=("N", "stone", "mm")), "the file: the unit of torque 'stone'"),
+        (cal_file(units=("N", "", "mm")), "has no TorqueUnits"),
+        (cal_file().replace(b' max="17"', b""), "max of Fz is '', not a finite number"),
+        (re.sub(rb'values="[^"]*"', b"", cal_file()), "Fx has 0 values"),
+        (cal_file(units=("kN", "N-mm", "m")).replace(b"0.02 ", b"1e308 "), "matrix cannot be used"),
         (cal_file(units=("", "N-mm", "mm")), "has no ForceUnits"),
         (cal_file(gain="2"), "GainMultiplier is not 1"),
     ],
@@ -120,7 +153,8 @@ def test_every_number_of_a_file_must_be_finite(place, word):
     head, output, rest = cal_file().partition(b"OutputRange=")
     numbers = list(re.finditer(rb"(?<=[\" ])-?[\d.]+(?=[\" ])", rest))
     begin, end = numbers[place % len(numbers)].span()
-    with pytest.raises(InputError, match="not a finite number"):
+    key = "(max|values) of [FT][xyz]|OutputRange|GainMultiplier"
+    with pytest.raises(InputError, match=f"its ({key}) is '.*', not a finite number"):
         parse_calibration_file(head + output + rest[:begin] + word + rest[end:])
 
 
@@ -128,8 +162,13 @@ def test_a_file_that_is_missing_or_too_large_is_explained(tmp_path):
     with pytest.raises(InputError, match=r"none.cal: No such file"):
         load_calibration_file(tmp_path / "none.cal")
     large = tmp_path / "large.cal"
-    large.write_bytes(bytes(2 << 20))
-    with pytest.raises(InputError, match="over 1 MiB"):
+    large.write_bytes(cal_file().ljust(1 << 20))
+    assert load_calibration_file(large).output_v == 10.0
+    large.write_bytes(cal_file().ljust((1 << 20) + 1))
+    with pytest.raises(InputError, match=r"calibration .*large.cal: over 1 MiB"):
+        load_calibration_file(large)
+    large.write_bytes(b"")
+    with pytest.raises(InputError, match=r"calibration .*large.cal: it is no XML"):
         load_calibration_file(large)
 
 

@@ -103,6 +103,7 @@ def test_the_band_begins_where_the_actuator_can_still_be_raised(
     store_level(fitted, "C1")
     drive = VoltageDrive(HaptuatorOptions(serial="C1", full_scale_v=50.0, limit_v=50.0), 1000.0)
     assert drive.low_hz == pytest.approx(fitted.low_hz)
+    assert drive.gain(np.array([fitted.response_hz[0] - 0.1])) == 0.0
     # what is told of the way to the skin is what a texture's noise makes of it
     sos = signal.butter(2, [40.0, 160.0], "bandpass", fs=1000.0, output="sos")
     texture = signal.sosfilt(sos, np.random.default_rng(5).normal(size=60_000))
@@ -241,9 +242,10 @@ def test_an_equaliser_is_stored_whole(home: Path) -> None:
     fitted = Equaliser(
         0.2, (1.0, -0.5), 55.0, (50.0,), (9.0,), unevenness_db=3.0, remaining_db=0.1, coherence=0.99
     )
-    path = store_level(fitted, "B")
+    path = store_level(fitted, "B", home / "other")
+    assert home / "other" in path.parents
     assert json.loads(path.read_text())["taps"] == [1.0, -0.5]
-    level = level_of(HaptuatorOptions(serial="B", full_scale_v=6.0))
+    level = level_of(HaptuatorOptions(serial="B", full_scale_v=6.0), home / "other")
     assert asdict(level).items() <= asdict(fitted).items()
 
 

@@ -17,6 +17,7 @@ from mmt.devices.haptuator.drive import VoltageDrive
 from mmt.devices.haptuator.equaliser import ActuatorLevel
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.resampling import AFTER, BEFORE, SampleRing, tap_table
+from mmt.devices.protocols import ActuatorStatistics
 
 
 def drive(**changes: float) -> VoltageDrive:
@@ -43,15 +44,18 @@ def test_the_voltage_is_that_of_scipys_filters_scaled() -> None:
 def test_an_equaliser_is_the_same_however_samples_come(
     counts: list[int], taps: int, rate_hz: float
 ) -> None:
-    """One by one, many at a time, or none."""
+    """One by one, many at a time, or none; and with half the taps at twice the level."""
     random = np.random.default_rng(taps)
     level = ActuatorLevel(0.1, (1.0, *random.normal(0.0, 0.02, taps - 1).tolist()))
     options = HaptuatorOptions(volts_per_m_s2=0.1, full_scale_v=6.0, low_hz=20.0)
-    pieces, whole = (VoltageDrive(options, rate_hz, level) for _ in range(2))
+    other = ActuatorLevel(0.2, tuple(0.5 * tap for tap in level.taps))
+    pieces, whole, halved = (VoltageDrive(options, rate_hz, each) for each in (level, level, other))
     samples = random.normal(0.0, 1.0, sum(counts))
     parts = np.split(samples, np.cumsum(counts)) if counts else []
     found = [volts for part in parts for volts in pieces.convert(part)]
-    np.testing.assert_allclose(found, whole.convert(samples), atol=1e-12)
+    expected = whole.convert(samples)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    np.testing.assert_allclose(halved.convert(samples), expected, atol=1e-9)
 
 
 @settings(max_examples=50, deadline=None)
@@ -74,8 +78,10 @@ def test_no_voltage_is_ever_beyond_the_limit(
 
 def test_what_is_cut_or_not_finite_is_counted() -> None:
     volts = drive()
-    played = volts.convert([100.0, -100.0] * 50 + [math.nan, math.inf])
+    assert volts.statistics == ActuatorStatistics(0, 0, 0.0, 0.0)
+    played = volts.convert([100.0, -100.0] * 50) + volts.convert([math.nan, math.inf])
     statistics = volts.statistics
+    assert statistics.samples == 102
     assert max(played) == pytest.approx(3.0)
     assert statistics.clipped == sum(abs(value) == 3.0 for value in played) + 2
     assert statistics.peak_m_s2 == 100.0

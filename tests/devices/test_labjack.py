@@ -1,6 +1,5 @@
-"""A LabJack U6: its packets, its calibration, its stream through pyusb, and the accelerometer."""
+"""A LabJack U6: its calibration, its stream through pyusb, and the accelerometer."""
 
-import contextlib
 import logging
 import time
 from collections.abc import Callable, Iterator
@@ -9,8 +8,6 @@ from types import SimpleNamespace
 
 import pytest
 import usb.core
-from hypothesis import given
-from hypothesis import strategies as st
 from nano17_files import write_calibration
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
@@ -18,83 +15,9 @@ from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
 from mmt.devices.drivers import load_device
 from mmt.devices.labjack import packets, usb_link
 from mmt.devices.labjack.board import U6Voltages
-from mmt.devices.labjack.packets import (
-    AnalogInput,
-    StreamPacket,
-    decode_stream,
-    encode_stream,
-    plan,
-)
+from mmt.devices.labjack.packets import AnalogInput, plan
 from mmt.devices.labjack.scans import CentredLines, nominal_lines, read_lines, write_lines
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
-
-u16 = st.integers(0, 2**16 - 1)
-
-# --- packets
-
-
-def test_commands_are_those_of_the_vendors_library() -> None:
-    # setChecksum of LabJackPython gives this one in its documentation.
-    assert list(packets.command(0x0B, bytes(6))) == [7, 248, 3, 11, 0, 0, 0, 0, 0, 0, 0, 0]
-    channels = (AnalogInput(0), AnalogInput(4, 10), AnalogInput(2, 1000, differential=True))
-    sent = packets.stream_config(plan(channels, 1000.0))
-    assert len(sent) == 14 + 2 * 3
-    assert sent[1:4] == bytes((0xF8, 7, 0x11))
-    assert sent[6:12] == bytes((3, 1, 3, 0, 0, 0x08))
-    assert int.from_bytes(sent[12:14], "little") == 48_000
-    assert sent[14:] == bytes((0, 0x00, 4, 0x10, 2, 0x80 | 0x30))
-
-
-def test_checksums_are_folded_twice() -> None:
-    assert packets.checksum8(b"") == 0
-    assert packets.checksum8(b"\xff" * 5) == 0xFF  # 0x4FB
-    assert packets.checksum8(b"\x80\xff\x80") == 1  # 0x1FF, then 0x100
-
-
-@given(
-    st.integers(0, 255),
-    st.sampled_from([0, 59, 55]),
-    st.lists(u16, min_size=1, max_size=25).map(tuple),
-    st.data(),
-)
-def test_streamed_packets_come_back_and_spoilt_ones_do_not(counter, error, samples, data) -> None:
-    packet = StreamPacket(counter, error, 0, samples)
-    wire = encode_stream(packet)
-    assert len(wire) == 14 + 2 * len(samples)
-    assert decode_stream(wire, len(samples)) == packet
-    at, bit = data.draw(st.integers(0, len(wire) - 1)), data.draw(st.integers(0, 7))
-    flipped = wire[:at] + bytes((wire[at] ^ (1 << bit),)) + wire[at + 1 :]
-    assert decode_stream(flipped, len(samples)) is None
-    assert decode_stream(wire[:at], len(samples)) is None
-
-
-@given(st.binary(max_size=64))
-def test_any_bytes_are_read_or_refused(content: bytes) -> None:
-    decode_stream(content, 3)
-    for read in (
-        lambda: packets.read_reply(content, 8),
-        lambda: packets.read_short_reply(content, packets.START_STREAM),
-    ):
-        with contextlib.suppress(ValueError):
-            read()
-
-
-def test_an_error_in_a_reply_is_a_sentence() -> None:
-    with pytest.raises(ValueError, match="error 50: the configuration is not valid"):
-        packets.read_reply(packets.command(0x11, bytes((50, 0))), 0x11)
-    with pytest.raises(ValueError, match="spoilt command"):
-        packets.read_reply(packets.BAD_CHECKSUM, 0x11)
-
-
-@pytest.mark.parametrize("rate_hz", [100.0, 732.0, 733.0, 1000.0, 4000.0, 16_666.0])
-@pytest.mark.parametrize("number", [1, 3, 9, 14])
-def test_the_planned_rate_is_the_wanted_one(rate_hz: float, number: int) -> None:
-    scanning = plan([AnalogInput(n) for n in range(number)], rate_hz)
-    assert 1 <= scanning.interval <= 65535
-    assert scanning.samples_per_packet <= packets.MOST_SAMPLES
-    assert scanning.clock_hz / scanning.interval == pytest.approx(rate_hz, rel=1e-4)
-    assert scanning.time_ns(10**9) == pytest.approx(1e18 / rate_hz, rel=1e-4)
-
 
 # --- calibration
 

@@ -52,10 +52,12 @@ class Arm(Instrument):
 def test_quaternions_are_those_of_an_independent_library(a: Any, b: Any) -> None:
     first, second = Rotation.from_rotvec(a), Rotation.from_rotvec(b)
     assert alike(rotation(quaternion_of_vector(a)), first)
-    assert alike(rotation(quaternion_of_axes(*map(tuple, first.as_matrix().T))), first)
+    of_axes = quaternion_of_axes(*map(tuple, first.as_matrix().T))
+    assert alike(rotation(of_axes), first)
+    assert math.hypot(*of_axes) == pytest.approx(1.0)
     both = product(quaternion_of_vector(b), quaternion_of_vector(a))
     assert alike(rotation(both), second * first)
-    assert unit_quaternion(both) == pytest.approx(both)
+    assert unit_quaternion([1.009 * each for each in both]) == pytest.approx(both)
     matrices = rotation_matrices(np.array([both]))
     np.testing.assert_allclose(matrices, [(second * first).as_matrix()], atol=1e-12)
 
@@ -160,8 +162,9 @@ def test_every_vector_of_a_frame_is_turned(samples: int, turns: list[Any], seed:
         for field in ("force_n", "acceleration_m_s2"):
             expected = turn.apply(before[field][row].reshape(-1, 3))
             np.testing.assert_allclose(frames[field][row].reshape(-1, 3), expected, atol=1e-5)
-    flipped = without_flips(np.array([[1.0, 0, 0, 0], [-2.0, 0, 0, 0], [0.6, 0.8, 0, 0]]))
-    np.testing.assert_allclose(flipped, [[1, 0, 0, 0], [1, 0, 0, 0], [0.6, 0.8, 0, 0]], atol=1e-12)
+    unit, turned, end = [1.0, 0.0, 0.0, 0.0], [0.6, 0.8, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]
+    flipped = without_flips(np.array([unit, [-2.0, 0.0, 0.0, 0.0], turned, [0.0, 0.5, 0.0, 0.0]]))
+    np.testing.assert_allclose(flipped, [unit, unit, turned, end], atol=1e-12)
 
 
 def test_who_cannot_give_an_orientation_is_told_who_can() -> None:

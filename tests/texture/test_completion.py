@@ -15,6 +15,8 @@ from mmt.texture.completion.distance import (
     CompletionMonitor,
     cell_distances,
     distance_sum,
+    middles,
+    reachable_centres,
 )
 from mmt.texture.settings import DISTANCES, ModellingSettings
 
@@ -22,6 +24,10 @@ PUBLISHED = ModellingSettings(method="published")
 SPACES = pytest.mark.parametrize(
     ("cells", "largest"), [(PLANE_CELLS, [1.0, 1.0]), (VELOCITY_CELLS, [0.7, -0.7, 1.0])]
 )
+
+
+def test_a_range_has_the_middles_of_its_parts() -> None:
+    np.testing.assert_allclose(middles((1.0, 4.0), 3), [1.5, 2.5, 3.5])
 
 
 def test_boundary_points_alone_would_switch_without_data() -> None:
@@ -66,8 +72,15 @@ def test_the_monitor_remembers_when_each_criterion_was_met() -> None:
     monitor.update(np.empty((0, 2)), 1.0)
     assert not monitor.started
     assert math.isfinite(monitor.progress.value)
+    assert monitor.progress.advice is None
+    assert monitor.progress.scale == PUBLISHED.scale
     monitor.update(CELL_CENTRES[:5], 2.0)
     first = monitor.progress.value
+    distances = cell_distances(CELL_CENTRES[:5])
+    assert monitor.progress.cells == tuple(distances)
+    assert first == pytest.approx(sum(distances))
+    farthest = CELL_CENTRES[np.argmax(distances)]
+    assert monitor.progress.advice == pytest.approx((300.0 * farthest[0], 3.0 * farthest[1]))
     monitor.update(np.repeat(CELL_CENTRES, 3, axis=0), 3.0)
     assert monitor.progress.value == 0.0 < first
     assert monitor.stop_s == 3.0
@@ -100,7 +113,8 @@ def test_the_settings_hold_the_derived_thresholds() -> None:
 
 
 def test_every_cell_of_velocity_and_force_can_be_reached() -> None:
-    centres = VELOCITY_CELLS.centres
+    centres = reachable_centres()
+    np.testing.assert_array_equal(centres, VELOCITY_CELLS.centres)
     assert len(centres) == 27
     assert np.hypot(centres[:, 0], centres[:, 1]).max() < 1.0
     np.testing.assert_allclose(np.unique(centres[:, 2]), [1 / 6, 1 / 2, 5 / 6])

@@ -254,13 +254,16 @@ def expected(points: np.ndarray) -> float:
 
 def test_what_samples_of_another_surface_have_met_is_taken_back_with_them():
     judge = criterion()
+    judge.revoke_since(0.0)
     few = next(n for n in range(4, 12) if expected(strokes(n, 2)) > START_SHARE)
     judge.update(model_of(strokes(few, 2)), 2.0)
     assert judge.started
     assert not judge.stopped
     judge.update(model_of(strokes(150, 2)), 8.0)
-    assert judge.stop_s == 8.0
+    judge.revoke_since(1.0)  # they are still met
     judge.update(model_of(strokes(few, 2)), 9.0)
+    judge.revoke_since(8.0)
+    assert (judge.start_s, judge.stop_s) == (2.0, 8.0)
     judge.revoke_since(7.0)
     assert (judge.start_s, judge.stop_s) == (2.0, None)
     judge.update(None, 10.0)
@@ -293,7 +296,12 @@ def test_the_published_sum_is_what_runs_where_it_is_asked_for():
 
 @pytest.mark.parametrize(
     ("value", "cells", "words"),
-    [(0.5, 0.5, "differ from"), (0.5, 0.8, "where less is known"), (0.79, 0.5, ""), (0.9, 0.8, "")],
+    [
+        (0.5, 0.5, "differ from"),
+        (0.5, 0.78, "where less is known"),
+        (0.79, 0.5, ""),
+        (0.9, 0.8, ""),
+    ],
 )
 def test_a_fall_of_the_expected_share_has_a_reason(value: float, cells: float, words: str) -> None:
     scale = ModellingSettings().scale
@@ -303,3 +311,24 @@ def test_a_fall_of_the_expected_share_has_a_reason(value: float, cells: float, w
     assert bool(words) == bool(why)
     published = ModellingSettings(method="published").scale
     assert Progress(published, 3.0, ()).why_less_than(Progress(published, 9.0, ())) == ""
+
+
+@given(
+    st.floats(0.0, 400.0).filter(lambda speed: min(speed % 100.0, -speed % 100.0) > 1e-9),
+    st.floats(0.0, 4.0).filter(lambda force: min(force % 1.0, -force % 1.0) > 1e-9),
+    st.floats(0.0, 1.0) | st.just(STOP_SHARE),
+    st.floats(-4.0, 4.0),
+)
+def test_a_share_is_told_with_the_strokes_that_help_most(speed, force, value, heading):
+    velocity = speed * math.cos(heading), speed * math.sin(heading)
+    scale = ModellingSettings().scale
+    share = f"{100 * value:.0f} of {100 * STOP_SHARE:.0f} %"
+    for advice in ((speed, force), (*velocity, force)):
+        told = str(Progress(scale, value, (), advice))
+        pace, least = ("slow", "medium", "fast")[min(int(speed / 100.0), 2)], min(int(force), 2)
+        helpful = f": {pace} strokes with {least} to {least + 1} N" if value < STOP_SHARE else ""
+        assert told == share + helpful
+    assert str(Progress(scale, value, ())) == share
+    progress = Progress(ModellingSettings(method="published").scale, 5.12344, (), (1.0, 1.0))
+    assert str(progress) == f"{progress.scale.title} 5.12"
+    assert progress.as_dict() == {"criterion": progress.scale.criterion, "value": 5.1234}

@@ -144,29 +144,6 @@ def test_a_bad_file_is_explained(tmp_path: Path) -> None:
         TextureModel.load(path)
 
 
-def test_bad_samples_are_explained() -> None:
-    good = scattered(3)
-    bad_lsf = good.lsf.copy()
-    bad_lsf[0, 1] = bad_lsf[0, 0]
-    cases = {
-        "ascend": TextureSamples.isotropic(
-            good.speed_mm_s, good.force_n, bad_lsf, good.variance, good.power
-        ),
-        "speed_mm_s": TextureSamples.isotropic(
-            np.array([1.0, np.nan, 2.0]), good.force_n, good.lsf, good.variance, good.power
-        ),
-        "variance": TextureSamples.isotropic(
-            good.speed_mm_s, good.force_n, good.lsf, -good.variance, good.power
-        ),
-        "at least one": TextureSamples.isotropic(
-            np.empty(0), np.empty(0), np.empty((0, 4)), np.empty(0), np.empty(0)
-        ),
-    }
-    for message, samples in cases.items():
-        with pytest.raises(InputError, match=message):
-            published(samples)
-
-
 @pytest.mark.parametrize("apart", [1e-15, 1e-12, 1e-9])
 def test_samples_beside_each_other_are_one_vertex_wherever_they_lie(apart: float) -> None:
     centres = (np.round(np.random.default_rng(2).uniform(0.1, 0.9, (20, 2)) * 1e6) + 0.5) / 1e6

@@ -12,10 +12,11 @@ import pytest
 
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import lsf_to_ar, output_power, reflection_to_lsf
-from mmt.texture.field.cells import FieldCells
+from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.model.texture_model import TextureModel, load_model
 from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.space.samples import TextureSamples
+from mmt.texture.touch_down.transient import Law, Transient
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "model-file.md"
 
@@ -136,17 +137,6 @@ def test_a_model_of_version_1_is_read() -> None:
     assert TextureModel.from_bytes(older).to_bytes() == model.to_bytes()
 
 
-def test_what_is_known_of_the_powers_is_kept() -> None:
-    plain = make_samples(ANISOTROPIC, 12)
-    samples = replace(
-        plain, effective=np.full(12, 60.0), counts=np.full(12, 200.0), noise_power=0.01
-    )
-    found = TextureModel.from_bytes(TextureModel(samples).to_bytes()).samples
-    np.testing.assert_array_equal(found.counts, samples.counts)
-    np.testing.assert_array_equal(found.effective, samples.effective)
-    assert found.noise_power == 0.01
-
-
 @pytest.mark.parametrize(
     ("arrays", "message"),
     [
@@ -162,19 +152,61 @@ def test_a_file_without_a_method_is_explained(arrays, message) -> None:
         TextureModel.from_bytes(changed(data, **arrays))
 
 
-def test_counts_that_are_none_are_refused() -> None:
-    samples = replace(make_samples(ISOTROPIC, 5), counts=np.array([100.0, 0.0, 3.0, 4.0, 5.0]))
-    with pytest.raises(InputError, match="counts must be positive"):
-        TextureModel(samples)
-
-
 def filed() -> bytes:
     """A model with all that a file can hold."""
     count = np.full(12, 400.0)
-    samples = replace(make_samples(ISOTROPIC, 12), effective=count, counts=count, noise_power=0.01)
+    samples = replace(
+        make_samples(ISOTROPIC, 12), effective=count, counts=2 * count, noise_power=0.01
+    )
     keys = np.column_stack([np.arange(1, 7), np.arange(1, 7), np.zeros(6), np.zeros(6)])
     cells = FieldCells(False, keys.astype(np.int64), np.array([[4.0, 4.0, 0.0, 0.1]] * 6))
-    return TextureModel(samples, field=cells).to_bytes()
+    transient = Transient(np.array([50.0]), np.ones((1, 20)), Law(1.0, 0.5, 50.0, 80.0, 1.0))
+    return TextureModel(samples, field=cells, touch_down=transient).to_bytes()
+
+
+def test_a_model_with_all_that_a_file_can_hold_comes_back() -> None:
+    model = TextureModel.from_bytes(filed())
+    assert model.to_bytes() == filed()
+    samples = model.samples
+    assert samples.effective is not None
+    assert samples.counts is not None
+    assert (set(samples.effective), set(samples.counts)) == ({400.0}, {800.0})
+    assert samples.noise_power == 0.01
+
+
+def test_blocks_of_version_6_are_gathered_by_place_and_raised_by_what_is_felt() -> None:
+    log, felt = np.log(2.0), 2.0 + FELT_POWER
+    parts = {"interpolate": "power", "interpolator": "delaunay", "shape": "smoothed"}
+    older = {
+        **{name: np.array(value) for name, value in parts.items()},
+        "field_cells": np.pad(NUMBERS["field_cells"][:, :3], ((0, 0), (0, 2))),
+        "field_sums": np.array([[4.0, 8.0, 4.0 * log, 4.0 * log**2]] * 6),
+    }
+    data = changed(filed(), format_version=6, method=None, field_moment_blocks=None, **older)
+    field = TextureModel.from_bytes(data).field
+    assert field is not None
+    assert (field.moment_blocks, field.keys[:, 3].tolist()) == (1, list(range(6)))
+    np.testing.assert_array_equal(field.keys[:, :3], NUMBERS["field_cells"][:, :3])
+    raised = [4.0, 4.0 * felt, 4.0 * np.log(felt), 4.0 * np.log(felt) ** 2]
+    np.testing.assert_allclose(field.sums, [raised] * 6)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"field_cells": np.zeros((6, 3))}, r"\(6, 3\) and field_sums \(6, 4\): \(r, 4\) and"),
+        ({"field_sums": np.ones((5, 4))}, r"field_sums \(5, 4\)"),
+        ({"field_cells": np.zeros((0, 4)), "field_sums": np.ones((0, 4))}, r"\(0, 4\)"),
+        ({"field_cells": np.full((6, 4), 2.0**31)}, "field_cells must be whole numbers"),
+        ({"field_sums": np.array([[4.0, 4.1e12, 0.0, 0.1]] * 6)}, r"mean power above 1e\+12"),
+        ({"touch_down_law": np.ones(4)}, r"touch_down_law has shape \(4,\): \(5,\)"),
+        ({"touch_down_speed_mm_s": None}, "the array 'touch_down_speed_mm_s' is missing"),
+        ({"format_version": 0}, "version is 0"),
+    ],
+)
+def test_what_does_not_fit_in_a_file_is_explained(arrays, message) -> None:
+    with pytest.raises(InputError, match=message):
+        TextureModel.from_bytes(changed(filed(), **arrays))
 
 
 with np.load(io.BytesIO(filed())) as _file:
@@ -184,9 +216,11 @@ with np.load(io.BytesIO(filed())) as _file:
 @pytest.mark.parametrize("name", NUMBERS)
 def test_an_array_of_another_kind_or_shape_is_refused(name) -> None:
     array = NUMBERS[name]
-    for other in (array.astype(complex), array.astype(str), array > 0, array[np.newaxis]):
-        with pytest.raises(InputError, match=r"real numbers are needed|shape"):
+    for other in (array.astype(complex), array.astype(str), array > 0):
+        with pytest.raises(InputError, match=f"({name}|lsf) is of .*: real numbers are needed"):
             TextureModel.from_bytes(changed(filed(), **{name: other}))
+    with pytest.raises(InputError, match="shape"):
+        TextureModel.from_bytes(changed(filed(), **{name: array[np.newaxis]}))
 
 
 @pytest.mark.parametrize("name", NUMBERS)

@@ -98,6 +98,6 @@ class RecursiveLeastSquares:
         d0, d1, d2 = self._d
         factor = 1.0 / self._forgetting
         self._d = (min(d0 * factor, most0), min(d1 * factor, most1), min(d2 * factor, most2))
-        v0, v1, v2 = self.variances()
-        if v0 > LARGEST_RISE * most0 or v1 > LARGEST_RISE * most1 or v2 > LARGEST_RISE * most2:
+        v0, v1, _ = self.variances()
+        if v0 > LARGEST_RISE * most0 or v1 > LARGEST_RISE * most1:
             self._d, self._u = self._initial, (0.0, 0.0, 0.0)

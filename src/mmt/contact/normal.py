@@ -122,7 +122,7 @@ def _travel(
     if height >= 0.0 and height + free >= 0.0:
         return free, 0.0
     stiffness = law.stiffness_n_m
-    depth = max(-height, -0.5 * (height + free), 0.0)
+    depth = max(-height, -0.5 * (height + free))
     damping = (law.damping_n_s_m + law.dissipation_s_m * stiffness * depth) / step_s
     total = inertia + damping
     if height >= 0.0:

@@ -174,9 +174,7 @@ def _slope_below(points: list[_Point]) -> tuple[float, float]:
             hull.pop()
         hull.append(point)
     middle = sum(time for time, _ in points) / len(points)
-    after = next(index for index, (time, _) in enumerate(hull) if time >= middle or index)
-    while hull[after][0] < middle:
-        after += 1
+    after = next(index for index, (time, _) in enumerate(hull) if index and time >= middle)
     first, second = hull[after - 1], hull[after]
     slope = (second[1] - first[1]) / (second[0] - first[0])
     above = median(point[1] - first[1] - slope * (point[0] - first[0]) for point in points)

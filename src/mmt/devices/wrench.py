@@ -129,8 +129,8 @@ class WrenchConverter:
         p, q, r, s, t, u = p - i, q - j, r - k, s - m, t - n, u - o
         i, j, k, m, n, o = self._safe
         if not (
-            -i <= p <= i and -j <= q <= j and -k <= r <= k
-            and -m <= s <= m and -n <= t <= n and -o <= u <= o
+            abs(p) <= i and abs(q) <= j and abs(r) <= k
+            and abs(s) <= m and abs(t) <= n and abs(u) <= o
         ):  # fmt: skip
             beyond = self._is_beyond((p, q, r, s, t, u))
             if beyond is None:
@@ -165,14 +165,15 @@ class WrenchConverter:
         """
         count = len(records)
         mean = six_of([math.fsum(column) / count for column in zip(*records, strict=True)])
-        for axis, row, limit in zip("xyz", self._matrix, self._limits, strict=False):
+        for axis, name in enumerate("xyz"):
+            row, limit = self._matrix[axis], self._limits[axis]
             forces = [
                 sum(a * (b - m) for a, b, m in zip(row, raw, mean, strict=True)) for raw in records
             ]
             deviation = math.sqrt(math.fsum(force * force for force in forces) / count)
             if not deviation <= _UNREST * limit:
                 raise MmtError(
-                    f"{device}: F{axis} moves by {deviation:.2g} N while the bias is taken: let "
+                    f"{device}: F{name} moves by {deviation:.2g} N while the bias is taken: let "
                     "the tool hang free and at rest, then start again"
                 )
         self.bias = mean

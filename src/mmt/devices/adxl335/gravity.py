@@ -6,6 +6,7 @@ axis: the volts at zero g, and the volts per m/s2.
 """
 
 from collections.abc import Mapping, Sequence
+from statistics import linear_regression, median
 from typing import Any, Final, Literal, NamedTuple, cast, get_args
 
 from mmt.core.errors import InputError
@@ -148,7 +149,7 @@ def calibrate(rests: Sequence[Rest], supply_v: float) -> GravityCalibration:
                     "was held at a slant, or something pushed it; put it against a right angle "
                     "and measure again"
                 )
-    zeros, gains = zip(*lines, strict=True)
+    zeros, gains = [zero for zero, _ in lines], [gain for _, gain in lines]
     return GravityCalibration(finite_vector(zeros), finite_vector(gains), residual)
 
 
@@ -185,19 +186,13 @@ def _felt(up: Up, axis: int) -> float:
 def _line(rests: Sequence[Rest], axis: int) -> tuple[float, float]:
     """Return (zero, gain) of one axis."""
     felt = [_felt(rest.up, axis) for rest in rests]
-    volts = [rest.mean_v[axis] for rest in rests]
-    mean_felt, mean_volts = sum(felt) / len(felt), sum(volts) / len(volts)
-    pairs = list(zip(felt, volts, strict=True))
-    gain = sum((f - mean_felt) * (v - mean_volts) for f, v in pairs) / sum(
-        (f - mean_felt) ** 2 for f in felt
-    )
-    return mean_volts - gain * mean_felt, gain
+    gain, zero = linear_regression(felt, [rest.mean_v[axis] for rest in rests])
+    return zero, gain
 
 
 def _check_orientations(rests: Sequence[Rest]) -> None:
     """Raise `InputError` if a rest looks like another orientation than the one named."""
-    middle = [sorted(rest.mean_v[axis] for rest in rests) for axis in range(3)]
-    zero = [0.5 * (values[(len(values) - 1) // 2] + values[len(values) // 2]) for values in middle]
+    zero = [median(rest.mean_v[axis] for rest in rests) for axis in range(3)]
     for rest in rests:
         off = [rest.mean_v[axis] - zero[axis] for axis in range(3)]
         axis = max(range(3), key=lambda a: abs(off[a]))

@@ -1,7 +1,7 @@
 """ATI's ``.cal`` file: the matrix from six gauge voltages to forces and torques."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -71,31 +71,29 @@ def parse_calibration_file(content: bytes) -> FileCalibration:
     calibration = root.find("Calibration")
     if root.tag != "FTSensor" or calibration is None:
         raise InputError("it has no FTSensor with a Calibration: it is no .cal file by ATI")
-    if float(_number(calibration.get("GainMultiplier", "1"), "GainMultiplier")) != 1.0:
+    if _number(calibration, "GainMultiplier", "1") != 1.0:
         raise InputError("its GainMultiplier is not 1, which is not supported")
     newton = force_in_newton(_text(calibration, "ForceUnits"), "the file")
     newton_mm = torque_in_newton_mm(_text(calibration, "TorqueUnits"), "the file")
     axes = _rows(calibration, "UserAxis")
     rows = (
-        [_numbers(axes[name], "values") for name in _AXES]
+        [_values(axes[name]) for name in _AXES]
         if axes
         else _from_axes(calibration, newton, newton_mm)
     )
     ranges = axes or _rows(calibration, "Axis")
     units = [newton] * 3 + [newton_mm] * 3
-    x, y, z, tx, ty, tz = (
-        unit * _number(ranges[name].get("max", ""), f"max of {name}")
-        for name, unit in zip(_AXES, units, strict=True)
-    )
-    if min(x, y, z, tx, ty, tz) <= 0:
+    limits = [unit * _number(ranges[name], "max") for name, unit in zip(_AXES, units, strict=True)]
+    if min(limits) <= 0:
         raise InputError("its ranges 'max' are not above zero")
+    x, y, z, tx, ty, tz = limits
     try:
         matrix = matrix_of(
             [[unit * value for value in row] for row, unit in zip(rows, units, strict=True)]
         )
     except ValueError as error:
         raise InputError(f"its matrix cannot be used: {error}") from None
-    output = _number(calibration.get("OutputRange", "20"), "OutputRange")
+    output = _number(calibration, "OutputRange", "20")
     bipolar = calibration.get("OutputBipolar", "True").lower() == "true"
     return FileCalibration(
         Calibration(
@@ -117,29 +115,27 @@ def _from_axes(calibration: ET.Element, newton: float, newton_mm: float) -> list
         raise InputError("it has neither UserAxis nor Axis rows")
     rows = []
     for name in _AXES:
-        scale = _number(axes[name].get("scale", ""), f"scale of {name}")
+        scale = _number(axes[name], "scale")
         if scale == 0:
             raise InputError(f"its scale of {name} is zero")
-        rows.append([value / scale for value in _numbers(axes[name], "values")])
+        rows.append([value / scale for value in _values(axes[name])])
     transform = calibration.find("BasicTransform")
     if transform is None:
         return rows
-    if any(_number(transform.get(angle, "0"), angle) != 0 for angle in ("Rx", "Ry", "Rz")):
+    if any(_number(transform, angle, "0") != 0 for angle in ("Rx", "Ry", "Rz")):
         raise InputError("its BasicTransform turns the axes, which is not supported")
     millimetres = length_in_mm(_text(calibration, "DistUnits"), "the file")
-    dx, dy, dz = (
-        _number(transform.get(name, "0"), name) * millimetres * newton / newton_mm
+    moved = [
+        _number(transform, name, "0") * millimetres * newton / newton_mm
         for name in ("Dx", "Dy", "Dz")
-    )
-    fx, fy, fz, tx, ty, tz = rows
-    return [
-        fx,
-        fy,
-        fz,
-        [t - dy * c + dz * b for t, b, c in zip(tx, fy, fz, strict=True)],
-        [t - dz * a + dx * c for t, a, c in zip(ty, fx, fz, strict=True)],
-        [t - dx * b + dy * a for t, a, b in zip(tz, fx, fy, strict=True)],
     ]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        rows[3 + i] = [
+            t - moved[j] * b + moved[k] * a
+            for t, a, b in zip(rows[3 + i], rows[j], rows[k], strict=True)
+        ]
+    return rows
 
 
 def _rows(calibration: ET.Element, tag: str) -> Mapping[str, ET.Element]:
@@ -151,9 +147,9 @@ def _rows(calibration: ET.Element, tag: str) -> Mapping[str, ET.Element]:
     return found
 
 
-def _numbers(element: ET.Element, key: str) -> Sequence[float]:
-    name = element.get("Name", "")
-    values = [_number(word, f"{key} of {name}") for word in element.get(key, "").split()]
+def _values(element: ET.Element) -> list[float]:
+    name = element.get("Name")
+    values = [_finite(word, f"values of {name}") for word in element.get("values", "").split()]
     if len(values) != 6:
         raise InputError(f"its {name} has {len(values)} values, six are expected")
     return values
@@ -166,7 +162,12 @@ def _text(element: ET.Element, key: str) -> str:
     return text
 
 
-def _number(text: str, name: str) -> float:
+def _number(element: ET.Element, key: str, usual: str = "") -> float:
+    name = element.get("Name")
+    return _finite(element.get(key, usual), f"{key} of {name}" if name else key)
+
+
+def _finite(text: str, name: str) -> float:
     try:
         return finite_number(text)
     except ValueError:

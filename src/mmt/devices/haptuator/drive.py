@@ -94,7 +94,6 @@ class VoltageDrive:
         level = level or level_of(options)
         self._scale = level.volts_per_m_s2
         self._taps = taps_at(level.taps, rate_hz)
-        self._before: list[float] = []
         self._guard = SampleGuard(options.largest_v, round(FADE_S * rate_hz))
         low_hz = level.low_hz if options.low_hz is None else options.low_hz
         sections = [butterworth_high_pass(low_hz, rate_hz)]
@@ -118,7 +117,7 @@ class VoltageDrive:
         for section in self._sections:
             section.reset()
             section.step(0.0)
-        self._before = [0.0] * (len(self._taps) - 1)
+        self._before: list[float] = [0.0] * (len(self._taps) - 1)
 
     def convert(self, samples_m_s2: Sequence[float] | FloatArray) -> list[float]:
         """Return the voltages (V) for samples (n,), m/s2."""
@@ -144,7 +143,7 @@ class VoltageDrive:
 
     def _evened(self, values: list[float]) -> list[float]:
         """Return samples (n,) after the equaliser."""
-        if len(self._taps) == 1 or not values:
+        if self._taps == (1.0,) or not values:
             return values
         known = self._before + values
         self._before = known[len(values) :]
@@ -157,7 +156,7 @@ class VoltageDrive:
         The stored sweep gives the actuator's part. Without one only the filters' gain is returned.
         """
         unit = np.exp(-2j * np.pi * frequencies_hz / self._rate_hz)
-        gain = np.abs(np.polyval(self._taps[::-1], unit))
+        gain = np.abs(np.polyval(self._taps, unit))
         for each in self._biquads:
             gain = gain * each.gain_at(frequencies_hz)
         if self._level.response:

@@ -114,12 +114,12 @@ def read_reply(reply: bytes, number: int) -> bytes:
         raise ValueError("it received a spoilt command")
     if len(reply) < 8 or reply[1] != _EXTENDED or reply[3] != number:
         raise ValueError(f"it sent another reply ({reply[:8].hex(' ')})")
-    reply = reply[: 6 + 2 * reply[2]]
-    if not is_sound(reply):
+    size = 6 + 2 * reply[2]
+    if len(reply) < size or not is_sound(reply[:size]):
         raise ValueError("its reply was spoilt")
     if reply[6]:
         raise ValueError(explain(reply[6]))
-    return reply[8:]
+    return reply[8:size]
 
 
 def read_short_reply(reply: bytes, sent: bytes) -> int:

@@ -64,7 +64,7 @@ class Cells:
     farthest: float
 
 
-def _reachable_centres() -> FloatArray:
+def reachable_centres() -> FloatArray:
     """Return the centres (27, 3) of the part of each box inside the cylinder of speeds."""
     fine = (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE
     rows = []
@@ -78,7 +78,7 @@ def _reachable_centres() -> FloatArray:
 PLANE_CELLS: Final = Cells(CELL_CENTRES, NEIGHBOURS, math.sqrt(2.0))
 """Cells of the plane of speed and force."""
 
-VELOCITY_CELLS: Final = Cells(_reachable_centres(), NEIGHBOURS + 1, math.hypot(2.0, 1.0))
+VELOCITY_CELLS: Final = Cells(reachable_centres(), NEIGHBOURS + 1, math.hypot(2.0, 1.0))
 """Cells of the space of velocity vector and force."""
 
 
