@@ -42,6 +42,7 @@ from mmt.scene.files import load_scene
 from mmt.testing.emulated.drivers import LabOptions
 
 _DEMO = Path("demo")
+_NICENESS = 5  # of the thread that imports beside the services
 
 
 @with_flags("demo")
@@ -130,14 +131,14 @@ def demo(
 
 
 def _prepare_report(_url: str) -> None:
-    """Import what the report needs while the session runs, in a thread that delays no service."""
+    """Import what the report needs while the session runs, in a thread behind the services."""
     threading.Thread(target=_import_report, daemon=True).start()
 
 
 def _import_report() -> None:
     if sys.platform == "linux":
-        this_thread = 0
-        os.sched_setscheduler(this_thread, os.SCHED_IDLE, os.sched_param(0))
+        # not idle priority: on a busy machine the report would wait for the imports for ever
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
     with suppress(ImportError):  # raised again when the report is made
         import mmt.cli.reporting
         import mmt.evaluation.figures  # noqa: F401
