@@ -33,8 +33,10 @@ class _Share:
 
     def _step(self, *, finite: bool) -> float:
         self.not_finite += not finite
-        change = self._change if finite else -self._change
-        self._share = min(max(self._share + change, 0.0), 1.0)
+        if not finite:
+            self._share = max(self._share - self._change, 0.0)
+        elif self._share < 1.0:
+            self._share = min(self._share + self._change, 1.0)
         return self._share
 
 

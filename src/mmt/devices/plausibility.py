@@ -47,16 +47,17 @@ class PlausibilityCheck:
             Time of the measurement.
         """
         passed_ns, self._newest_ns = now_ns - self._newest_ns, now_ns
-        if not math.isfinite(sum(position) + sum(velocity)):
-            return NOT_FINITE
         x, y, z = position
+        u, v, w = velocity
+        if not math.isfinite(x + y + z + u + v + w):
+            return NOT_FINITE
         far = _FARTHEST_MM
         if not (-far <= x <= far and -far <= y <= far and -far <= z <= far):
             return OUT_OF_REACH
         if self.position is not None:
             moved_ns = min(now_ns - self._good_ns, passed_ns + _SLACK_NS)
             reach_mm = FASTEST_MM_S * 1e-9 * max(moved_ns, _LEAST_NS)
-            if math.dist(self.position, (x, y, z)) > reach_mm:
+            if math.dist(self.position, position) > reach_mm:
                 return JUMP
         self.position = (x, y, z)
         self._good_ns = now_ns
