@@ -6,14 +6,14 @@ from typing import Any, Final
 
 import numpy as np
 
+from mmt.core.arrays import FloatArray
 from mmt.core.extras import require
 from mmt.session.importing.cells import columns_of
-from mmt.session.importing.columns import SourceColumns, distinct, reading
+from mmt.session.importing.columns import SourceColumns, distinct, reading, told_unit
 from mmt.session.importing.options import ImportOptions
 
 _PERIOD: Final = "wf_increment"
 _BEGIN: Final = "wf_start_time"
-_UNITS: Final = ("unit_string", "NI_UnitDescription")
 _NO_DATE: Final = np.datetime64("1904-01-01T01", "ns")
 """LabVIEW's dates count from 1904: one in its first hour was never set."""
 
@@ -33,13 +33,15 @@ def read_tdms(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
     require("nptdms")
     import nptdms
 
-    damaged = reading(origin, "a TDMS file")
-    with damaged, path.open("rb") as stream, nptdms.TdmsFile.open(stream) as file:
+    with (
+        reading(origin, "a TDMS file"),
+        path.open("rb") as stream,
+        nptdms.TdmsFile.open(stream) as file,
+    ):
         found = [channel for group in file.groups() for channel in group.channels() if len(channel)]
         several = len({channel.group_name for channel in found}) > 1
         names, notes = distinct([f"{c.group_name}.{c.name}" if several else c.name for c in found])
         channels = dict(zip(names, found, strict=True))
-        units = {name: _unit(channel.properties) for name, channel in channels.items()}
         waves = {name: c for name, c in channels.items() if c.properties.get(_PERIOD, 0.0) > 0.0}
         begins = {name: _begin(channel.properties) for name, channel in waves.items()}
         first = min((begin for begin in begins.values() if begin is not None), default=None)
@@ -52,13 +54,9 @@ def read_tdms(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
             **columns_of(
                 {name: channel[:] for name, channel in channels.items() if wanted(name)},
                 origin,
-                {name: unit for name, unit in units.items() if unit},
+                {name: unit for name, c in channels.items() if (unit := told_unit(c.properties))},
             ),
         )
-
-
-def _unit(properties: Mapping[str, Any]) -> str:
-    return next((str(properties[name]) for name in _UNITS if properties.get(name)), "")
 
 
 def _begin(properties: Mapping[str, Any]) -> "np.datetime64 | None":
@@ -69,9 +67,12 @@ def _begin(properties: Mapping[str, Any]) -> "np.datetime64 | None":
     return nanoseconds
 
 
-def _times_s(channel: Any, begin: "np.datetime64 | None", first: "np.datetime64 | None") -> Any:
+def _times_s(
+    channel: Any, begin: "np.datetime64 | None", first: "np.datetime64 | None"
+) -> FloatArray:
     """Return the times (n,) of a waveform's samples, in s since the first waveform's beginning."""
     offset_s = float(channel.properties.get("wf_start_offset", 0.0))
     if begin is not None and first is not None:
         offset_s += float((begin - first) / np.timedelta64(1, "s"))
-    return offset_s + float(channel.properties[_PERIOD]) * np.arange(len(channel))
+    period_s = float(channel.properties[_PERIOD])
+    return offset_s + period_s * np.arange(len(channel), dtype=np.float64)

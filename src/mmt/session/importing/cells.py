@@ -1,5 +1,6 @@
 """Parse the cells of tables: numbers, dates, times of day, and marks of missing values."""
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, date, datetime, time, timedelta
@@ -115,7 +116,7 @@ class Numbers:
             value = self(cell)
         except ValueError:
             return False
-        return value is not None and not np.isnan(value)
+        return value is not None and not math.isnan(value)
 
     def takes(self, cell: Cell) -> bool:
         """Return whether a cell holds a number or a missing value."""

@@ -28,6 +28,9 @@ BEGAN: Final = "began_utc_ns"
 OF_THE_SESSION: Final = ("scene_json", "annotations", "events_json", BEGAN)
 """Names of the data beside the frames in an exported session."""
 
+_NAMES_OF_UNITS: Final = ("unit", "units", "unit_string", "ni_unitdescription")
+"""Attributes that hold a unit, in lower case; the last two are those of LabVIEW."""
+
 SHOWN_COLUMNS = 12
 _SHOWN_CHARACTERS = 60
 
@@ -77,8 +80,10 @@ class SourceColumns:
 def told_unit(attributes: Mapping[Any, Any]) -> str:
     """Return the unit among the attributes of a column, or "" if there is none."""
     for name, value in attributes.items():
-        if text_in(name).lower() in ("unit", "units"):
-            return ", ".join(dict.fromkeys(map(text_in, np.ravel(value))))
+        if text_in(name).lower() in _NAMES_OF_UNITS:
+            unit = ", ".join(dict.fromkeys(map(text_in, np.ravel(value))))
+            if unit:
+                return unit
     return ""
 
 

@@ -32,9 +32,7 @@ def read_json(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         else:
             content = list(_lines(file, notes))
         if isinstance(content, dict):
-            columns = {
-                name: column for name, column in _leaves(content) if column.__class__ is list
-            }
+            columns = {name: array for name, array in _leaves(content) if isinstance(array, list)}
             names = list(columns)
         elif isinstance(content, list):
             names, columns = _columns(content, wanted)
