@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.forms import lsf_to_reflection
 from mmt.texture.interpolation.delaunay import triangulate
 from mmt.texture.interpolation.interpolant import Interpolant
 from mmt.texture.interpolation.networks.evaluation import network_arrays
@@ -91,8 +90,7 @@ class FieldRendered(PublishedRendered):
 
         nearest = nearest_rows(self._samples.points, points)
         used = np.bincount(nearest) > 0
-        reflection = lsf_to_reflection(self._samples.lsf[: len(used)][used])
-        gain = gain_without_high_pass(reflection, self._rate_hz)
+        gain = gain_without_high_pass(self._samples.lsf[: len(used)][used], self._rate_hz)
         return np.asarray(gain[(used.cumsum() - 1)[nearest]])
 
 
