@@ -168,8 +168,10 @@ def _process(
         row = newest - delay
         if row < waiting:
             continue
-        for at in range(row, newest + 1):
-            unknown[at] = cause[at] not in (_MEASURED, _SATURATED)
+        unknown[row] = cause[row] not in (_MEASURED, _SATURATED)
+        if unknown[row] or restart[row] or state[_LOST] or state[_COUNT] == 0:
+            for at in range(row + 1, newest + 1):  # a gap, or where the filter begins
+                unknown[at] = cause[at] not in (_MEASURED, _SATURATED)
         _bridge(samples, unknown, restart, row, newest, longest_bridged, per_frame, state)
         if state[_LOST] and unknown[row]:
             state[_KNOWN] = 0
