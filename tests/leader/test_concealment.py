@@ -95,7 +95,9 @@ def test_a_fade_takes_five_frames_whatever_the_samples_in_a_frame(count):
         assert of(lambda made=made: made.play([1.0] * count), 5) == pytest.approx(share)
         assert (of(lambda made=made: made.play([1.0] * count), 60) == 1.0).all()
         assert not made.silent
-        gap = of(made.bridge, 45)
+        gap = of(made.bridge, 5)
+        assert made.silent == isinstance(made, FadeOut)
+        gap = np.append(gap, of(made.bridge, 40))
         held = 1.0 if isinstance(made, Continuation) else 0.0
         assert gap[: 5 * count] == pytest.approx(np.maximum(1.0 - share, held))
         assert gap[5 * count :] == pytest.approx(held)

@@ -27,8 +27,7 @@ LONGEST_FRAMES: Final = 100
 _PAST_FRAMES: Final = 128
 _FULL_FRAMES: Final = 50
 _RUN_OUT_FRAMES: Final = 20
-_FADE_STEP: Final = 0.2
-"""Change of a gain from frame to frame."""
+_FADE_FRAMES: Final = 5
 _PAID_BACK: Final = 2
 _ORDER_OF_ONE: Final = 16
 _LARGEST_ORDER: Final = 32
@@ -42,7 +41,7 @@ def _courses(samples_per_frame: int) -> tuple[FloatArray, FloatArray]:
     falling = 0.5 + 0.5 * np.cos(np.pi * (np.arange(1, fading + 1) / fading))
     full, silent = _FULL_FRAMES * samples_per_frame, _RUN_OUT_FRAMES * samples_per_frame
     gains = np.concatenate([np.ones(full), falling, np.zeros(silent)])
-    release = 1.0 - _FADE_STEP / samples_per_frame * np.arange(1, len(gains) + 1)
+    release = 1.0 - np.arange(1, len(gains) + 1) / (_FADE_FRAMES * samples_per_frame)
     return gains, np.maximum(0.0, release)
 
 
@@ -81,30 +80,29 @@ class FadeOut:
 
     def __init__(self, samples_per_frame: int = 1) -> None:
         self._count = samples_per_frame
-        self._step = _FADE_STEP / samples_per_frame
-        self._gain = 0.0
+        self._steps = _FADE_FRAMES * samples_per_frame
+        self._step = 0  # of the fade, from silence to all of its steps
         self._last = 0.0
 
     @property
     def silent(self) -> bool:
         """Whether the output is silent."""
-        return self._gain == 0.0
+        return self._step == 0
 
     def play(self, values: Sequence[float]) -> Sequence[float]:
         """Return the samples, faded in after a gap."""
         self._last = values[-1]
-        return values if self._gain == 1.0 else self._faded(values, self._step)
+        return values if self._step == self._steps else self._faded(values, 1)
 
     def bridge(self) -> Sequence[float]:
         """Return the last sample, fading."""
-        return self._faded([self._last] * self._count, -self._step)
+        return self._faded([self._last] * self._count, -1)
 
-    def _faded(self, values: Sequence[float], step: float) -> list[float]:
-        gain, faded = self._gain, []
+    def _faded(self, values: Sequence[float], direction: int) -> list[float]:
+        faded = []
         for value in values:
-            gain = min(1.0, max(0.0, gain + step))
-            faded.append(gain * value)
-        self._gain = gain
+            self._step = min(self._steps, max(0, self._step + direction))
+            faded.append(self._step / self._steps * value)
         return faded
 
 
@@ -126,10 +124,10 @@ class Continuation:
     def __init__(self, go_on: GoOn, samples_per_frame: int) -> None:
         self._go_on = go_on
         self._silence = [0.0] * samples_per_frame
-        self._step = _FADE_STEP / samples_per_frame
+        self._steps = _FADE_FRAMES * samples_per_frame
         past = _PAST_FRAMES * samples_per_frame
         self._past = deque([0.0] * past, maxlen=past)
-        self._share = 0.0  # of the stream in the output
+        self._step = 0  # of the crossfade, from the continuation to the stream
         self._continued: list[float] = []
         self._place = 0
         self._invented = LONGEST_FRAMES
@@ -137,20 +135,20 @@ class Continuation:
     @property
     def silent(self) -> bool:
         """Whether the output is silent."""
-        return self._share == 0.0 and self._place >= len(self._continued)
+        return self._step == 0 and self._place >= len(self._continued)
 
     def play(self, values: Sequence[float]) -> Sequence[float]:
         """Return the samples, with a crossfade to them after a gap."""
         self._invented = max(0, self._invented - _PAID_BACK)
-        if self._share < 1.0:
+        if self._step < self._steps:
             values = self._faded_over(values)
         self._past.extend(values)
         return values
 
     def bridge(self) -> Sequence[float]:
         """Return the next samples of the continuation."""
-        if self._share > 0.0:
-            self._share = 0.0
+        if self._step > 0:
+            self._step = 0
             past = np.array(list(self._past))
             gains = course(self._invented, len(self._silence))
             self._continued = self._go_on(past, gains).tolist()
@@ -162,11 +160,11 @@ class Continuation:
 
     def _faded_over(self, values: Sequence[float]) -> list[float]:
         """Return a frame of the stream, crossfaded with the rest of the continuation."""
-        share, mixed = self._share, []
+        mixed = []
         for value, continued in zip(values, self._next(), strict=True):
-            share = min(1.0, share + self._step)
+            self._step = min(self._steps, self._step + 1)
+            share = self._step / self._steps
             mixed.append(share * value + (1.0 - share) * continued)
-        self._share = share
         return mixed
 
     def _next(self) -> Sequence[float]:
