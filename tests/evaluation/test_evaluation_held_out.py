@@ -75,10 +75,11 @@ def test_a_right_model_scores_its_ceiling():
 def test_raw_amplitudes_of_a_right_model_score_a_quarter_of_pi():
     vibration = np.random.default_rng(5).standard_normal(400)
     recording = HeldOutRecording(segment(0, 400, vibration), 1000.0, Spectra.FOURIER)
-    result = recording.approximate(even_model(vibration, 8), seed=0)
+    model = even_model(vibration, 8)
+    results = [recording.approximate(model, seed) for seed in range(3)]
     assert len(recording.frequencies_hz) == 201
-    assert result.gfc == pytest.approx(np.pi / 4, abs=0.03)
-    assert result.gfc_ceiling == pytest.approx(np.pi / 4, abs=0.03)
+    for scores in zip(*((one.gfc, one.gfc_ceiling) for one in results), strict=True):
+        assert np.mean(scores) == pytest.approx(np.pi / 4, abs=0.03)
 
 
 def test_spectra_that_there_are_not_are_refused():

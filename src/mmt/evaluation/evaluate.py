@@ -37,8 +37,8 @@ from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt.texture.touch_down.fitting import held_out_errors
 
 USUAL_STEP_S: Final = 2.5
-MOST_STEPS: Final = 100
-"""Largest number of scores if no step is given: more would take half the time of a long one."""
+MOST_STEPS: Final = 40
+"""Largest number of scores if no step is given: rows that fit on a screen."""
 
 
 class SessionEvaluation(Evaluation):
@@ -74,8 +74,8 @@ def evaluate_session(
         Time between two updates of the model; None as for `settings`. At any moment the leader
         has the model of its last update: with updates every second, at 2.5 s the one of 2 s.
     step_s
-        Time between two scores; None takes 2.5 s, and in a recording of over 250 s the
-        multiple of it that gives at most 100 scores.
+        Time between two scores; None takes 2.5 s, and in a recording of over 100 s the
+        multiple of it that gives at most 40 scores.
     seed
         Seeds the choice of held-out segments and the synthesis.
     spectra

@@ -32,7 +32,7 @@ from mmt.texture.synthesis.synthesizer import Synthesizer
 HELD_OUT: Final = 5
 """Number of segments taken out; fewer if the model has less than twice as many samples."""
 
-REALISATIONS: Final = 8
+REALISATIONS: Final = 4
 _WARM_UP_S: Final = 0.5
 
 

@@ -76,8 +76,8 @@ def power_above_felt(ar: FloatArray, power: FloatArray, rate_hz: float) -> Float
     if 0.5 * rate_hz <= FELT_HZ:
         return np.zeros(len(power))
     density, weights = relative_density(ar, _PERIOD), shares(_PERIOD)
-    above = np.arange(len(weights)) * rate_hz / _PERIOD > FELT_HZ
-    return np.asarray(power * (density[:, above] @ weights[above]) / (density @ weights))
+    above = int(FELT_HZ * _PERIOD / rate_hz) + 1
+    return np.asarray(power * (density[:, above:] @ weights[above:]) / (density @ weights))
 
 
 def power_level_error_db(power: FloatArray, reference: FloatArray) -> FloatArray:

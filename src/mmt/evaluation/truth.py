@@ -43,13 +43,14 @@ from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.amplitude_spectra import expected_amplitude
 from mmt.texture.signals.metrics import gfc_of_rows
 
-_COMPARED: Final = slice(10, None, 2)  # of `density_hz`: 10 Hz to half the rate in steps of 2 Hz
+_STEP_HZ: Final = 2
+_COMPARED: Final = slice(5, None)  # of `_density_hz`: 10 Hz to half the rate
 _BINS: Final = slice(1, None)  # of Welch's estimate: 15.6 Hz to half the rate
 
 
-def density_hz(rate_hz: float) -> FloatArray:
-    """Return the frequencies of spectra at a rate, 1 Hz apart; lines are at least 3 Hz wide."""
-    return np.arange(0.5 * rate_hz + 1.0)
+def _density_hz(rate_hz: float) -> FloatArray:
+    """Return the frequencies of spectra at a rate, 2 Hz apart; lines are at least 3 Hz wide."""
+    return np.arange(0.0, 0.5 * rate_hz + 1.0, _STEP_HZ)
 
 
 class _Spectra(NamedTuple):
@@ -78,31 +79,28 @@ class TruthAt:
         self, strokes: Strokes, spectrum: Callable[[FloatArray], FloatArray], rate_hz: float
     ) -> None:
         self.strokes = strokes
-        self._rate_hz, frequencies_hz = rate_hz, density_hz(rate_hz)
-        self._felt = spectrum(frequencies_hz[: FELT_HZ + 1])
-        self._above = partial(spectrum, frequencies_hz[FELT_HZ + 1 :])
+        self._rate_hz, highest_hz = rate_hz, min(FELT_HZ, 0.5 * rate_hz)
+        self._felt = spectrum(np.arange(highest_hz + 1.0))
+        self._above = partial(spectrum, _density_hz(rate_hz)[int(highest_hz) // _STEP_HZ + 1 :])
         self.power = np.asarray(np.trapezoid(self._felt[:, LOWEST_HZ:], axis=1))
         """Felt power by the trapezoidal rule in steps of 1 Hz, shape (k,)."""
 
     @cached_property
     def spectra(self) -> _Spectra:
         """The truth's spectra."""
-        density = np.concatenate([self._felt, self._above()], axis=1)
+        density = np.concatenate([self._felt[:, ::_STEP_HZ], self._above()], axis=1)
         return _spectra(self._rate_hz, density, self.power)
 
     def share_above(self, frequency_hz: float) -> float:
         """Return the share of the power from 10 Hz on that is above a frequency."""
         density = self.spectra.density.sum(axis=0)
-        above = density_hz(self._rate_hz)[_COMPARED] > frequency_hz
+        above = _density_hz(self._rate_hz)[_COMPARED] > frequency_hz
         return float(density[above].sum() / density.sum())
 
     def level_errors_db(self, model: TextureModel) -> FloatArray:
         """Return the error of a model's level, (k,), in dB; in a tenth of the time of `errors`."""
         lsf, variance = model.at(*self.strokes.inputs(model.space).T)
-        ar = lsf_to_ar(lsf)
-        low = ar_spectrum(ar, variance, np.arange(LOWEST_HZ + 1.0), model.rate_hz)
-        whole = lsf_output_power(variance, lsf)
-        own = _level(whole, low, power_above_felt(ar, whole, model.rate_hz))
+        own = _felt_power(lsf_to_ar(lsf), lsf_output_power(variance, lsf), variance, model.rate_hz)
         return power_level_error_db(own, self.power)
 
     def errors(self, model: TextureModel) -> GridErrors:
@@ -130,7 +128,7 @@ class KnownTexture:
 
     def __init__(self, surface: KnownSurface, share: float = 1.0) -> None:
         self.surface = surface
-        self.frequencies_hz = density_hz(surface.rate_hz)
+        self.frequencies_hz = _density_hz(surface.rate_hz)
         self._share = share
         self.plane = self.at(over_plane() if surface.isotropic else all_headings())
 
@@ -245,11 +243,9 @@ def _spectra_of(model: TextureModel, strokes: Strokes) -> _Spectra:
     lsf, variance = model.at(*strokes.inputs(model.space).T)
     # By the coefficients: several times faster than by LSF.
     ar = lsf_to_ar(lsf)
-    density = ar_spectra(ar, variance, round(model.rate_hz), model.rate_hz)
-    power = lsf_output_power(variance, lsf)
-    above = power_above_felt(ar, power, model.rate_hz)
-    level = _level(power, density[:, : LOWEST_HZ + 1], above)
-    return _spectra(model.rate_hz, density, level)
+    density = ar_spectra(ar, variance, round(model.rate_hz / _STEP_HZ), model.rate_hz)
+    power = _felt_power(ar, lsf_output_power(variance, lsf), variance, model.rate_hz)
+    return _spectra(model.rate_hz, density, power)
 
 
 def _spectra(rate_hz: float, density: FloatArray, power: FloatArray) -> _Spectra:
@@ -257,15 +253,19 @@ def _spectra(rate_hz: float, density: FloatArray, power: FloatArray) -> _Spectra
     return _Spectra(rate_hz, density[:, _COMPARED], amplitude, power)
 
 
-def _level(power: FloatArray, low: FloatArray, above: FloatArray) -> FloatArray:
-    """Return powers (k,) minus those of densities up to 8 Hz (k, 9), and minus `above` (k,)."""
-    return np.asarray(power - np.minimum(np.trapezoid(low, axis=1) + above, 0.999 * power))
+def _felt_power(
+    ar: FloatArray, power: FloatArray, variance: FloatArray, rate_hz: float
+) -> FloatArray:
+    """Return the part of the powers (k,) of filters (k, m) that is felt, from 8 Hz on."""
+    low = ar_spectrum(ar, variance, np.arange(LOWEST_HZ + 1.0), rate_hz)
+    lost = np.trapezoid(low, axis=1) + power_above_felt(ar, power, rate_hz)
+    return np.asarray(power - np.minimum(lost, 0.999 * power))
 
 
 def _errors(own: _Spectra, truth: _Spectra) -> GridErrors:
     density, reference = (np.maximum(each.density, LEAST_DENSITY) for each in (own, truth))
     ratio_db = bounded_error_db(density, reference)
-    frequencies_hz, edges_hz = density_hz(truth.rate_hz)[_COMPARED], band_edges_hz(truth.rate_hz)
+    frequencies_hz, edges_hz = _density_hz(truth.rate_hz)[_COMPARED], band_edges_hz(truth.rate_hz)
     return GridErrors(
         gfc=gfc_of_rows(own.amplitude, truth.amplitude),
         power_error_db=power_level_error_db(own.power, truth.power),

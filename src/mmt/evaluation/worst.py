@@ -67,9 +67,7 @@ def explain(
     nearest = int(distances.argmin())
     boundary = _boundary_share(model, point)
     sample = _stroke_of(model, nearest, stroke)
-    there = own(sample)
     what = "shape" if shape else "level"
-    value = there.text(shape=shape)
     place = f"the nearest sample ({_text(sample, directed=model.space.directed)})"
     far = f"{distances[nearest]:.2f} of the {'space' if model.space.directed else 'plane'} away"
     limit: Limit
@@ -93,14 +91,15 @@ def explain(
         if model.interpolant.is_network:
             beyond = "the network goes beyond its samples here"
         reason = f"{beyond}; {place} is {far}"
-    elif there.explains(error, shape=shape):
+    elif (there := own(sample)).explains(error, shape=shape):
         limit = "fit"
-        reason = f"the model's {what} at {place} itself has {value}"
+        reason = f"the model's {what} at {place} itself has {there.text(shape=shape)}"
     elif distances[nearest] > _SPARSE:
         limit = "sparse"
         reason = f"{place} is {far}, and the {what} changes in between"
     else:
         limit = "interpolation"
+        value = there.text(shape=shape)
         reason = f"the {what} changes between samples; {place}, {far}, has {value}"
     return Worst(
         measure="gfc" if shape else "power",

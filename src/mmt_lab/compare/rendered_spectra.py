@@ -15,7 +15,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.evaluation.grid_errors import Strokes
 from mmt.evaluation.levels import LOWEST_HZ, band_errors_db, bounded_error_db
-from mmt.evaluation.truth import KnownTexture, density_hz
+from mmt.evaluation.truth import KnownTexture
 from mmt.texture.signals.amplitude_spectra import amplitude_spectra, expected_amplitude
 from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.compare.time_limit import time_limit
@@ -112,7 +112,7 @@ def spectra_of(vibration_m_s2: FloatArray) -> WindowedSpectra:
 
 def expected_spectra(truth: KnownTexture, strokes: Strokes) -> WindowedSpectra:
     """Return a texture's spectra through the same windows, each (k, ...)."""
-    density = truth.spectrum(strokes, density_hz(RATE_HZ))
+    density = truth.spectrum(strokes, np.arange(0.5 * RATE_HZ + 1.0))
     return WindowedSpectra(
         np.square(expected_amplitude(density, _FINE_SAMPLES)),
         expected_amplitude(density, _COARSE_SAMPLES),
@@ -125,7 +125,7 @@ def rendered_errors(rendered: WindowedSpectra, truth: WindowedSpectra) -> Render
     reference = np.broadcast_to(truth.density, rendered.density.shape)[..., _FINE]
     own = rendered.density[..., _FINE]
     spectrum_db = _root(np.prod(bounded_error_db(own, reference), axis=0).mean(axis=1))
-    frequencies_hz = density_hz(RATE_HZ)[10::2]
+    frequencies_hz = np.arange(10.0, 0.5 * RATE_HZ + 1.0, 2.0)
     bands_db = [band_errors_db(run, reference[0], frequencies_hz) for run in own]
     bands = np.prod(bands_db, axis=0)
     return RenderedErrors(

@@ -7,6 +7,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.bounds import real_numbers
 from mmt.core.errors import InputError
+from mmt.texture.autoregression.reshaping import squared_response
 
 _ROUNDING: Final = np.finfo(np.float64).eps ** 2
 """Smallest squared sum over coefficients: at a pole, rounding may make the sum zero."""
@@ -52,9 +53,7 @@ def ar_spectra(ar: FloatArray, variance: FloatArray, period: int, rate_hz: float
 
     It uses Fourier transforms, which take a fraction of the time.
     """
-    response = np.fft.rfft(np.insert(ar, 0, 1.0, axis=1), period, axis=1)
-    square = np.square(response.real) + np.square(response.imag)
-    return _density(variance, np.maximum(square, _ROUNDING), rate_hz)
+    return _density(variance, np.maximum(squared_response(ar, period), _ROUNDING), rate_hz)
 
 
 def lsf_spectrum(
