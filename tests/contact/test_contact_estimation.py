@@ -20,10 +20,15 @@ def strokes(seconds: float, deepest_m: float, surface_m: float = 0.0) -> np.ndar
     return surface_m + deepest_m * (0.3 + 0.7 * swing)
 
 
-def learn(model: ContactModel, depth_m: np.ndarray, noise_n: float = 0.0) -> ContactEstimator:
+def learn(
+    model: ContactModel,
+    depth_m: np.ndarray,
+    noise_n: float = 0.0,
+    settings: EstimationSettings | None = None,
+) -> ContactEstimator:
     rng = np.random.default_rng(0)
-    estimator = ContactEstimator()
-    speed = np.gradient(depth_m, TICK_S)
+    estimator = ContactEstimator(settings)
+    speed = np.gradient(depth_m, settings.tick_s if settings else TICK_S)
     for depth, rate in zip(depth_m.tolist(), speed.tolist(), strict=True):
         estimator.update(depth, model.force_n(depth, rate) + noise_n * rng.normal())
     return estimator
@@ -151,6 +156,32 @@ def test_what_is_not_finite_is_left_out() -> None:
             estimator.update(math.nan, 1.0)
             estimator.update(depth, math.inf)
     assert estimator.best() == clean.best()
+
+
+FINE = EstimationSettings(tick_s=1e-4)
+
+
+@pytest.mark.parametrize("origin_m", [0.0, -0.25])
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "found_stiffness", "found_damping"),
+    [(2e3, 20.0, 2e3, 20.0), (2e3, -20.0, 2e3, 0.0), (3e6, 3e4, 1e6, 1e4)],
+)
+def test_a_session_may_begin_in_contact_anywhere(
+    stiffness: float, damping: float, found_stiffness: float, found_damping: float, origin_m: float
+) -> None:
+    surface_m = origin_m - 1.25e-4
+    time_s = np.arange(0.0, 1.0, FINE.tick_s)
+    depth_m = origin_m + 1.5e-3 * (1.0 - np.cos(6 * np.pi * time_s))
+    truth = ContactModel(surface_m, stiffness, damping_n_s_m=damping)
+    estimator = learn(truth, depth_m, settings=FINE)
+    spring, power = estimator.kelvin_voigt(), estimator.hunt_crossley()
+    assert spring is not None
+    assert power is not None
+    assert estimator.contacts == 1
+    assert spring.surface_m == pytest.approx(surface_m, abs=2e-6)
+    assert spring.stiffness_n_m == pytest.approx(found_stiffness, rel=2e-3)
+    assert spring.damping_n_s_m == pytest.approx(found_damping, rel=0.03)
+    assert power.surface_m == pytest.approx(origin_m)
 
 
 @given(

@@ -150,11 +150,9 @@ class ContactEstimator:
             forgetting=forgetting,
             start=(0.0, 1.0, 0.0),
         )
-        self._depth_m: float | None = None
-        self._force_n = 0.0
-        self._origin_m = 0.0
-        self._free_m = 0.0
-        self._onset_m = 0.0
+        # not known before the first sample, or the first contact
+        self._depth_m = self._force_n = self._free_m = math.nan
+        self._origin_m = self._onset_m = math.nan
         self._square = self._linear_error = self._power_error = 0.0
         self._pull_keep = math.exp(-tick_s / _PULL_MEMORY_S)
         self._pull_n = 0.0
@@ -180,8 +178,8 @@ class ContactEstimator:
         """
         if not math.isfinite(depth_m + force_n):
             return
-        if self._depth_m is None:
-            self._depth_m, self._force_n = depth_m, force_n
+        if math.isnan(self._depth_m):
+            self._depth_m, self._force_n, self._free_m = depth_m, force_n, depth_m
         share = 1.0 - self._keep
         self._force_n += share * (force_n - self._force_n)
         behind_m = depth_m - self._depth_m
@@ -241,7 +239,6 @@ class ContactEstimator:
 
     def _detect(self, speed_m_s: float) -> None:
         """Detect the beginning and the end of contact, with hysteresis."""
-        assert self._depth_m is not None  # noqa: S101 - the caller has set it
         self._pull_n = max(self._pull_keep * self._pull_n, -self._force_n)
         pull_n = min(_PULL_MARGIN * self._pull_n, _PULL_SHARE * self.largest_n)
         threshold_n = max(self._settings.contact_n, pull_n)
@@ -259,14 +256,13 @@ class ContactEstimator:
     def _begin(self) -> None:
         """Begin a contact."""
         if not self.contacts:
-            self._origin_m = self._depth_m or 0.0
+            self._origin_m = self._depth_m
         self._onset_m = self._free_m
         self.contacts += 1
         self.contact = True
 
     def _learn(self, speed: float) -> None:
         """Update with a sample of force, or of no force when a force was expected."""
-        assert self._depth_m is not None  # noqa: S101 - the caller has set it
         force_n = self._force_n if self.contact else 0.0
         linear = (_MM * (self._depth_m - self._origin_m), speed, 1.0)
         depth_m = self._depth_m - self._onset_m
