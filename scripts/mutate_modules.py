@@ -14,6 +14,10 @@ LEAST_SHARE: Final = 0.9
 """Share of the changes that are to be noticed."""
 
 MODULES: Final[dict[str, tuple[str, ...]]] = {
+    "contact/estimation": (
+        "contact/test_contact_detection.py",
+        "contact/test_contact_estimation.py",
+    ),
     "contact/least_squares": ("contact/test_least_squares.py",),
     "contact/normal": ("contact/test_contact_steps.py",),
     "contact/passivity": ("contact/test_passivity.py", "contact/test_energies.py"),
