@@ -9,9 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from link_samples import CHANNELS, hello
 
-from mmt.core.errors import InputError, MmtError
-from mmt.link.access import Access
-from mmt.link.handshake import admit
+from mmt.core.errors import InputError
 from mmt.link.protocol import (
     MAX_RANGES,
     FollowerHello,
@@ -25,7 +23,6 @@ from mmt.link.protocol import (
 
 GOOD = hello().to_auth()
 SEVERAL = {**GOOD, "protocol": 2, "samples_per_frame": 5}
-SCENE: dict[str, Any] = {"access": Access(), "channels": CHANNELS, "rate_hz": 1000}
 
 
 def without(key: str) -> dict[str, object]:
@@ -44,19 +41,10 @@ def without(key: str) -> dict[str, object]:
         ({**SEVERAL, "samples_per_frame": 5.0}, "'samples_per_frame' is a float"),
         ({**GOOD, "protocol": "1"}, "'protocol' is a str: allowed is int"),
         ({**GOOD, "protocol": True}, "'protocol' is a bool: allowed is int"),
-        ({**GOOD, "rate_hz": 500}, "streams at 500 Hz, the leader's scene expects 1000 Hz"),
         ({**GOOD, "rate_hz": 1000.0}, "'rate_hz' is a float"),
         ({**GOOD, "channels": "position"}, "'channels' is a str: allowed is list"),
         ({**GOOD, "channels": []}, "channels: none given"),
         ({**GOOD, "channels": ["smell", 3]}, "channels: 3, smell given, allowed are position"),
-        (
-            {**GOOD, "channels": ["position", "force", "acceleration"]},
-            "sends position, force, acceleration, the leader's scene needs position, force",
-        ),
-        (
-            {**GOOD, "channels": ["position"]},
-            "sends position, the leader's scene needs position, f",
-        ),
         ({**GOOD, "frames_per_message": 0}, "frames_per_message is 0: allowed is 1 to 100"),
         ({**GOOD, "annotations": "text"}, "'annotations' is a str: allowed is bytes"),
         ({**GOOD, "clock_id": None}, "'clock_id' is a NoneType"),
@@ -65,27 +53,8 @@ def without(key: str) -> dict[str, object]:
 )
 def test_a_bad_hello_is_refused_with_a_sentence(auth: Any, sentence: str) -> None:
     with pytest.raises(InputError) as caught:
-        admit(auth, None, **SCENE)
+        FollowerHello.from_auth(auth)
     assert sentence in str(caught.value)
-
-
-def test_a_hello_fits_the_scene_and_the_place_is_free_or_its_own() -> None:
-    one, other = hello(run_id="a", extra="e"), hello(run_id="b")
-    scene = {**SCENE, "extra": "e"}
-    for occupant in (None, one):
-        assert admit(one.to_auth(), occupant, **scene) == one
-    for auth, occupant in ((one.to_auth(), other), (GOOD, hello())):
-        with pytest.raises(MmtError, match="another follower is connected"):
-            admit(auth, occupant, **scene)
-    for auth, told in ((GOOD, "has nothing beside .* scene e "), (SEVERAL, "5 samples .* needs 1")):
-        with pytest.raises(InputError, match=told):
-            admit(
-                {**auth, "channels": ["acceleration"]},
-                None,
-                **scene | {"channels": ("acceleration",)},
-            )
-    with pytest.raises(MmtError, match="token"):
-        admit({"token": "y" * 40}, None, **SCENE | {"access": Access(token="x" * 40)})
 
 
 @pytest.mark.parametrize(
@@ -94,8 +63,9 @@ def test_a_hello_fits_the_scene_and_the_place_is_free_or_its_own() -> None:
 )
 def test_numbers_of_a_hello_are_bounded(name: str, least: int, most: int) -> None:
     for value in (least, most):
-        made = hello(channels=("acceleration",), **{name: value})
-        assert getattr(FollowerHello.from_auth(made.to_auth()), name) == value
+        made = hello(channels=("acceleration",), rate_hz=500, **{name: value})
+        read = FollowerHello.from_auth(made.to_auth())
+        assert (read, getattr(read, name)) == (made, value)
         assert made.protocol == 1 + (made.samples_per_frame > 1)
     for value in (least - 1, most + 1):
         with pytest.raises(InputError, match=f"^{name} is {value}: allowed is {least} to {most}$"):

@@ -3,7 +3,6 @@
 import asyncio
 import logging
 from collections.abc import AsyncIterator
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -20,8 +19,6 @@ from link_samples import (
 
 from mmt.core.errors import InputError, MmtError
 from mmt.link.client import FollowerClient
-from mmt.link.handshake import FollowerSlot
-from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderServer
 from mmt.scene import Link
 
@@ -60,23 +57,6 @@ async def test_the_followers_user_reads_the_refusal(server: LeaderServer) -> Non
             pass
 
 
-async def test_the_place_is_one_followers_until_it_leaves() -> None:
-    slot = FollowerSlot()
-    for sid, other in (("a", "b"), ("b", "a")):
-        assert (slot.in_session, slot.expects(sid)) == (False, False)
-        slot.assign(sid, hello(source=sid))
-        assert (slot.in_session, slot.expects(sid), slot.expects(other)) == (True, True, False)
-        assert (slot.sid, slot.hello, slot.fault) == (sid, hello(source=sid), "")
-        slot.cut_off(MmtError("it floods"))
-        assert slot.fault == "it floods"
-        slot.end()
-        assert (slot.sid, slot.in_session, slot.expects(sid)) == (sid, False, False)
-        assert not await slot.wait_until_free(0.001)
-        slot.release()
-        assert (slot.sid, slot.hello) == (None, None)
-        assert await slot.wait_until_free(0.001)
-
-
 async def test_a_second_follower_is_refused_until_the_first_has_gone(server: LeaderServer) -> None:
     async with follower(server.port) as first:
         with pytest.raises(MmtError, match="another follower is connected"):
@@ -87,19 +67,6 @@ async def test_a_second_follower_is_refused_until_the_first_has_gone(server: Lea
     await until(lambda: not server.connected)
     async with follower(server.port) as second:
         assert second.connected
-
-
-async def test_the_leader_itself_may_refuse() -> None:
-    notes = LeaderNotes()
-
-    def refuse(_: FollowerHello) -> None:
-        raise MmtError("the session is over")
-
-    async with leader(events=replace(notes.events(), on_follower=refuse)) as server:
-        with pytest.raises(MmtError, match="refused: the session is over"):
-            async with follower(server.port):
-                pass
-    assert notes.errors == notes.losses == []
 
 
 async def test_malformed_events_do_no_harm() -> None:

@@ -21,7 +21,6 @@ import mmt.link.connection
 from mmt.core.errors import MmtError
 from mmt.core.frames import frame_dtype
 from mmt.link.client import FollowerClient
-from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
 from mmt.link.websocket import Send
 from mmt.scene import Link
@@ -269,16 +268,3 @@ async def test_by_default_such_an_error_is_logged(caplog: pytest.LogCaptureFixtu
         of.send_frames(frames(0))
         await until(lambda: "in the service" in caplog.text)
         assert server.connected
-
-
-async def test_a_leader_that_fails_on_a_hello_refuses_it() -> None:
-    up = LeaderNotes()
-
-    def fail(_: FollowerHello) -> None:
-        raise ZeroDivisionError
-
-    async with leader(events=replace(up.events(), on_follower=fail)) as server:
-        with pytest.raises(MmtError, match="the leader failed"):
-            async with follower(server.port):
-                pass
-    assert len(up.errors) == 1
