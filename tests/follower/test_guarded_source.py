@@ -94,13 +94,14 @@ class Driven:
 
 @pytest.mark.parametrize("tables", [{"simulated": LIMITS}, {"devices": LIMITS | ARM}])
 def test_the_limits_of_a_scene_hold_behind_guard_and_feedback(tables: dict[str, Any]) -> None:
-    driven = Driven(Feedback(), hand={}, **tables)
+    driven = Driven(Feedback(), hand={}, link={"limit_mm_s": 120.0}, **tables)
     driven.source.measures = (0.0, 0.0, 0.0)
     for tick in range(900):
         driven.command((0.2 * tick, 0.0, -0.3 * tick))
     places = np.array([place for place in driven.source.taken if place is not None])
     assert (places >= np.array(BOX_MM[0]) - 1e-9).all()
     assert (places <= np.array(BOX_MM[1]) + 1e-9).all()
+    assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() <= 0.12 + 1e-9
     assert np.abs(np.diff(places, n=2, axis=0)).max() <= 0.02 + 1e-9
     assert places[-1][0] > 40.0
     assert driven.guarded.summary["commands"]["clipped_commands"] > 500
