@@ -42,7 +42,8 @@ def test_kelvin_voigt_is_found_from_foam_to_rigid(stiffness: float, surface: flo
     assert found is not None
     assert found.stiffness_n_m == pytest.approx(stiffness, rel=0.1)
     assert found.surface_m == pytest.approx(surface, abs=0.5 / stiffness)
-    assert found.damping_n_s_m == pytest.approx(truth.damping_n_s_m, rel=0.3)
+    near = 0.03 if stiffness < 1e5 else 0.25  # moved by 0.05 mm, damping hardly shows
+    assert found.damping_n_s_m == pytest.approx(truth.damping_n_s_m, rel=near)
 
 
 def test_noise_of_a_sensor_does_not_hide_a_spring() -> None:
@@ -225,8 +226,9 @@ def test_an_exponent_counts_once_it_is_above_its_own_doubt(
     model = estimator.hunt_crossley()
     assert (model is not None) is known
     if model is not None:
-        assert model.exponent == pytest.approx(1.0, rel=0.01)
-        assert model.stiffness_n_m == pytest.approx(1000.0, rel=0.03)
+        assert model.exponent == pytest.approx(1.0, rel=0.03)
+        deepest_n = model.spring_n(model.surface_m + deepest_m)
+        assert deepest_n == pytest.approx(1000.0 * deepest_m, rel=0.03)
         assert model.dissipation_s_m == pytest.approx(0.0, abs=0.1)
 
 

@@ -182,9 +182,9 @@ class ContactEstimator:
             self._depth_m, self._force_n, self._free_m = depth_m, force_n, depth_m
         share = 1.0 - self._keep
         self._force_n += share * (force_n - self._force_n)
-        behind_m = depth_m - self._depth_m
-        self._depth_m += share * behind_m
-        speed_m_s = self._keep * behind_m / _FILTER_S
+        moved_m = share * (depth_m - self._depth_m)
+        self._depth_m += moved_m
+        speed_m_s = moved_m / self._settings.tick_s
         self.largest_n = max(self.largest_n, self._force_n)
         self._detect(speed_m_s)
         if self.contacts and not self._stray:

@@ -48,9 +48,9 @@ class SmoothSpeed:
         if not math.isfinite(place_m):
             return 0.0
         before_m = place_m if self._smooth_m is None else self._smooth_m
-        keep = math.exp(-period_s / self._filter_s)
-        self._smooth_m = place_m + keep * (before_m - place_m)
-        return keep * (place_m - before_m) / self._filter_s
+        moved_m = -math.expm1(-period_s / self._filter_s) * (place_m - before_m)
+        self._smooth_m = before_m + moved_m
+        return moved_m / period_s
 
 
 class ForceMap:
