@@ -218,7 +218,7 @@ def _of_force(force_n: FloatArray, options: ImportOptions) -> list[str]:
         return [f"force: it stays below {high_n:.2g} N, so nothing is touched; {unit}"]
     mean_n = np.mean(force_n[size_n > max(_SMALLEST_FORCE_N, 0.2 * high_n)], axis=0)
     axis = int(np.argmax(np.abs(mean_n)))
-    if axis != 2 and abs(mean_n[axis]) > 2.0 * abs(mean_n[2]):
+    if abs(mean_n[axis]) > 2.0 * abs(mean_n[2]):
         return [
             f"force: in contact it points along {'xyz'[axis]} ({_vector(mean_n)} N on average), "
             "where z is taken for the surface's normal; map the axes anew (position and "
@@ -323,7 +323,7 @@ def unit_by_gravity(mean_m_s2: float) -> str | None:
 
 def unit_by_speed(speed_mm_s: float) -> str | None:
     """Return "m" if a speed, read as mm/s, is a hand's only in m/s; else None."""
-    in_metres = speed_mm_s < _SLOWEST_MM_S < 1e3 * speed_mm_s < _FASTEST_MM_S
+    in_metres = speed_mm_s < _SLOWEST_MM_S < 1e3 * speed_mm_s
     return "m" if in_metres else None
 
 

@@ -296,4 +296,4 @@ def _time_unit(columns: SourceColumns, options: ImportOptions) -> dict[str, str]
     if 0 < step < _STEP_OF_DAYS and time[0] > _FIRST_OF_DAYS:
         return {"time": "d"}
     unit = next((unit for unit, largest in _TIME_STEPS if step <= largest), "s")
-    return {} if unit == "s" or not np.isfinite(step) else {"time": unit}
+    return {} if unit == "s" else {"time": unit}

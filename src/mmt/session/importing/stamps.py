@@ -35,8 +35,7 @@ _BATCH_SPREAD = 0.25
 _MUCH_BETTER = 0.5
 """Largest ratio of prediction errors, clock to stamps, to use a clock if `_explains` is false."""
 _SHORTEST_PAUSE_S = 0.1
-_PAUSE_PERIODS = 20
-"""Periods without a row after which the source may have restarted with another phase."""
+"""Least time without a row after which the source may have restarted with another phase."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +150,7 @@ def _fit(stamps_s: FloatArray) -> _Line | None:
     typical_s = _slope(stamps_s, np.arange(len(stamps_s)), window)
     if typical_s <= 0:  # most rows have the same stamp as the previous row
         return None
-    pause_s = max(_SHORTEST_PAUSE_S, _PAUSE_PERIODS * typical_s, 2 * window * typical_s)
+    pause_s = max(_SHORTEST_PAUSE_S, 2 * window * typical_s)
     cuts = np.flatnonzero(intervals_s > pause_s) + 1
     # limited in length: a clock drifts within minutes, and a missing row may go undetected
     stretches = [
