@@ -66,6 +66,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "link/rate_limit": ("link/test_rate_limit.py",),
     "link/reader": ("link/test_link_reading.py",),
     "session/importing/cells": ("session/test_import_cells.py",),
+    "session/importing/checks": ("session/test_import_checks.py",),
     "session/importing/columns": ("session/test_import_names.py",),
     "session/importing/framing": ("session/test_import_framing.py",),
     "session/importing/mapping": ("session/test_import_mapping.py",),

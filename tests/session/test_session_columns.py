@@ -188,13 +188,6 @@ def test_options_of_other_kinds_of_files_are_refused(tmp_path, given):
 # What looks wrong is said, with the option that mends it.
 
 
-def spoilt(vectors, row, value):
-    """Return vectors (n, 3) with one wrong number along z."""
-    return np.where(
-        (np.arange(len(vectors)) == row)[:, None] & [False, False, True], value, vectors
-    )
-
-
 def warnings_of(tmp_path, options=None, **arrays):
     held = {"position_mm": POSITION_MM, "force_n": FORCE_N, "acceleration_m_s2": ACCELERATION_M_S2}
     np.savez(tmp_path / "a.npz", **{"time_s": TIME_S, **held, **arrays})
@@ -206,74 +199,10 @@ def test_a_sound_recording_passes_without_a_word(tmp_path):
     assert warnings_of(tmp_path, acceleration_m_s2=ACCELERATION_M_S2 - GRAVITY_M_S2) == ()
 
 
-@pytest.mark.parametrize(
-    ("arrays", "reason"),
-    [
-        ({"acceleration_m_s2": ACCELERATION_M_S2 / 9.80665}, "--unit acceleration=g"),
-        ({"acceleration_m_s2": ACCELERATION_M_S2 / 9.80665e-3}, "--unit acceleration=mg"),
-        ({"acceleration_m_s2": ACCELERATION_M_S2 * 3}, "offset or its scale"),
-        ({"acceleration_m_s2": ACCELERATION_M_S2 * 0}, "it never changes"),
-        ({"position_mm": POSITION_MM / 1e3}, "--unit position=m"),
-        ({"position_mm": POSITION_MM * 1e3}, "--unit position=um"),
-        ({"force_n": FORCE_N * 1e3}, "--unit force=mN"),
-        ({"force_n": FORCE_N / 1e3}, "--unit force=kN"),
-        ({"force_n": -FORCE_N}, "--map force=-force_n"),
-        ({"force_n": FORCE_N[:, [0, 2, 1]]}, "points along y"),
-    ],
-)
-def test_a_wrong_unit_or_axis_is_said_with_what_mends_it(tmp_path, arrays, reason):
-    found = warnings_of(tmp_path, **arrays)
-    assert len(found) == 1
-    assert reason in found[0]
-
-
-@pytest.mark.parametrize(
-    ("channel", "values", "reason"),
-    [
-        ("position_mm", 0 * POSITION_MM + 3, "position: it never changes"),
-        ("force_n", 0 * FORCE_N + 3, "force: it never changes"),
-        ("force_n", spoilt(FORCE_N, 700, 505831.25), r"z is 505831\.25 in row 701, nearly all"),
-        ("force_n", spoilt(FORCE_N, 700, -800.0), r"z is -800 in row 701"),
-        ("acceleration_m_s2", spoilt(ACCELERATION_M_S2, 9, 1e4), r"z is 10000 in row 10"),
-        ("acceleration_m_s2", np.clip(ACCELERATION_M_S2, -9, 10), r"z stands at 10 in \d+ rows"),
-        (
-            "acceleration_m_s2",
-            np.vstack([ACCELERATION_M_S2[:500]] + [ACCELERATION_M_S2[500:501]] * 2500),
-            "held one value for 2.5 s",
-        ),
-        (
-            "acceleration_m_s2",
-            ACCELERATION_M_S2[np.arange(3000) // 10 * 10],
-            "about 100 values a second, not 1000",
-        ),
-        ("position_mm", spoilt(POSITION_MM, 700, -9999.0), "jumps by 9999 mm at row 701, and 2"),
-    ],
-)
-def test_a_dead_a_clipped_a_held_sensor_and_a_wrong_number_are_said(
-    tmp_path, channel, values, reason
-):
-    assert any(re.search(reason, each) for each in warnings_of(tmp_path, **{channel: values}))
-
-
 def test_what_a_warning_proposes_mends_it(tmp_path):
     options = ImportOptions(columns={"force": "-force_n"}, units={"acceleration": "g"})
     arrays = {"force_n": -FORCE_N, "acceleration_m_s2": ACCELERATION_M_S2 / 9.80665}
     assert warnings_of(tmp_path, options, **arrays) == ()
-
-
-def test_jitter_and_slow_sensors_are_said_with_figures(tmp_path):
-    jitter_s = 6e-4 * np.random.default_rng(3).uniform(-1, 1, 1500)
-    found = warnings_of(
-        tmp_path,
-        time_s=TIME_S[::2] + jitter_s,
-        position_mm=POSITION_MM[::2],
-        force_n=FORCE_N[::2],
-        acceleration_m_s2=ACCELERATION_M_S2[::2],
-    )
-    assert "0.3" in found[0]
-    assert "a clock of 500.0 Hz; the rows were put at its times" in found[0]
-    assert "at 500 Hz nothing above 250 Hz" in found[1]
-    assert len(found) == 2
 
 
 @pytest.mark.parametrize("read", [import_session, read_session, open_recording, open_windows, info])

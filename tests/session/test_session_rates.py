@@ -19,7 +19,6 @@ from mmt.session import RecordedSession, export_session, import_session, read_se
 from mmt.session.data import FRAME_PERIOD_NS, FRAME_PERIOD_S, OutputBlock, sample_times
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
-from mmt.session.importing.recording import import_recording
 from mmt.session.info import info
 from mmt.session.mcap_windows import open_windows
 from mmt.session.recorder import McapRecorder
@@ -253,25 +252,6 @@ def test_what_is_not_kept_is_60_db_down(tmp_path_factory, several, ratio, share,
     made_source(path, 2 * source_hz, frequency_hz, begin_s)
     _, samples = inner(import_session(path, acceleration_rate_hz=1000 * several))
     assert np.std(samples[:, 0]) * np.sqrt(2) < 1e-3
-
-
-def told(path, **options):
-    return import_recording(path, ImportOptions(**options))[1].warnings
-
-
-def test_import_says_what_is_left_out_and_what_is_not_there(tmp_path):
-    loud = made_source(tmp_path / "loud.npz", 8000.0, 1200.0)
-    left_out = "acceleration: 100 % of its power is above 500 Hz and is left out"
-    assert f"{left_out}: --acceleration-rate 8000 keeps it to 4000 Hz" in told(loud)
-    assert not any("left out" in said for said in told(loud, acceleration_rate_hz=3000))
-    assert not any("in it" in said for said in told(loud, acceleration_rate_hz=8000))
-    slow = "acceleration: at 8000 Hz nothing above 4000 Hz is in it"
-    assert slow in told(loud, acceleration_rate_hz=10_000)
-    low = made_source(tmp_path / "low.npz", 8000.0, 200.0)
-    assert not any("left out" in said for said in told(low))
-    ultra = made_source(tmp_path / "ultra.npz", 40_000.0, 9000.0)
-    above = "acceleration: 100 % of its power is above 5000 Hz and is left out"
-    assert above in told(ultra, acceleration_rate_hz=10_000)
 
 
 def test_an_exported_file_keeps_its_rate_until_another_is_asked_for(tmp_path):
