@@ -229,7 +229,7 @@ HALF = (
         *((shaken(mean), None) for mean in (0, 2, 8, 11.5)),
         (shaken(9.81, 0.01), STILL),
         (shaken(9.81, 0.06), None),
-        (shaken(0, 0), DEAD.format("acceleration")),
+        (shaken(9.81, 0), DEAD.format("acceleration")),
         (held(50), None),
         (held(52), "acceleration: it held one value for 0.052 s"),
         (shaken(9.81)[N // 2], HALF),

@@ -246,7 +246,7 @@ def _of_acceleration(
             f"{about}: its offset or its scale is wrong; counts become m/s2 by a factor, as in "
             "--map acceleration_x=NAME*0.0006"
         )
-    elif 0 < spread < _LEAST_VIBRATION_M_S2:
+    elif spread < _LEAST_VIBRATION_M_S2 and np.ptp(acceleration_m_s2, axis=0).any():
         unit = _other_unit("acceleration", "g", options)
         sentences.append(f"acceleration: it varies by {spread:.2g} m/s2 rms only; {unit}")
     asked_hz = options.acceleration_rate_hz
