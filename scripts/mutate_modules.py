@@ -71,6 +71,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "session/importing/framing": ("session/test_import_framing.py",),
     "session/importing/mapping": ("session/test_import_mapping.py",),
     "session/importing/options": ("session/test_import_options.py",),
+    "session/importing/proposal": ("session/test_import_proposal.py",),
     "session/importing/quaternions": ("session/test_import_mapping.py",),
     "session/mcap_writer": (
         "session/test_session_files.py",

@@ -1,0 +1,243 @@
+"""Options of an import are proposed from the names, units and times of a file's columns."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mmt.core.errors import InputError
+from mmt.session.importing.checks import ChannelReport, ImportReport
+from mmt.session.importing.columns import SourceColumns
+from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.proposal import Proposal, propose, try_proposal
+
+TIMES = [f"{n / 1000:.3f}" for n in range(40)]
+
+
+def table(folder, header, *columns):
+    """Write columns of cells, by default times in each, and return the path."""
+    columns = columns or [TIMES] * (header.count(",") + 1)
+    rows = [header, *(",".join(map(str, row)) for row in zip(*columns, strict=True))]
+    (folder / "a.csv").write_text("\n".join(rows), encoding="utf-8")
+    return folder / "a.csv"
+
+
+FORCE = " force_x=0 force_y=0 force_z=Fz"
+X = " position_x=x position_y=0 position_z=0"
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        ("t,Fz", "time=t" + FORCE),
+        ("0,t,Fz,load", "time=t force_x=0.0 force_y=0.0 force_z=Fz"),
+        ("t,x,pos_y,tipZ", "time=t position_x=x position_y=pos_y position_z=tipZ"),
+        ("t,ax,accel_y,az", "time=t acceleration_x=ax acceleration_y=accel_y acceleration_z=az"),
+        ("t,f,p,a,v", "time=t speed=v"),
+        ("t,log.run.f,log.a", "time=t force=log.run.f acceleration=log.a"),
+        ("t,vx,vy", "time=t"),
+        ("t,v,x", "time=t" + X),
+        ("t,v,position_x_mm", "time=t"),
+        ("Date,Time,load", "time=Time force=load"),
+        ("DATE,load", "time=DATE force=load"),
+        ("time_s,t,load", "force=load"),
+        ("time_s,force_n[0],force_n[1]", ""),
+        ("t,time,load", "time=t force=load"),
+        ("Stamp.Sec,Stamp.Nanosec", "time=Stamp.Sec time_fraction=Stamp.Nanosec"),
+        ("tv_usec,tv_sec", "time=tv_sec time_fraction=tv_usec"),
+        ("time,nsec,load", "time=time force=load"),
+        ("nsec,load", "time=nsec force=load"),
+        ("t,force_n,fx,fy,fz", "time=t"),
+        ("t,O_T_EE_12,O_T_EE_13", "time=t"),
+        (
+            "load,actual_TCP_force_0,actual_TCP_force_1,actual_TCP_force_2",
+            "force_x=actual_TCP_force_0 force_y=actual_TCP_force_1 force_z=actual_TCP_force_2",
+        ),
+        (
+            "t,qw,quat_x,orientationY,quaternionZ",
+            "time=t orientation_w=qw orientation_x=quat_x orientation_y=orientationY "
+            "orientation_z=quaternionZ",
+        ),
+        ("t,qx,qy,qz", "time=t"),
+        ("t,q_wxyz", "time=t orientation=q_wxyz"),
+        ("t,quat", "time=t"),
+        ("t,wrench.force.X", "time=t force_x=wrench.force.X force_y=0 force_z=0"),
+        ("t,arm/F/z,arm/w/z", "time=t force_x=0 force_y=0 force_z=arm/F/z"),
+        (
+            "t,linear_acceleration.y,angular_velocity.y",
+            "time=t acceleration_x=0 acceleration_y=linear_acceleration.y acceleration_z=0",
+        ),
+        ("t,p.ip.x,p.ip.z", "time=t position_x=p.ip.x position_y=0 position_z=p.ip.z"),
+        ("t,top.x,cap.x", "time=t"),
+        ("t,rot.x,rot.y,rot.z,rot.W", "time=t"),
+        ("t,rot.w,rot.x", "time=t"),
+        ("t,acc.x,acc.w", "time=t acceleration_x=acc.x acceleration_y=0 acceleration_z=0"),
+        ("t,stamp.x,vel.x", "time=t"),
+        ("t,force[0],force[1],force[2]", "time=t force=force"),
+        ("t,acc(0),acc(1),acc(2)", "time=t acceleration=acc"),
+        (
+            "/imu.linear_acceleration,/w.a.force,/w.torque,/tool.translation",
+            "acceleration=/imu.linear_acceleration force=/w.a.force position=/tool.translation",
+        ),
+        ("time_ms,acc_m_s2", "time=time_ms acceleration=acc_m_s2"),
+        ("time_N,fx_n", "force_x=fx_n force_y=0 force_z=0"),
+        ("t,fx_mm,pos_g,x_n", "time=t"),
+        ("timeStamp,forceNewton", "time=timeStamp force=forceNewton"),
+        ("Time,x,Time,Fz", "position_time=Time.1 force_time=Time.2" + X + FORCE),
+        ("X[s],x,X[s],Fz", "position_time=X.1 force_time=X.2" + X + FORCE),
+        ("x,Time,Fz,Time,note", "force_time=Time.1" + X + FORCE),
+        (
+            "Time,v,Time,Fz,stamp",
+            "time=stamp speed=v position_time=Time.1 force_time=Time.2" + FORCE,
+        ),
+        ("x,x,t,Fz", "time=t" + FORCE),
+    ],
+)
+def test_columns_are_proposed_by_their_names(tmp_path, names, expected):
+    proposed = propose(str(table(tmp_path, names))).options.columns
+    assert proposed == dict(pair.split("=") for pair in expected.split())
+
+
+@pytest.mark.parametrize("form", ["{}_{}", "{}[{}]", "{}({})", "{}.{}", "{}"])
+@pytest.mark.parametrize(
+    ("name", "channel", "first", "unit"),
+    [
+        ("actual_TCP_pose", "position", 0, "m"),
+        ("actual_TCP_force", "force", 0, "N"),
+        ("actual_tool_accelerometer", "acceleration", 0, "m/s2"),
+        ("O_T_EE", "position", 12, "m"),
+    ],
+)
+def test_what_robots_call_their_measurements_has_their_unit(
+    tmp_path, form, name, channel, first, unit
+):
+    elements = [form.format(name, first + place) for place in range(3)]
+    names = list(dict.fromkeys(elements))
+    path = table(tmp_path, ",".join(["t", *names]))
+    proposed = propose(path).options
+    mapped = [f"{name}[{first + place}]" for place in range(3)] if form == "{}" else elements
+    axes = zip([f"{channel}_{axis}" for axis in "xyz"], mapped, strict=True)
+    assert proposed.columns == {"time": "t", **dict(axes)}
+    assert proposed.units == {channel: unit}
+    other = {channel: f"m{unit}"}
+    assert propose(path, ImportOptions(units=other)).options.units == other
+    told = table(tmp_path, ",".join(["t", *(f"{each} [{unit}]" for each in names)]))
+    assert propose(told).options.units == {}
+
+
+@pytest.mark.parametrize(
+    ("names", "options", "lacking"),
+    [
+        ("Fz", {}, ("time", "position", "acceleration")),
+        ("n,load,tip,acc", {"rate_hz": 100.0}, ()),
+        ("t,v", {}, ("force", "acceleration")),
+        ("/w.force", {}, ("position", "acceleration")),
+        ("n,load", {"columns": {"force_time": "n"}}, ("position", "acceleration")),
+        ("time_s,force_x_n,force_y_n,force_z_n", {}, ("position", "acceleration")),
+        ("time_s,force_n[0],force_n[1]", {}, ("position", "acceleration")),
+    ],
+)
+def test_what_no_column_was_found_for_is_said(tmp_path, names, options, lacking):
+    proposal = propose(table(tmp_path, names), ImportOptions(**options))
+    assert proposal.lacking == lacking
+    assert list(proposal.names) == names.split(",")
+
+
+def test_given_options_count_more_than_what_is_guessed(tmp_path):
+    path = table(tmp_path, "t,Fz,n\nb,load,c", *[TIMES] * 3)
+    options = ImportOptions({"time": "n", "force_x": "-Fz"}, {"time": "us"}, header=1)
+    proposed = propose(path, options).options
+    expected = {"time": "n", "force_x": "-Fz", "force_y": "0", "force_z": "Fz"}
+    assert (proposed.columns, proposed.units) == (expected, {"time": "us"})
+    with pytest.raises(InputError, match=r"--sheet is for \.xlsx: leave it out"):
+        propose(path, ImportOptions(sheet="1"))
+
+
+def stepped(*steps, start=0.0):
+    return np.cumsum([start, *steps]).tolist()
+
+
+@pytest.mark.parametrize(
+    ("name", "times", "unit"),
+    [
+        *(("t", stepped(*[step] * 9), None) for step in (0.001, 0.05, 6e7)),
+        *(("t", stepped(*[step] * 9), "ms") for step in (0.06, 50)),
+        *(("t", stepped(*[step] * 9), "us") for step in (51, 5e4)),
+        *(("t", stepped(*[step] * 9), "ns") for step in (5.1e4, 5e7)),
+        ("t", stepped(1, 1, 1, 300), "ms"),
+        ("t", stepped(0, 0, 0, 300), "us"),
+        ("t", [7.0], None),
+        ("t", stepped(*[1e-8] * 9, start=45_000), "d"),
+        *(("t", stepped(*[s] * 9, start=45_000), None) for s in (1e-3, -1e-8)),
+        ("t", stepped(*[1e-8] * 9, start=19_000), None),
+        *((name, stepped(*[1] * 9), None) for name in ("t_us", "t [us]")),
+        ("time_s", stepped(*[1] * 9), "ms"),
+        ("nsec,sec", stepped(*[1] * 9), None),
+    ],
+)
+def test_a_unit_of_time_is_proposed_by_the_steps(tmp_path, name, times, unit):
+    path = table(tmp_path, f"{name},load", *[times] * (name.count(",") + 2))
+    assert propose(path).options.units == ({"time": unit} if unit else {})
+    given = ImportOptions(units={"time": "min"})
+    assert propose(path, given).options.units == {"time": "min"}
+
+
+def test_a_unit_of_a_channels_own_time_is_proposed(tmp_path):
+    path = table(tmp_path, "n,load", stepped(*[1] * 9), stepped(*[0.1] * 9))
+    own = propose(path, ImportOptions({"force_time": "n"}))
+    assert own.options.units == {"time": "ms"}
+    assert propose(path, ImportOptions(rate_hz=10.0)).options.units == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "told", "expected"),
+    [
+        ("pose.position.x", {}, (), {"acceleration": "g", "position": "m"}),
+        ("tf/translation/x", {}, ("acceleration",), {"position": "m"}),
+        ("x", {}, (), {"acceleration": "g"}),
+        (
+            "pose.position.x",
+            {"position": "cm", "time": "ms"},
+            (),
+            {"acceleration": "g", "position": "cm", "time": "ms"},
+        ),
+    ],
+)
+def test_units_are_those_in_which_gravity_and_a_hand_are_known(name, given, told, expected):
+    still = ChannelReport("force", 9, 1e3, 0.0, 0, (0.0,) * 3, (9.0, 9.0, 9.0), (9.0,) * 3)
+    lying = ChannelReport("acceleration", 9, 1e3, 0.0, 0, (0.0,) * 3, (0.6, 0.0, 0.8), (1.0,) * 3)
+    report = ImportReport((still, lying), 0.1, (), frozenset(told))
+    proposal = Proposal([], ImportOptions({"position_x": name}, given), (), SourceColumns("a", {}))
+    assert proposal.weighed(report).options.units == expected
+    unmoved = ImportReport((still,), None, ())
+    assert proposal.weighed(unmoved).options.units == given
+
+
+@pytest.mark.parametrize(
+    ("path", "command"),
+    [
+        ("my run.csv", "'my run.csv' 'my run.mcap' --map time=t --blanks-as-gaps"),
+        ("a.MCAP", "a.MCAP a-imported.mcap --map time=t --blanks-as-gaps"),
+    ],
+)
+def test_the_command_that_imports_is_said(path, command):
+    options = ImportOptions({"time": "t"}, blanks_as_gaps=True)
+    proposal = Proposal([], options, (), SourceColumns("a", {}))
+    assert proposal.command(Path(path)) == f"mmt session import {command}"
+
+
+def test_rows_with_blanks_are_left_out_if_that_is_all_that_prevents_the_import(tmp_path):
+    lying = ["1.01" if n % 2 else "0.99" for n in range(40)]
+    cells = [*TIMES[:9], "", *TIMES[10:]]
+    for force, blank in ((TIMES, False), (cells, True)):
+        proposal = propose(table(tmp_path, "t,Fz,az", TIMES, force, lying))
+        tried, report, error = try_proposal(tmp_path / "a.csv", proposal)
+        assert error is None
+        assert [each.rows for each in report.channels] == [40 - blank, 40]
+        assert tried.options.blanks_as_gaps == blank
+        assert tried.options.units == {"acceleration": "g"}
+    back = [*TIMES[:20], *TIMES[18:38]]
+    proposal = propose(table(tmp_path, "Time,x,Time,Fz", TIMES, cells, back, TIMES))
+    tried, report, error = try_proposal(tmp_path / "a.csv", proposal)
+    assert (tried, report) == (proposal, None)
+    assert "position_x is empty or NaN in line 11" in str(error)
