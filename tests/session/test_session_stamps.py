@@ -41,6 +41,7 @@ def test_batches_are_spread_over_their_time(rows):
     found = assess_stamps(stamps_s, motion(truth_s))
     assert found.regular
     assert off_ms(found.time_s, truth_s) < 0.01 * rows
+    assert assess_stamps(stamps_s).regular
 
 
 def test_late_stamps_do_not_tilt_the_line():
@@ -91,6 +92,110 @@ def test_rows_that_were_sampled_when_their_stamps_say_so_keep_them():
     assert not found.regular
     np.testing.assert_array_equal(found.time_s, truth_s)
     assert assess_stamps(truth_s, motion(truth_s), "regular").regular
+
+
+@pytest.mark.parametrize("noise_mm", [0.0, 0.02, 0.05])
+def test_noise_in_the_motion_does_not_make_a_clock_better(noise_mm):
+    rng = np.random.default_rng(7)
+    truth_s = np.arange(5000) / 500 + 4e-4 * rng.uniform(-1, 1, 5000)
+    rows = motion(truth_s) + noise_mm * rng.standard_normal((5000, 3))
+    assert not assess_stamps(truth_s, rows).regular
+
+
+@pytest.mark.parametrize("choice", ["auto", "header", "receipt", "regular", "kept"])
+def test_a_clock_has_its_period_its_jitter_and_its_missing_rows(choice):
+    truth_s = np.delete(np.arange(800) / 100, [100, 400, 401])
+    late_s = np.resize([0.002, 0.0, -0.002], 797)
+    stamps_s = truth_s + np.random.default_rng(1).permutation(late_s)
+    found = assess_stamps(stamps_s, choice=choice)
+    assert (found.periodic, found.regular) == (True, choice != "kept")
+    np.testing.assert_allclose(found.time_s, truth_s if found.regular else stamps_s, atol=1e-4)
+    assert found.period_s == pytest.approx(0.01, rel=1e-4)
+    assert found.jitter_s == pytest.approx(0.002 * np.sqrt(2 / 3), rel=1e-3)
+    assert found.largest_s == pytest.approx(0.002, rel=1e-2)
+    assert found.missing_rows == 3
+
+
+@pytest.mark.parametrize(
+    ("stamps_s", "period_s", "jitter_s", "largest_s", "missing"),
+    [
+        ([0, 1, 2, 4, 5, 6], 1, 0, 0, 1),
+        ([0, 1.1, 2, 3, 5.1, 6], 1, np.sqrt(0.04 / 5), 0.1, 1),
+        ([0, 1, 2.5, 3, 4.75, 5], 1, np.sqrt(0.325), 0.75, 0),
+        ([0, 0, 0, 1, 1, 1, 2, 2, 2], 0.25, np.sqrt(0.1875), 0.75, 0),
+        ([3, 3, 3], 0, 0, 0, 0),
+        (np.arange(15), 1, 0, 0, 0),
+    ],
+)
+def test_few_stamps_are_kept_and_described(stamps_s, period_s, jitter_s, largest_s, missing):
+    stamps_s = np.array(stamps_s, dtype=float)
+    found = assess_stamps(stamps_s, choice="regular")
+    np.testing.assert_array_equal(found.time_s, stamps_s)
+    figures = (found.period_s, found.jitter_s, found.largest_s)
+    assert figures == pytest.approx((period_s, jitter_s, largest_s))
+    assert (found.missing_rows, found.periodic, found.regular) == (missing, False, False)
+
+
+def test_sixteen_rows_are_enough_for_a_clock_and_equal_stamps_are_none():
+    found = assess_stamps(np.arange(16.0))
+    assert (found.periodic, found.period_s, found.missing_rows) == (True, 1.0, 0)
+    assert not assess_stamps(np.full(300, 7.0), choice="regular").periodic
+
+
+def in_stretches(lengths, pauses, rate_hz):
+    """Return times of rows of a clock, that begins anew after pauses, in periods."""
+    steps = np.ones(sum(lengths))
+    steps[np.cumsum(lengths)[:-1]] = pauses
+    return np.cumsum(steps) / rate_hz
+
+
+@pytest.mark.parametrize(
+    ("lengths", "pauses", "rate_hz"),
+    [
+        ([400, 400], [40.4], 100),
+        ([400, 400], [105.4], 1000),
+        ([100, 90, 80, 70], [60.4, 70.6, 55.3], 500),
+        ([300, 20, 500, 1], [90.4, 120.6, 77.3], 100),
+    ],
+)
+def test_a_line_begins_anew_after_each_pause(lengths, pauses, rate_hz):
+    truth_s = in_stretches(lengths, pauses, rate_hz)
+    stamps_s = truth_s + np.random.default_rng(1).uniform(-0.1, 0.1, len(truth_s)) / rate_hz
+    found = assess_stamps(stamps_s, choice="regular")
+    assert found.regular
+    assert found.period_s == pytest.approx(1 / rate_hz, rel=1e-3)
+    assert found.missing_rows == sum(round(pause) - 1 for pause in pauses)
+    assert off_ms(found.time_s, truth_s) < 150 / rate_hz
+
+
+def test_a_line_that_begins_before_the_last_ended_is_moved():
+    """A clock of 100 Hz that is set back by 6 ms."""
+    stamps_s = np.arange(16_384) / 100 - 0.006 * (np.arange(16_384) >= 8192)
+    found = assess_stamps(stamps_s, choice="regular")
+    assert found.regular
+    steps_s = np.diff(found.time_s)
+    assert (steps_s[8191], *np.delete(steps_s, 8191)[[0, -1]]) == pytest.approx((0.005, 0.01, 0.01))
+
+
+@pytest.mark.parametrize(("clockless", "periodic"), [(1, True), (4, False)])
+def test_a_clock_is_that_of_nine_rows_in_ten(clockless, periodic):
+    rng = np.random.default_rng(2)
+    steps = np.ones((20, 300))
+    steps[:clockless] = np.linspace(0.5, 1.4, 300)
+    steps[:, 0] = 100.0
+    stamps_s = np.cumsum(steps) / 100 + 1e-3 * rng.uniform(-1, 1, 6000)
+    assert assess_stamps(np.sort(stamps_s), choice="regular").periodic == periodic
+
+
+def test_batches_at_other_times_than_a_clocks_need_a_motion_that_tells_it():
+    truth_s = np.arange(4000) / 100
+    late_s = np.random.default_rng(3).uniform(0.0, 0.3, 500)
+    stamps_s = np.repeat(np.sort(truth_s[7::8] + late_s), 8)
+    assert not assess_stamps(stamps_s).periodic
+    assert not assess_stamps(stamps_s, motion(stamps_s)).regular
+    found = assess_stamps(stamps_s, motion(truth_s))
+    assert (found.periodic, found.regular) == (True, True)
+    assert off_ms(found.time_s, truth_s) < 10
 
 
 def test_intervals_without_a_clock_are_kept():
