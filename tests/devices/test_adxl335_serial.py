@@ -17,7 +17,7 @@ from mmt.devices.drivers import load_device
 from mmt.devices.protocols import SensorReading, Vector
 
 if sys.platform == "win32":
-    pytest.add_unsent("there are no pseudo-terminals", allow_module_level=True)
+    pytest.skip("there are no pseudo-terminals", allow_module_level=True)
 
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 

@@ -22,7 +22,7 @@ from mmt.testing.emulated.labjack_u6 import EmulatedU6
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 
 if sys.platform != "linux":
-    pytest.add_unsent("the emulated ports are for Linux", allow_module_level=True)
+    pytest.skip("the emulated ports are for Linux", allow_module_level=True)
 
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 from mmt.testing.emulated.digital_ft import EmulatedDigitalFt

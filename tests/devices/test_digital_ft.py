@@ -14,7 +14,7 @@ from mmt.devices.ati.digital_registers import GAINS, STATUS
 from mmt.devices.drivers import load_device
 
 if sys.platform != "linux":
-    pytest.add_unsent("the emulated port is for Linux", allow_module_level=True)
+    pytest.skip("the emulated port is for Linux", allow_module_level=True)
 
 from mmt.testing.emulated.digital_ft import EmulatedDigitalFt
 

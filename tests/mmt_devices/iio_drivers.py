@@ -11,7 +11,7 @@ from mmt.devices.drivers import load_device
 from mmt_devices.iio.driver import IioAccelerometer
 
 if sys.platform != "linux":
-    pytest.add_unsent("industrial I/O is a part of Linux", allow_module_level=True)
+    pytest.skip("industrial I/O is a part of Linux", allow_module_level=True)
 
 from mmt_devices.iio.emulated import EmulatedIio
 from mmt_devices.iio.emulated_chips import ADXL345

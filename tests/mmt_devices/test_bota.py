@@ -13,7 +13,7 @@ from mmt_devices.bota.driver import BotaSerial
 from mmt_devices.bota.frames import INVALID, OVERRANGE, RAW, SKIPPED
 
 if sys.platform != "linux":
-    pytest.add_unsent("the emulated port is for Linux", allow_module_level=True)
+    pytest.skip("the emulated port is for Linux", allow_module_level=True)
 
 from mmt_devices.bota.emulated import EmulatedBota
 

@@ -24,7 +24,7 @@ from mmt_devices.universal_robots.emulated.ports import RtdeConnection
 if find_spec("rtde_control") is None:
     pytest.skip("ur-rtde is not installed (pip install ur-rtde)", allow_module_level=True)
 if sys.platform != "linux":
-    pytest.add_unsent("loopback addresses of one's own are for Linux", allow_module_level=True)
+    pytest.skip("loopback addresses of one's own are for Linux", allow_module_level=True)
 
 TOOL_DOWN = (2.2, 2.2, 0.0)
 
