@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, GravityCalibration
 from mmt.devices.adxl335.serial_driver import SerialAdxl335
 from mmt.devices.calibrations import save_calibration
@@ -229,17 +229,3 @@ def test_without_calibration_gravity_shows_a_wrong_supply(boards, drivers, caplo
     sensor.connect()
     sensor.calibrate()
     assert "it is not calibrated, and the options for supply" in caplog.text
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({}, "port"),
-        ({"port": "a", "baud": 9600}, "baud is not a key; allowed are .*baud_rate"),
-        ({"port": "a", "axes": ["x", "x", "z"]}, "axes must name each of x, y, z once"),
-        ({"port": "a", "supply_v": 5.0}, "supply_v is 5.0"),
-    ],
-)
-def test_options_are_checked(options, message) -> None:
-    with pytest.raises(InputError, match=message):
-        load_device("adxl335-serial", options)

@@ -11,7 +11,6 @@ from sensor_reading import read_some, read_until, read_until_fault
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.ati.digital_ft import digital_ft, record_rate_hz
 from mmt.devices.ati.digital_registers import GAINS, STATUS
-from mmt.devices.drivers import load_device
 
 if sys.platform != "linux":
     pytest.skip("the emulated port is for Linux", allow_module_level=True)
@@ -180,9 +179,3 @@ def test_a_sensor_without_power_is_explained(emulated):
     emulated.deaf = True
     with pytest.raises(MmtError, match="does not answer at 115200 baud: check its power, the cab"):
         digital_ft(**emulated.options).connect()
-
-
-def test_options_are_validated():
-    for wrong in ({}, {"port": "x", "baud": 9600}, {"port": "x", "speed": 1}):
-        with pytest.raises(InputError, match="device 'ati-digital-ft'"):
-            load_device("ati-digital-ft", wrong)

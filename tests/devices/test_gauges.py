@@ -288,12 +288,6 @@ def test_the_board_is_made_by_its_own_driver(file):
     sensor.close()
 
 
-def test_options_are_validated(file):
-    for wrong in ({}, {"calibration_file": str(file)}, {"calibration_file": str(file), "board": 1}):
-        with pytest.raises(InputError, match="device 'ati-gauges'"):
-            load_device("ati-gauges", wrong)
-
-
 def test_a_driver_imports_neither_scipy_nor_numba():
     program = (
         "import sys, mmt.devices.ati.net_ft, mmt.devices.ati.digital_ft, mmt.devices.ati.gauges;"

@@ -256,34 +256,6 @@ def test_a_nano17s_gauges_are_read_by_a_box(tmp_path: Path, closing) -> None:
     assert sum(r.value[0] for r in got) / len(got) == pytest.approx(0.0, abs=0.01)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"inputs": []}, "inputs"),
-        ({"inputs": [0, 14]}, "input 14"),
-        ({"gain": 5}, "gain is 5"),
-        ({"inputs": [1], "differential": True}, "even half"),
-    ],
-)
-def test_a_boards_options_are_checked(options, message) -> None:
-    with pytest.raises(InputError, match=message):
-        load_device("labjack-u6", options)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"board": "labjack-u6"}, "set to 6 inputs, the sensor needs three"),
-        ({"board": {"driver": "labjack-u6", "rate_hz": 10.0}}, "rate_hz is 10.0"),
-        ({"board": "labjack-u6", "port": "a"}, "port is not a key; allowed are .*board"),
-        ({}, "board"),
-    ],
-)
-def test_options_of_the_accelerometer_are_checked(options, message) -> None:
-    with pytest.raises(InputError, match=message):
-        load_device("adxl335-board", options)
-
-
 def test_the_former_driver_of_the_accelerometer_says_what_to_write() -> None:
     with pytest.raises(InputError, match=r'no longer one; write driver = "adxl335-board".* inputs'):
         load_device("adxl335-u6", {"inputs": [1, 2, 3]})

@@ -286,11 +286,3 @@ def test_reading_what_is_not_connected_is_explained():
     sensor.close()
     with pytest.raises(MmtError, match=r"Net F/T at 192.168.1.1 is not connected"):
         sensor.read()
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"filter": 13}, {"rate_hz": 0}, {"range_n": (1, 2)}, {"speed": 1}, {"mounted": "x"}]
-)
-def test_options_are_validated(wrong):
-    with pytest.raises(InputError, match="device 'ati-net-ft'"):
-        net_ft(**wrong)

@@ -82,8 +82,6 @@ def test_three_limits_hold_along_each_of_the_scenes_axes(make, emulated) -> None
         lambda: emulated.tip_state().motor_n == pytest.approx((1.0, 3.0, 2.0), abs=1e-6),
         lambda: handle.write((5.0, -9.0, 3.0)),
     )
-    with pytest.raises(InputError, match="force_limit_n"):
-        load_device("openhaptics", {"force_limit_n": [1.0, 0.0, 3.0]}, role="handle")
 
 
 def test_a_handle_that_does_not_answer_is_lost_and_comes_back(make, emulated) -> None:
@@ -105,8 +103,3 @@ def test_a_handle_that_does_not_answer_is_lost_and_comes_back(make, emulated) ->
 def test_axes_that_are_none_are_explained_by_the_emulated_handle_too(axes: object) -> None:
     with pytest.raises(InputError, match="axes"):
         VirtualPhantomHandle(axes=axes)
-
-
-def test_the_robots_gains_are_no_options_of_the_handle() -> None:
-    with pytest.raises(InputError, match="stiffness_n_mm is not a key; allowed are library"):
-        load_device("openhaptics", {"stiffness_n_mm": 1.0}, role="handle")

@@ -18,7 +18,6 @@ from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.quaternions import unit_quaternion
 from mmt.devices import discovery
 from mmt.devices.discovery import FoundPort
-from mmt.devices.drivers import load_device
 from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH
@@ -360,21 +359,6 @@ def test_a_device_that_knows_no_limit_of_its_force_is_refused(make, emulated, fo
     emulated.limits(force_n, 3.5)
     with pytest.raises(MmtError, match="no limit is known"):
         make().connect()
-
-
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        ({"stiffness_n_mm": 2.0, "damping_n_s_m": 1.0}, "oscillates at 1 kHz below 3"),
-        ({"axes": "x,y,y"}, "name x, y and z once each"),
-        ({"axes": "x,y,-z"}, "mirrors"),
-        ({"stiffness": 1.0}, "stiffness is not a key; allowed are library, device"),
-        ({"force_limit_n": float("inf")}, "force_limit_n"),
-    ],
-)
-def test_options_that_cannot_be_are_explained(options, sentence) -> None:
-    with pytest.raises(InputError, match=sentence):
-        load_device("openhaptics", options)
 
 
 def run_alone(program: str) -> str:

@@ -357,21 +357,6 @@ def test_a_session_goes_on_after_a_reflex(make, emulated) -> None:
         running.source.close()
 
 
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        ({}, "host"),
-        ({"host": "arm", "axes": "x,y,-z"}, "mirrors"),
-        ({"host": "arm", "stiffness_n_mm": 5.0}, "stiffness_n_mm is 5"),
-        ({"host": "arm", "force_limit_n": 30.0}, "lower the first, or raise the second"),
-        ({"host": "arm", "speed": 1.0}, "speed is not a key; allowed are host, realtime, axes"),
-    ],
-)
-def test_options_that_cannot_be_are_explained(options, sentence) -> None:
-    with pytest.raises(InputError, match=sentence):
-        load_device("franka", options)
-
-
 def test_without_the_library_the_command_that_installs_it_is_given(monkeypatch) -> None:
     monkeypatch.setattr("mmt.core.extras.find_spec", lambda _: None)
     with pytest.raises(InputError, match=r"franky-control .*which is not installed; .*\[franka\]"):

@@ -9,9 +9,8 @@ import pytest
 from iio_drivers import LEVEL, Drivers, emulated_adxl345, emulated_iio, iio_drivers  # noqa: F401 - fixtures
 from sensor_reading import read_some, read_until, read_until_fault
 
-from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
-from mmt.devices.drivers import load_device
 from mmt.devices.protocols import ArrivalStamping
 from mmt_devices.iio.driver import IioAccelerometer
 from mmt_devices.iio.emulated import EmulatedIio
@@ -233,9 +232,3 @@ def test_a_sensor_that_does_not_feel_gravity_is_told_at_the_start(emulated, sens
         read_some(sensor, 100)
         sensor.calibrate()
     assert "measures 7.0" in caplog.text
-
-
-def test_options_are_validated() -> None:
-    for wrong in ({"rate_hz": 0}, {"axes": ["x", "x", "z"]}, {"stamps": "own"}, {"port": "x"}):
-        with pytest.raises(InputError, match="device 'iio-accelerometer'"):
-            load_device("iio-accelerometer", wrong)

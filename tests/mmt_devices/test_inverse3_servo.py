@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.core.errors import InputError
-from mmt.devices.drivers import load_device, roles_of
+from mmt.devices.drivers import roles_of
 from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH
 from mmt_devices.inverse3.exchange import ABSENT
 from mmt_devices.inverse3.messages import NAMES, OtherFormatError, listed, parse, version_of
@@ -269,27 +268,9 @@ def test_an_arm_without_fresh_commands_is_limp_and_starts_anew_where_it_is() -> 
     assert place == pytest.approx((0.02, -0.15, 0.15))
 
 
-# --- options
+# --- roles
 
 
 def test_it_is_a_robot_and_a_handle() -> None:
     assert roles_of("inverse3") == ("robot", "handle")
     assert roles_of("virtual-inverse3") == ("robot", "handle")
-
-
-@pytest.mark.parametrize("driver", ["inverse3", "virtual-inverse3"])
-@pytest.mark.parametrize(
-    ("role", "options", "sentence"),
-    [
-        ("handle", {"address": "localhost:10001"}, "address"),
-        ("handle", {"force_limit_n": 11.0}, "force_limit_n"),
-        ("handle", {"lead_limit_mm": 5.0}, "lead_limit_mm is not a key; allowed are address"),
-        ("robot", {"force_limit_n": 2.0}, "force_limit_n is not a key; allowed are address"),
-        ("robot", {"axes": "x,y,-z"}, "mirrors"),
-        ("robot", {"origin_mm": [0.0, math.nan, 0.0]}, "origin_mm"),
-        ("robot", {"commands": "2.0"}, "commands"),
-    ],
-)
-def test_a_wrong_option_is_named(driver, role, options, sentence) -> None:
-    with pytest.raises(InputError, match=sentence):
-        load_device(driver, options, role=role)

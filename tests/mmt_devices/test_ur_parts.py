@@ -12,9 +12,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import MmtError
 from mmt.devices.discovery import find_drivers
-from mmt.devices.drivers import load_device
 from mmt_devices.universal_robots import dashboard
 from mmt_devices.universal_robots.emulated import rtde
 from mmt_devices.universal_robots.emulated.arm import (
@@ -63,6 +62,13 @@ def test_a_scene_that_is_turned_a_quarter_about_z_has_its_x_along_the_bases_y() 
     assert frame.place_in_scene((0.1, 0.21, 0.305)) == pytest.approx((10.0, 0.0, 5.0))
     assert frame.to_scene((0.0, 2.0, 3.0)) == pytest.approx((2.0, 0.0, 3.0))
     assert frame.to_base((2.0, 0.0, 3.0)) == pytest.approx((0.0, 2.0, 3.0))
+
+
+def test_frames_of_both_kinds_go_both_ways() -> None:
+    frame = SceneFrame((1.0, -2.0, 3.0), (0.4, -0.8, 1.9))
+    for place in itertools.product((-50.0, 70.0), repeat=3):
+        assert frame.place_in_scene(frame.place_in_base(place)) == pytest.approx(place)
+        assert frame.to_scene(frame.to_base(place)) == pytest.approx(place)
 
 
 # --- the servo point
@@ -300,25 +306,7 @@ def test_a_host_without_a_controller_is_named() -> None:
             dashboard.problem("127.0.0.1")
 
 
-# --- options
-
-
-@pytest.mark.parametrize(
-    ("role", "options", "told"),
-    [
-        ("robot", {}, "host"),
-        ("robot", {"host": "a", "lookahead_s": 0.01}, "lookahead_s"),
-        ("robot", {"host": "a", "gain": 50}, "gain"),
-        ("robot", {"host": "a", "frequency_hz": 1000}, "frequency_hz"),
-        ("robot", {"host": "a", "speed_limit_mm_s": 0}, "speed_limit_mm_s"),
-        ("robot", {"host": "a", "least_mm": [0, 0, 5], "most_mm": [1, 1, 5]}, "along z"),
-        ("robot", {"host": "a", "stuck_ms": 5}, "stuck_ms"),
-        ("force_sensor", {"host": "a", "origin_mm": [0, 0, 0]}, "origin_mm"),
-    ],
-)
-def test_options_that_are_not_allowed_are_named(role, options, told) -> None:
-    with pytest.raises(InputError, match=told):
-        load_device("ur", options, role=role)
+# --- the list of drivers
 
 
 def test_the_list_of_drivers_says_where_the_library_is_missing(monkeypatch) -> None:
@@ -326,10 +314,3 @@ def test_the_list_of_drivers_says_where_the_library_is_missing(monkeypatch) -> N
     found = {driver.name: driver.problem for driver in find_drivers()}
     for driver in ("ur", "virtual-ur"):
         assert "need ur-rtde, which is not installed" in found[driver]
-
-
-def test_frames_of_both_kinds_go_both_ways() -> None:
-    frame = SceneFrame((1.0, -2.0, 3.0), (0.4, -0.8, 1.9))
-    for place in itertools.product((-50.0, 70.0), repeat=3):
-        assert frame.place_in_scene(frame.place_in_base(place)) == pytest.approx(place)
-        assert frame.to_scene(frame.to_base(place)) == pytest.approx(place)
