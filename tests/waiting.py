@@ -4,6 +4,9 @@ import time
 from collections.abc import Callable
 
 import psutil
+import pytest
+
+from mmt.core.errors import DeviceLost
 
 PATIENCE_S = 30.0
 
@@ -15,6 +18,12 @@ def until(condition: Callable[[], object], act: Callable[[], object] = lambda: N
         act()
         assert time.monotonic() < deadline_s, "it has not come to pass"
         time.sleep(0.001)
+
+
+def until_lost(act: Callable[[], object], words: str) -> None:
+    """Act every millisecond until the device is lost, and says these words."""
+    with pytest.raises(DeviceLost, match=words):
+        until(lambda: False, act)
 
 
 def children(word: str, parent: int | None = None) -> list[psutil.Process]:

@@ -4,9 +4,12 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import pytest
+
+from mmt.core.errors import DeviceLost
 from mmt.devices.protocols import SampledSensor, SensorReading
 
-PATIENCE_S = 10.0
+PATIENCE_S = 30.0
 
 
 def read_until(
@@ -31,3 +34,15 @@ def read_until_fault(sensor: SampledSensor, reason: str, count: int = 1) -> list
     """Read until so many faults of a kind have been counted."""
     before = sensor.faults.get(reason, 0)
     return read_until(sensor, lambda _: sensor.faults.get(reason, 0) >= before + count)
+
+
+def read_until_lost(sensor: SampledSensor, words: str) -> None:
+    """Read until the sensor is lost, and says these words."""
+    with pytest.raises(DeviceLost, match=words):
+        read_until(sensor, lambda _: False)
+
+
+def check_times_rise(readings: Sequence[SensorReading]) -> None:
+    """See that no reading is as old as one before it, or older."""
+    times = [reading.time_ns for reading in readings]
+    assert times == sorted(set(times))

@@ -6,9 +6,10 @@ import time
 
 import numpy as np
 import pytest
-from sensor_reading import read_some, read_until, read_until_fault
+from driver_fixtures import closed_devices, connected_devices, started_devices  # noqa: F401 - fixtures
+from sensor_reading import check_times_rise, read_some, read_until_fault, read_until_lost
 
-from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.devices.ati.digital_ft import digital_ft, record_rate_hz
 from mmt.devices.ati.digital_registers import GAINS, STATUS
 
@@ -22,22 +23,22 @@ NEAR = pytest.approx(FORCE, abs=0.03)
 
 
 @pytest.fixture
-def emulated():
-    made = EmulatedDigitalFt(lambda _time_ns: FORCE, 115_200)
-    made.start()
-    yield made
-    made.stop()
+def emulated(started):
+    return started(EmulatedDigitalFt(lambda _time_ns: FORCE, 115_200))
 
 
 @pytest.fixture
-def sensor(emulated):
-    driver = digital_ft(**emulated.options)
-    driver.connect()
-    yield driver
-    driver.close()
+def make(emulated, connected):
+    """Connects a driver of the emulated sensor that has these options besides."""
+    return lambda **more: connected(digital_ft(**{**emulated.options, **more}))
 
 
-def test_forces_come_at_the_lines_rate(emulated, sensor):
+@pytest.fixture
+def sensor(make):
+    return make()
+
+
+def test_forces_come_at_the_lines_rate(sensor):
     readings = read_some(sensor, 200)
     period_ns = 1e9 * 143 / 115_200
     steps = [b.time_ns - a.time_ns for a, b in itertools.pairwise(readings)]
@@ -46,15 +47,11 @@ def test_forces_come_at_the_lines_rate(emulated, sensor):
     assert sensor.latency_ns == round(period_ns)  # the time on the line
 
 
-def test_the_full_rate_is_averaged_two_at_a_time():
+def test_the_full_rate_is_averaged_two_at_a_time(started, connected):
     assert (record_rate_hz(1_250_000), round(record_rate_hz(19_200))) == (7000.0, 134)
-    emulated = EmulatedDigitalFt(lambda _time_ns: FORCE, noise_counts=20.0)
-    emulated.start()
-    sensor = digital_ft(**emulated.options)
-    sensor.connect()
+    emulated = started(EmulatedDigitalFt(lambda _time_ns: FORCE, noise_counts=20.0))
+    sensor = connected(digital_ft(**emulated.options))
     readings = read_some(sensor, 100)
-    sensor.close()
-    emulated.stop()
     steps = [b.time_ns - a.time_ns for a, b in itertools.pairwise(readings)]
     assert sorted(steps)[50] == pytest.approx(285_714, abs=1)
     assert sensor.latency_ns == round(0.5 / 7000 * 1e9 + 143 / 1.25e6 * 1e9)
@@ -74,30 +71,27 @@ def test_the_bias_is_removed(sensor):
     assert read_some(sensor)[-1].value == pytest.approx((0, 0, 0), abs=0.03)
 
 
-def test_another_sensor_than_expected_is_explained(emulated):
+def test_another_sensor_than_expected_is_explained(make):
     for options, words in (
         ({"serial": "FT9"}, "its serial number is FT00018, expected is FT9"),
         ({"range_n": (25, 25, 35)}, "its range is 12, 12, 17 N"),
         ({"force_unit": "lbf"}, "it measures in N, expected is lbf"),
     ):
         with pytest.raises(InputError, match=words):
-            digital_ft(**emulated.options, **options).connect()
+            make(**options)
     with pytest.raises(MmtError, match="no usable calibration of this number"):
-        digital_ft(**emulated.options, calibration_number=3).connect()
+        make(calibration_number=3)
 
 
-def test_a_bad_status_is_explained(emulated):
+def test_a_bad_status_is_explained(emulated, make):
     emulated.registers[STATUS] = 0x0020
     with pytest.raises(MmtError, match=r"status 0x0020 .supply voltage too low.; check its supply"):
-        digital_ft(**emulated.options).connect()
+        make()
 
 
-def test_a_sensor_that_streams_already_is_stopped_first(emulated):
+def test_a_sensor_that_streams_already_is_stopped_first(emulated, make):
     emulated.stream()  # as after a crash
-    other = digital_ft(**emulated.options)
-    other.connect()
-    assert read_some(other)[-1].value == NEAR
-    other.close()
+    assert read_some(make())[-1].value == NEAR
 
 
 def test_flipped_bits_and_half_records_are_survived(emulated, sensor):
@@ -114,13 +108,11 @@ def test_flipped_bits_and_half_records_are_survived(emulated, sensor):
         readings += read_some(sensor)
     near = [reading for reading in readings if reading.value == NEAR]
     assert len(near) >= len(readings) - 4  # the sum does not see every flipped bit
-    times = [reading.time_ns for reading in readings]
-    assert times == sorted(set(times))
+    check_times_rise(readings)
 
 
-def test_a_gap_is_no_error_in_time(emulated):
-    sensor = digital_ft(**emulated.options, silence_ms=5000)
-    sensor.connect()
+def test_a_gap_is_no_error_in_time(emulated, make):
+    sensor = make(silence_ms=5000)
     before = read_some(sensor)
     emulated.stall()
     end = time.monotonic() + 0.3
@@ -132,38 +124,31 @@ def test_a_gap_is_no_error_in_time(emulated):
     readings = read_until_fault(sensor, "lost record", 50)
     readings += read_some(sensor)
     assert readings[-1].time_ns - before[-1].time_ns > 150_000_000
-    sensor.close()
 
 
 def test_silence_is_lost(emulated, sensor):
     read_some(sensor)
     emulated.stall()
-    with pytest.raises(DeviceLost, match=r"no record for \d+ ms; check the sensor's power"):
-        read_until(sensor, lambda _: False)
+    read_until_lost(sensor, r"no record for \d+ ms; check the sensor's power")
 
 
 def test_records_with_the_error_bit_alone_are_lost(emulated, sensor):
     read_some(sensor)
     emulated.error = True
-    with pytest.raises(DeviceLost, match="100 ms no record was usable"):
-        read_until(sensor, lambda _: False)
+    read_until_lost(sensor, "100 ms no record was usable")
     assert sensor.faults["error bit"] > 0
     with pytest.raises(MmtError, match="1000 ms no record was usable"):
         sensor.connect()
 
 
-def test_saturation_and_overload_are_counted():
-    emulated = EmulatedDigitalFt(lambda _time_ns: (0.0, 0.0, 16.5), 115_200)
-    emulated.start()
-    sensor = digital_ft(**emulated.options)
-    sensor.connect()
+def test_saturation_and_overload_are_counted(started, connected):
+    emulated = started(EmulatedDigitalFt(lambda _time_ns: (0.0, 0.0, 16.5), 115_200))
+    sensor = connected(digital_ft(**emulated.options))
     sensor.calibrate()
     emulated.truth = lambda _time_ns: (0.0, 0.0, 39.0)
     read_until_fault(sensor, "overload", 5)
     emulated.truth = lambda _time_ns: (0.0, 0.0, 120.0)
     read_until_fault(sensor, "saturation", 5)
-    sensor.close()
-    emulated.stop()
 
 
 def test_a_wrong_baud_rate_is_explained(emulated):
@@ -175,7 +160,7 @@ def test_a_wrong_baud_rate_is_explained(emulated):
         wrong.connect()
 
 
-def test_a_sensor_without_power_is_explained(emulated):
+def test_a_sensor_without_power_is_explained(emulated, make):
     emulated.deaf = True
     with pytest.raises(MmtError, match="does not answer at 115200 baud: check its power, the cab"):
-        digital_ft(**emulated.options).connect()
+        make()

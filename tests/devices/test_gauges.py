@@ -8,10 +8,11 @@ import sys
 
 import numpy as np
 import pytest
+from driver_fixtures import closed_devices, connected_devices  # noqa: F401 - fixtures
 from emulated_gauges import EmulatedGauges
 from hypothesis import given
 from hypothesis import strategies as st
-from sensor_reading import read_some, read_until, read_until_fault
+from sensor_reading import read_some, read_until_fault, read_until_lost
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.ati.calibration_file import load_calibration_file, parse_calibration_file
@@ -193,11 +194,8 @@ def board():
 
 
 @pytest.fixture
-def sensor(file, board):
-    made = make(file, board)
-    made.connect()
-    yield made
-    made.close()
+def sensor(file, board, connected):
+    return connected(make(file, board))
 
 
 def test_the_bias_is_taken_off_and_the_clock_is_the_boards(board, sensor):
@@ -212,13 +210,11 @@ def test_the_bias_is_taken_off_and_the_clock_is_the_boards(board, sensor):
     assert steps == {1_000_000}
 
 
-def test_the_stamp_is_the_instant_of_the_force(file):
+def test_the_stamp_is_the_instant_of_the_force(file, connected):
     board = EmulatedGauges(
         lambda time_ns: (0.0, 0.0, math.sin(40e-9 * time_ns)), tuple(map(tuple, ROWS.tolist()))
     )
-    sensor = make(file, board)
-    sensor.connect()
-    readings = read_some(sensor, 300)
+    readings = read_some(connected(make(file, board)), 300)
     z = np.array([reading.value[2] for reading in readings])
     times_s = 1e-9 * (board.began_ns + np.array([reading.time_ns for reading in readings]))
     expected = np.sin(40.0 * times_s)
@@ -261,11 +257,9 @@ def test_an_unplugged_board_is_lost_and_comes_back(board, sensor):
 
 def test_silence_and_stuck_voltages_are_seen(board, sensor):
     board.stuck = True
-    with pytest.raises(DeviceLost, match="the very same values"):
-        read_until(sensor, lambda _: False)
+    read_until_lost(sensor, "the very same values")
     board.stall()
-    with pytest.raises(DeviceLost, match="no record for"):
-        read_until(sensor, lambda _: False)
+    read_until_lost(sensor, "no record for")
     with pytest.raises(MmtError, match="the board gives no voltages"):
         sensor.connect()
 
@@ -280,12 +274,10 @@ def board_of_a_lab(*, amplified: bool):
     return EmulatedGauges(lambda _time_ns: FORCE, tuple(map(tuple, ROWS.tolist())))
 
 
-def test_the_board_is_made_by_its_own_driver(file):
+def test_the_board_is_made_by_its_own_driver(file, connected):
     table = {"driver": f"{__name__}:board_of_a_lab", "amplified": True}
-    sensor = load_device("ati-gauges", {"calibration_file": str(file), "board": table})
-    sensor.connect()
-    assert read_some(sensor, 5)
-    sensor.close()
+    options = {"calibration_file": str(file), "board": table}
+    assert read_some(connected(load_device("ati-gauges", options)), 5)
 
 
 def test_a_driver_imports_neither_scipy_nor_numba():

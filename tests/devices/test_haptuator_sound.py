@@ -9,6 +9,7 @@ from importlib.machinery import ModuleSpec
 
 import numpy as np
 import pytest
+from driver_fixtures import Keep, closed_devices, connected_devices  # noqa: F401 - fixtures
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.drivers import load_device
@@ -34,10 +35,9 @@ def play(device: SoundHaptuator, card: EmulatedSoundCard, seconds: float) -> Non
         card.advance(0.001)
 
 
-def test_a_tone_is_heard_at_its_level_on_its_channel_alone() -> None:
+def test_a_tone_is_heard_at_its_level_on_its_channel_alone(connected: Keep) -> None:
     card = EmulatedSoundCard(clock_ppm=200.0)
-    device = haptuator(card, channel=2)
-    device.connect()
+    device = connected(haptuator(card, channel=2))
     device.calibrate()
     play(device, card, 1.0)
     heard_v = 6.0 * card.played(2)[-24_000:]
@@ -51,11 +51,13 @@ def test_a_tone_is_heard_at_its_level_on_its_channel_alone() -> None:
 
 
 @pytest.mark.parametrize(("k", "tone_hz"), [(1, 250.0), (2, 250.0), (5, 1500.0), (10, 3000.0)])
-def test_a_tone_of_several_khz_is_heard_at_its_frequency_and_level(k: int, tone_hz: float) -> None:
+def test_a_tone_of_several_khz_is_heard_at_its_frequency_and_level(
+    k: int, tone_hz: float, connected: Keep
+) -> None:
     card = EmulatedSoundCard(clock_ppm=200.0)
     device = haptuator(card, low_hz=20.0, high_hz=5000.0)
     device.set_rate(1000.0 * k)
-    device.connect()
+    connected(device)
     wanted = 10.0 * np.sin(2.0 * math.pi * tone_hz * np.arange(2000 * k) / (1000.0 * k))
     for tick in wanted.reshape(2000, k):
         device.write(tick)
@@ -67,7 +69,6 @@ def test_a_tone_of_several_khz_is_heard_at_its_frequency_and_level(k: int, tone_
     statistics = device.statistics
     assert statistics.samples == 2000 * k
     assert (statistics.underruns, statistics.slips, statistics.clipped) == (0, 0, 0)
-    device.close()
 
 
 def test_a_converter_that_is_too_slow_for_the_session_is_refused() -> None:
@@ -77,10 +78,9 @@ def test_a_converter_that_is_too_slow_for_the_session_is_refused() -> None:
         device.set_rate(10_000.0)
 
 
-def test_the_latency_stated_is_the_one_that_passes() -> None:
+def test_the_latency_stated_is_the_one_that_passes(connected: Keep) -> None:
     card = EmulatedSoundCard(dac_latency_s=0.004)
-    device = haptuator(card, low_hz=1.0)
-    device.connect()
+    device = connected(haptuator(card, low_hz=1.0))
     for k in range(1000):
         device.write([10.0 if k == 900 else 0.0])
         card.advance(0.001)
@@ -88,13 +88,11 @@ def test_the_latency_stated_is_the_one_that_passes() -> None:
     frame = int(np.argmax(np.abs(card.played())))
     passed_ms = frame / 48.0 + 2.0 + 4.0 - 900.0
     assert device.statistics.latency_ms == pytest.approx(passed_ms, abs=1.5)
-    device.close()
 
 
-def test_no_frame_is_beyond_the_limit_between_the_samples_either() -> None:
+def test_no_frame_is_beyond_the_limit_between_the_samples_either(connected: Keep) -> None:
     card = EmulatedSoundCard()
-    device = haptuator(card, limit_v=1.0)
-    device.connect()
+    device = connected(haptuator(card, limit_v=1.0))
     generator = np.random.default_rng(1)
     for _ in range(500):
         device.write(generator.normal(0.0, 50.0, 1))
@@ -102,13 +100,11 @@ def test_no_frame_is_beyond_the_limit_between_the_samples_either() -> None:
     assert 6.0 * np.max(np.abs(card.played())) <= 1.0 + 1e-6
     assert device.statistics.limited_frames > 0
     assert device.statistics.clipped > 0
-    device.close()
 
 
-def test_a_card_that_runs_dry_and_samples_that_are_late_are_counted() -> None:
+def test_a_card_that_runs_dry_and_samples_that_are_late_are_counted(connected: Keep) -> None:
     card = EmulatedSoundCard()
-    device = haptuator(card)
-    device.connect()
+    device = connected(haptuator(card))
     play(device, card, 0.2)
     card.underflow()
     card.advance(0.1)
@@ -116,13 +112,11 @@ def test_a_card_that_runs_dry_and_samples_that_are_late_are_counted() -> None:
     assert device.statistics.underruns == 1
     play(device, card, 0.2)
     assert device.statistics.underruns == 1
-    device.close()
 
 
-def test_an_unplugged_card_is_lost_and_found_again() -> None:
+def test_an_unplugged_card_is_lost_and_found_again(connected: Keep) -> None:
     card = EmulatedSoundCard()
-    device = haptuator(card)
-    device.connect()
+    device = connected(haptuator(card))
     play(device, card, 0.2)
     card.unplug()
     with pytest.raises(DeviceLost, match="check its cable"):
@@ -136,18 +130,15 @@ def test_an_unplugged_card_is_lost_and_found_again() -> None:
     play(device, card, 0.2)
     assert np.max(np.abs(card.played()[-4800:])) > 0.1
     assert device.statistics.samples == 400
-    device.close()
 
 
-def test_a_card_that_asks_for_nothing_is_lost() -> None:
+def test_a_card_that_asks_for_nothing_is_lost(connected: Keep) -> None:
     card = EmulatedSoundCard()
-    device = haptuator(card)
-    device.connect()
+    device = connected(haptuator(card))
     play(device, card, 0.1)
     card.stall()
     with pytest.raises(DeviceLost, match="asks for no more sound"):
         play(device, card, 1.0)
-    device.close()
 
 
 def test_what_cannot_be_opened_is_explained() -> None:

@@ -5,9 +5,10 @@ import math
 import re
 
 import pytest
-from sensor_reading import read_some, read_until, read_until_fault
+from driver_fixtures import closed_devices, connected_devices, started_devices  # noqa: F401 - fixtures
+from sensor_reading import check_times_rise, read_some, read_until_fault, read_until_lost
 
-from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.devices import wrench_sensor as sensor_module
 from mmt.devices.ati import net_ft as net_ft_module
 from mmt.devices.ati.net_ft import NetFt, net_ft
@@ -107,22 +108,22 @@ def test_a_filters_delay_is_that_of_the_recursion_with_its_cut_off():
 
 
 @pytest.fixture
-def box():
-    emulated = EmulatedNetFt(lambda _time_ns: (0.5, -0.25, 2.0))
-    emulated.start()
-    yield emulated
-    emulated.stop()
+def box(started):
+    return started(EmulatedNetFt(lambda _time_ns: (0.5, -0.25, 2.0)))
 
 
 @pytest.fixture
-def sensor(box):
-    driver = net_ft(**box.options)
-    driver.connect()
-    yield driver
-    driver.close()
+def make(box, connected):
+    """Connects a driver of the emulated box that has these options besides."""
+    return lambda **more: connected(net_ft(**{**box.options, **more}))
 
 
-def test_forces_come_by_the_sensors_own_clock(box, sensor):
+@pytest.fixture
+def sensor(make):
+    return make()
+
+
+def test_forces_come_by_the_sensors_own_clock(sensor):
     readings = read_some(sensor, 200)
     steps = [b.time_ns - a.time_ns for a, b in itertools.pairwise(readings)]
     period_ns = 1e9 / 2333
@@ -133,14 +134,11 @@ def test_forces_come_by_the_sensors_own_clock(box, sensor):
         assert reading.value == pytest.approx((0.5, -0.25, 2.0), abs=0.01)
 
 
-def test_the_box_is_set_to_the_options_once(box, sensor):
+def test_the_box_is_set_to_the_options_once(box, make, sensor):
     assert (box.pages["comrdtrate"], box.pages["setuserfilter"]) == ("2333", "2")
     assert sensor.latency_ns == filter_delay_ns(2)
     assert load_device("ati-net-ft", {**box.options, "latency_ms": 0.7})
-    other = net_ft(**box.options, latency_ms=0.7)
-    other.connect()
-    other.close()
-    assert other.latency_ns == 700_000
+    assert make(latency_ms=0.7).latency_ns == 700_000
 
 
 def test_the_bias_is_removed_and_survives_a_new_connection(box, sensor):
@@ -153,61 +151,51 @@ def test_the_bias_is_removed_and_survives_a_new_connection(box, sensor):
     assert read_some(sensor)[-1].value == pytest.approx((0, 0, 0), abs=0.01)
 
 
-def test_other_units_are_converted(box):
+def test_other_units_are_converted(box, make):
     box.pages |= {"scfgfu": "lbf", "scfgtu": "lbf-in", "cfgmr": "3;3;4.25;1;1;1"}
-    sensor = net_ft(**box.options)
-    sensor.connect()
+    sensor = make()
     assert read_some(sensor)[0].value == pytest.approx((2.224, -1.112, 8.896), abs=0.05)
-    sensor.close()
 
 
-def test_another_sensor_than_expected_is_explained(box):
+def test_another_sensor_than_expected_is_explained(make):
     with pytest.raises(InputError, match="serial number is FT00017, expected is FT00018"):
-        net_ft(**box.options, serial="FT00018").connect()
+        make(serial="FT00018")
     with pytest.raises(InputError, match="measures in N, expected is lbf"):
-        net_ft(**box.options, force_unit="lbf").connect()
+        make(force_unit="lbf")
 
 
-def test_a_lost_start_request_is_repeated(box):
+def test_a_lost_start_request_is_repeated(box, make):
     box.lost_starts = 2
-    sensor = net_ft(**box.options)
-    sensor.connect()
+    sensor = make()
     assert sensor.faults["start request repeated"] >= 2
-    sensor.close()
 
 
-def test_a_healthy_box_is_asked_once_and_at_once(box, monkeypatch):
+def test_a_healthy_box_is_asked_once_and_at_once(box, make, monkeypatch):
     monkeypatch.setattr(net_ft_module, "_REPEAT_START_NS", 10_000_000_000)
-    sensor = net_ft(**box.options)
-    sensor.connect()  # which has less patience than that
+    sensor = make()  # which has less patience than that
     monkeypatch.setattr(net_ft_module, "_REPEAT_START_NS", 400_000_000)
     monkeypatch.setattr(sensor_module, "_BIAS_S", 0.8)
     sensor.calibrate()
     read_some(sensor, 100)
-    sensor.close()
     assert box.requests.count(START) == 1
     assert "start request repeated" not in sensor.faults
 
 
-def test_a_box_that_sends_unusable_records_is_not_asked_again(box, monkeypatch):
-    sensor = net_ft(**box.options, silence_ms=5000)
-    sensor.connect()
+def test_a_box_that_sends_unusable_records_is_not_asked_again(box, make, monkeypatch):
+    sensor = make(silence_ms=5000)
     monkeypatch.setattr(net_ft_module, "_REPEAT_START_NS", 400_000_000)
     monkeypatch.setattr(net_ft_module, "_BROKEN_NS", 800_000_000)
     before = box.requests.count(START)
     box.status = 0x80000400
-    with pytest.raises(DeviceLost, match="status 0x80000400"):
-        read_until(sensor, lambda _: False)
+    read_until_lost(sensor, "status 0x80000400")
     assert box.requests.count(START) == before
-    sensor.close()
 
 
 def test_lost_and_reordered_records_are_counted_and_no_time_is_wrong(box, sensor):
     box.loss, box.swapped = 0.1, 0.1
     read_until_fault(sensor, "lost record", 20)
     readings = read_until_fault(sensor, "late record", 10)
-    times = [reading.time_ns for reading in readings]
-    assert times == sorted(set(times))
+    check_times_rise(readings)
 
 
 def test_garbage_and_flipped_bits_are_survived(box, sensor):
@@ -227,8 +215,7 @@ def test_the_sequence_wraps_around(box, sensor):
     box.count_from(0xFFFFFFF0)
     readings = read_until_fault(sensor, "counted anew")
     readings += read_some(sensor, 100)
-    times = [reading.time_ns for reading in readings]
-    assert times == sorted(set(times))
+    check_times_rise(readings)
     assert sensor.faults["counted anew"] == 1
 
 
@@ -237,22 +224,17 @@ def test_saturation_is_counted_and_the_values_pass(box, sensor):
     assert read_until_fault(sensor, "saturation", 5)
 
 
-def test_an_overload_is_counted_and_told_once(caplog):
-    box = EmulatedNetFt(lambda _time_ns: (0.0, 0.0, 20.0))
-    box.start()
-    sensor = net_ft(**box.options)
-    sensor.connect()
+def test_an_overload_is_counted_and_told_once(started, connected, caplog):
+    box = started(EmulatedNetFt(lambda _time_ns: (0.0, 0.0, 20.0)))
+    sensor = connected(net_ft(**box.options))
     assert read_until_fault(sensor, "overload", 5)[-1].value[2] == pytest.approx(20.0, abs=0.1)
     (message,) = [record.getMessage() for record in caplog.records]
     assert re.match("Net F/T at .* is overloaded: beyond the range", message)
-    sensor.close()
-    box.stop()
 
 
 def test_a_box_in_error_is_lost_and_connects_again_when_it_is_mended(box, sensor):
     box.status = 0x80000400
-    with pytest.raises(DeviceLost, match="status 0x80000400"):
-        read_until(sensor, lambda _: False)
+    read_until_lost(sensor, "status 0x80000400")
     assert sensor.faults["error status"] > 0
     with pytest.raises(MmtError, match="status 0x80000400"):
         sensor.connect()
@@ -261,23 +243,21 @@ def test_a_box_in_error_is_lost_and_connects_again_when_it_is_mended(box, sensor
     assert read_some(sensor)
 
 
-def test_a_short_interruption_is_bridged_without_connecting(box):
-    sensor = net_ft(**box.options, silence_ms=5000)
-    sensor.connect()
+def test_a_short_interruption_is_bridged_without_connecting(box, make):
+    sensor = make(silence_ms=5000)
     read_some(sensor)
     box.unplug()
     read_until_fault(sensor, "start request repeated", 2)
     box.plug()
     assert read_some(sensor, 20)
-    sensor.close()
 
 
-def test_what_does_not_answer_is_explained(box):
+def test_what_does_not_answer_is_explained(box, make):
     with pytest.raises(MmtError, match=r"web page http://127.0.0.1:1/netftapi2.xml does not ans"):
         net_ft(host="127.0.0.1", http_port=1).connect()
     box.stall()
     with pytest.raises(MmtError, match="its web page answers, but no record comes to UDP port"):
-        net_ft(**box.options).connect()
+        make()
 
 
 def test_reading_what_is_not_connected_is_explained():

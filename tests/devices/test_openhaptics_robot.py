@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from emulated_arm import emulated_arm
 from scipy.spatial.transform import Rotation
-from waiting import until
+from waiting import until, until_lost
 
-from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.core.quaternions import unit_quaternion
 from mmt.devices import discovery
 from mmt.devices.discovery import FoundPort
@@ -35,11 +35,17 @@ def make(emulated: EmulatedHd) -> Iterator[Callable[..., OpenHapticsRobot]]:
 
     def robot(**options: object) -> OpenHapticsRobot:
         made.append(OpenHapticsRobot(library=emulated.address, **options))
+        made[-1].connect()
         return made[-1]
 
     yield robot
     for each in made:
         each.close()
+
+
+@pytest.fixture
+def robot(make: Callable[..., OpenHapticsRobot]) -> OpenHapticsRobot:
+    return make()
 
 
 def distance(a: tuple[float, ...], b: tuple[float, ...]) -> float:
@@ -48,7 +54,6 @@ def distance(a: tuple[float, ...], b: tuple[float, ...]) -> float:
 
 def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, emulated) -> None:
     robot = make(origin_mm=(0.0, 0.0, -20.0))
-    robot.connect()
     robot.calibrate()
     target = (12.0, -7.0, 4.0)
     until(lambda: distance(robot.read(), target) < 0.01, lambda: robot.write(target))
@@ -57,10 +62,8 @@ def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, emulated) -> Non
 
 
 def test_the_styluss_orientation_is_in_the_scenes_axes_and_measured_when_asked_for(
-    make, emulated
+    robot, emulated
 ) -> None:
-    robot = make()
-    robot.connect()
     assert unit_quaternion(robot.orientation()) is None  # the first call asks for it
     to_scene = Rotation.from_euler("x", 90.0, degrees=True)  # HD's y, up, is the scene's z
     for turn in Rotation.random(3, random_state=1):
@@ -74,9 +77,7 @@ def test_the_styluss_orientation_is_in_the_scenes_axes_and_measured_when_asked_f
     assert robot.faults == {}
 
 
-def test_an_arm_without_commands_is_limp(make, emulated) -> None:
-    robot = make()
-    robot.connect()
+def test_an_arm_without_commands_is_limp(robot, emulated) -> None:
     emulated.place((5.0, 0.0, 0.0))
     before = emulated.ticks
     until(lambda: emulated.ticks > before + 20)
@@ -91,7 +92,6 @@ def test_the_force_stays_below_the_smaller_of_both_limits(
     emulated.limits(1.5, 3.5)
     emulated.hold((0.0, 0.0, 0.0), 50.0)
     robot = make(force_limit_n=limit_n)
-    robot.connect()
     largest_n = 0.0
 
     def push() -> None:
@@ -110,10 +110,8 @@ def servo_of(arm: Any) -> Any:
     return arm._device.servo
 
 
-def test_the_librarys_thread_keeps_its_state_between_two_calls(make) -> None:
-    arm = make()
-    arm.connect()
-    servo, kept = servo_of(arm), threading.local()
+def test_the_librarys_thread_keeps_its_state_between_two_calls(robot) -> None:
+    servo, kept = servo_of(robot), threading.local()
 
     def count() -> int:
         kept.calls = getattr(kept, "calls", 0) + 1
@@ -125,22 +123,19 @@ def test_the_librarys_thread_keeps_its_state_between_two_calls(make) -> None:
         assert servo.answer == calls
 
 
-def test_its_turn_ends_with_a_tick_and_is_not_waited_for_long(make, emulated) -> None:
-    arm = make()
-    arm.connect()
-    servo = servo_of(arm)
+def test_its_turn_ends_with_a_tick_and_is_not_waited_for_long(robot, emulated) -> None:
+    servo = servo_of(robot)
     before = servo.ticks
-    arm.await_turn()
+    robot.await_turn()
     assert servo.ticks > before
     emulated.stall()
     began = time.monotonic()
-    arm.await_turn()
+    robot.await_turn()
     assert time.monotonic() - began < 5.0
 
 
 def test_stale_commands_fade_and_new_ones_do_not_throw_the_arm(make, emulated) -> None:
     robot = make(speed_limit_mm_s=50.0)
-    robot.connect()
     emulated.hold((0.0, 0.0, 0.0), 5.0)
     until(lambda: emulated.tip_state().motor_n[0] > 1.0, lambda: robot.write((40.0, 0.0, 0.0)))
     until(lambda: emulated.tip_state().motor_n == (0.0, 0.0, 0.0))
@@ -150,9 +145,7 @@ def test_stale_commands_fade_and_new_ones_do_not_throw_the_arm(make, emulated) -
     assert emulated.tip_state().motor_n[0] < 0.5  # the point starts again where the tip is
 
 
-def test_a_command_that_is_no_number_is_counted_and_not_obeyed(make, emulated) -> None:
-    robot = make()
-    robot.connect()
+def test_a_command_that_is_no_number_is_counted_and_not_obeyed(robot, emulated) -> None:
     for _ in range(20):
         robot.write((float("nan"), 0.0, 0.0))
         robot.write((0.0, float("inf"), 0.0))
@@ -162,9 +155,7 @@ def test_a_command_that_is_no_number_is_counted_and_not_obeyed(make, emulated) -
     assert emulated.tip_state().motor_n == (0.0, 0.0, 0.0)
 
 
-def test_warm_motors_give_no_force_and_the_person_is_told_once(make, emulated, caplog) -> None:
-    robot = make()
-    robot.connect()
+def test_warm_motors_give_no_force_and_the_person_is_told_once(robot, emulated, caplog) -> None:
     with caplog.at_level(logging.WARNING):
         emulated.fail("warm")
         until(lambda: robot.faults.get("WARM_MOTORS", 0) > 5, lambda: robot.write((9.0, 0.0, 0.0)))
@@ -178,13 +169,10 @@ def test_warm_motors_give_no_force_and_the_person_is_told_once(make, emulated, c
     until(lambda: robot.read()[0] > 8.0, lambda: robot.write((9.0, 0.0, 0.0)))
 
 
-def test_a_device_that_does_not_answer_is_lost_and_comes_back(make, emulated) -> None:
-    robot = make()
-    robot.connect()
+def test_a_device_that_does_not_answer_is_lost_and_comes_back(robot, emulated) -> None:
     robot.calibrate()
     emulated.unplug()
-    with pytest.raises(DeviceLost, match=r"does not answer.*check cable"):
-        until(lambda: False, robot.read)
+    until_lost(robot.read, r"does not answer.*check cable")
     with pytest.raises(MmtError, match="COMM_ERROR"):
         robot.connect()
     emulated.plug()
@@ -192,9 +180,7 @@ def test_a_device_that_does_not_answer_is_lost_and_comes_back(make, emulated) ->
     until(lambda: robot.read()[0] > 1.0, lambda: robot.write((2.0, 0.0, 0.0)))
 
 
-def test_a_moment_without_an_answer_is_survived(make, emulated) -> None:
-    robot = make()
-    robot.connect()
+def test_a_moment_without_an_answer_is_survived(robot, emulated) -> None:
     emulated.unplug()
     until(lambda: robot.faults.get("COMM_ERROR", 0) > 0)
     emulated.plug()
@@ -205,7 +191,6 @@ def test_a_moment_without_an_answer_is_survived(make, emulated) -> None:
 
 def test_flipped_bits_and_what_is_no_number_are_counted_and_move_nothing(make, emulated) -> None:
     robot = make(force_limit_n=1.0)
-    robot.connect()
     emulated.fail("garbled")
     places = []
 
@@ -223,10 +208,11 @@ def test_flipped_bits_and_what_is_no_number_are_counted_and_move_nothing(make, e
 
 def test_an_arm_whose_position_is_stuck_is_lost_without_force(make, emulated) -> None:
     robot = make(speed_limit_mm_s=2000.0)
-    robot.connect()
     emulated.fail("stuck")
-    with pytest.raises(DeviceLost, match=r"the same under the largest force.*is off"):
-        until(lambda: False, lambda: (robot.write((60.0, 0.0, 0.0)), robot.read()))
+    until_lost(
+        lambda: (robot.write((60.0, 0.0, 0.0)), robot.read()),
+        r"the same under the largest force.*is off",
+    )
     assert emulated.tip_state().motor_n == (0.0, 0.0, 0.0)
     emulated.fail("stuck", on=False)
     robot.connect()
@@ -241,12 +227,9 @@ def test_an_arm_whose_position_is_stuck_is_lost_without_force(make, emulated) ->
     ("fault", "sentence"),
     [("fault", "HD_DEVICE_FAULT"), ("stalled", "servo loop has stopped")],
 )
-def test_a_fault_or_a_loop_that_stands_still_is_a_loss(make, emulated, fault, sentence) -> None:
-    robot = make()
-    robot.connect()
+def test_a_fault_or_a_loop_that_stands_still_is_a_loss(robot, emulated, fault, sentence) -> None:
     emulated.fail(fault)
-    with pytest.raises(DeviceLost, match=sentence):
-        until(lambda: False, robot.read)
+    until_lost(robot.read, sentence)
     emulated.fail(fault, on=False)
     robot.connect()
     assert robot.read() == pytest.approx((0.0, 0.0, 0.0))
@@ -259,7 +242,7 @@ def test_a_fault_or_a_loop_that_stands_still_is_a_loss(make, emulated, fault, se
 def test_a_device_that_cannot_be_opened_says_why(make, emulated, fault, sentence) -> None:
     emulated.fail(fault)
     with pytest.raises(MmtError, match=sentence):
-        make().connect()
+        make()
 
 
 def test_ports_that_the_person_may_not_open_are_named(make, emulated, monkeypatch) -> None:
@@ -270,7 +253,7 @@ def test_ports_that_the_person_may_not_open_are_named(make, emulated, monkeypatc
     monkeypatch.setattr(discovery, "find_serial_ports", lambda: found)
     emulated.fail("absent")
     with pytest.raises(MmtError, match=r"then connect again; no permission for /dev/ttyACM7: ask$"):
-        make().connect()
+        make()
 
 
 def test_a_library_that_may_not_be_read_is_told_from_one_that_is_no_library(
@@ -283,22 +266,17 @@ def test_a_library_that_may_not_be_read_is_told_from_one_that_is_no_library(
         Stack(str(library))
 
 
-def test_a_servo_loop_that_stands_still_does_not_hold_up_the_calibration(make, emulated) -> None:
-    robot = make()
-    robot.connect()
+def test_a_servo_loop_that_stands_still_does_not_hold_up_the_calibration(robot, emulated) -> None:
     emulated.stall()
-    with pytest.raises(DeviceLost, match="servo loop has stopped"):
-        until(lambda: False, robot.calibrate)  # the loop may have had a last tick
+    until_lost(robot.calibrate, "servo loop has stopped")  # the loop may have had a last tick
 
 
 def test_two_devices_share_the_stack_and_one_name_is_used_once(make, emulated) -> None:
-    first, second, third = make(device="Left"), make(device="Right"), make(device="Left")
-    first.connect()
-    second.connect()
+    first, second = make(device="Left"), make(device="Right")
     emulated.place((3.0, 0.0, 0.0), device=1)
     until(lambda: second.read()[0] == pytest.approx(3.0))
     with pytest.raises(MmtError, match="in use already"):
-        third.connect()
+        make(device="Left")
     first.close()
     until(lambda: second.read()[0] > 4.0, lambda: second.write((5.0, 0.0, 0.0)))
 
@@ -315,15 +293,12 @@ def test_a_calibration_that_needs_hands_says_what_to_do(
     make, emulated, styles, status, sentence
 ) -> None:
     robot = make(calibration_s=0.0)
-    robot.connect()
     emulated.uncalibrate(styles, status)
     with pytest.raises(MmtError, match=sentence):
         robot.calibrate()
 
 
-def test_a_calibration_that_is_due_is_updated(make, emulated, caplog) -> None:
-    robot = make()
-    robot.connect()
+def test_a_calibration_that_is_due_is_updated(make, robot, emulated, caplog) -> None:
     emulated.uncalibrate(AUTO | INKWELL, NEEDS_UPDATE)
     robot.calibrate()
     until(lambda: robot.read()[0] > 100.0)  # the zero is another one, and nothing has jumped
@@ -332,7 +307,6 @@ def test_a_calibration_that_is_due_is_updated(make, emulated, caplog) -> None:
     with pytest.raises(MmtError, match="reset position"):
         make_again(robot, emulated)
     reset = make(reset_encoders=True)
-    reset.connect()
     reset.calibrate()
     emulated.uncalibrate(ENCODER_RESET, NEEDS_HANDS)
     with pytest.raises(MmtError, match="reset position"):  # where it stands now is no zero
@@ -351,14 +325,14 @@ def make_again(robot: OpenHapticsRobot, emulated: EmulatedHd) -> None:
 def test_a_stiffness_beyond_the_device_is_refused(make, emulated) -> None:
     emulated.limits(8.5, 0.4)
     with pytest.raises(InputError, match=r"at most 0\.4"):
-        make().connect()
+        make()
 
 
 @pytest.mark.parametrize("force_n", [0.0, float("nan")])
 def test_a_device_that_knows_no_limit_of_its_force_is_refused(make, emulated, force_n) -> None:
     emulated.limits(force_n, 3.5)
     with pytest.raises(MmtError, match="no limit is known"):
-        make().connect()
+        make()
 
 
 def run_alone(program: str) -> str:

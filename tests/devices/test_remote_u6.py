@@ -1,14 +1,14 @@
 """An emulated LabJack U6 in another process, met over sockets."""
 
 import time
-from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
 import pytest
-from sensor_reading import read_some
+from driver_fixtures import Keep, closed_devices, connected_devices, started_devices  # noqa: F401 - fixtures
+from sensor_reading import read_some, read_until_lost
 
-from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.errors import MmtError
 from mmt.devices.drivers import load_device
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 from mmt.testing.emulated.remote_u6 import RemoteU6, U6Server
@@ -20,11 +20,8 @@ def box() -> EmulatedU6:
 
 
 @pytest.fixture
-def server(box: EmulatedU6) -> Iterator[U6Server]:
-    server = U6Server(box)
-    server.start()
-    yield server
-    server.stop()
+def remote(box: EmulatedU6, started: Keep, closing: Keep) -> RemoteU6:
+    return closing(RemoteU6(started(U6Server(box)).address))
 
 
 def accelerometer(remote: RemoteU6) -> Any:
@@ -32,28 +29,18 @@ def accelerometer(remote: RemoteU6) -> Any:
     return load_device("adxl335-board", {"board": board, "bandwidth_hz": 1000})
 
 
-def test_its_driver_reads_it_as_if_it_were_here(server: U6Server) -> None:
-    remote = RemoteU6(server.address)
-    sensor = accelerometer(remote)
-    sensor.connect()
-    readings = read_some(sensor, 100)
-    sensor.close()
-    remote.close()
+def test_its_driver_reads_it_as_if_it_were_here(remote: RemoteU6, connected: Keep) -> None:
+    readings = read_some(connected(accelerometer(remote)), 100)
     assert readings[-1].value[2] == pytest.approx(9.8, abs=0.3)
     assert 0 < remote.own_ns < time.process_time_ns()
     steps = {b.time_ns - a.time_ns for a, b in pairwise(readings)}
     assert steps == {500_000}
 
 
-def test_one_that_is_unplugged_is_lost(box: EmulatedU6, server: U6Server) -> None:
-    remote = RemoteU6(server.address)
-    sensor = accelerometer(remote)
-    sensor.connect()
+def test_one_that_is_unplugged_is_lost(box: EmulatedU6, remote: RemoteU6, connected: Keep) -> None:
+    sensor = connected(accelerometer(remote))
     box.unplug()
-    with pytest.raises(DeviceLost, match="plug it in again"):
-        read_some(sensor, 10**6)
-    sensor.close()
-    remote.close()
+    read_until_lost(sensor, "plug it in again")
 
 
 def test_a_server_that_has_ended_is_a_device_that_is_gone(box: EmulatedU6) -> None:

@@ -2,10 +2,17 @@
 
 import itertools
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
-from sensor_reading import read_some, read_until, read_until_fault
+from driver_fixtures import Keep, closed_devices, connected_devices, started_devices  # noqa: F401 - fixtures
+from sensor_reading import (
+    check_times_rise,
+    read_some,
+    read_until,
+    read_until_fault,
+    read_until_lost,
+)
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.drivers import load_device
@@ -23,19 +30,19 @@ PERIOD_NS = 51 / 51_200 * 1e9
 
 
 @pytest.fixture
-def emulated() -> Iterator[EmulatedBota]:
-    made = EmulatedBota(lambda _time_ns: FORCE)
-    made.start()
-    yield made
-    made.stop()
+def emulated(started: Keep) -> EmulatedBota:
+    return started(EmulatedBota(lambda _time_ns: FORCE))
 
 
 @pytest.fixture
-def sensor(emulated: EmulatedBota) -> Iterator[BotaSerial]:
-    driver = load_device("bota-serial", emulated.options)
-    driver.connect()
-    yield driver
-    driver.close()
+def make(emulated: EmulatedBota, connected: Keep) -> Callable[..., BotaSerial]:
+    """Connects a driver of the emulated sensor that has these options besides."""
+    return lambda **more: connected(load_device("bota-serial", {**emulated.options, **more}))
+
+
+@pytest.fixture
+def sensor(make: Callable[..., BotaSerial]) -> BotaSerial:
+    return make()
 
 
 def test_forces_come_at_the_rate_of_the_filter_by_the_sensors_clock(emulated, sensor) -> None:
@@ -49,32 +56,26 @@ def test_forces_come_at_the_rate_of_the_filter_by_the_sensors_clock(emulated, se
     assert not sensor.faults.keys() - {"lost frame"}  # a busy machine loses some
 
 
-def test_the_filter_is_set_as_the_options_say(emulated) -> None:
-    sensor = load_device("bota-serial", {**emulated.options, "sinc_length": 64, "fir": True})
-    sensor.connect()
+def test_the_filter_is_set_as_the_options_say(emulated, make) -> None:
+    sensor = make(sinc_length=64, fir=True)
     assert emulated.filter == (64, 0, 0, 0)
     readings = read_some(sensor)
-    sensor.close()
     steps = sorted(b.time_ns - a.time_ns for a, b in itertools.pairwise(readings))
     assert steps[25] == pytest.approx(1.25e6, abs=1000)
 
 
-def test_a_sensor_can_be_left_as_it_is(emulated) -> None:
+def test_a_sensor_can_be_left_as_it_is(emulated, make) -> None:
     emulated.deaf = True
-    sensor = load_device("bota-serial", {**emulated.options, "configure": False})
-    sensor.connect()
+    sensor = make(configure=False)
     assert emulated.filter == (512, 0, 0, 1)
     readings = read_some(sensor, 3)
-    sensor.close()
     assert readings[1].time_ns - readings[0].time_ns == pytest.approx(1e7, abs=1000)
 
 
-def test_text_and_raw_values_are_switched_to_forces(emulated) -> None:
+def test_text_and_raw_values_are_switched_to_forces(emulated, make) -> None:
     emulated.text, emulated.calibrated = True, False
-    sensor = load_device("bota-serial", emulated.options)
-    sensor.connect()
+    sensor = make()
     assert read_some(sensor)[-1].value == NEAR
-    sensor.close()
 
 
 def test_the_bias_is_removed(sensor) -> None:
@@ -82,17 +83,12 @@ def test_the_bias_is_removed(sensor) -> None:
     assert read_some(sensor)[-1].value == pytest.approx((0, 0, 0), abs=0.06)
 
 
-def test_the_counter_of_microseconds_wraps_unseen() -> None:
-    emulated = EmulatedBota(lambda _time_ns: FORCE, start_us=2**32 - 700_000)
-    emulated.start()
-    sensor = load_device("bota-serial", emulated.options)
-    sensor.connect()
+def test_the_counter_of_microseconds_wraps_unseen(started, connected) -> None:
+    emulated = started(EmulatedBota(lambda _time_ns: FORCE, start_us=2**32 - 700_000))
+    sensor = connected(load_device("bota-serial", emulated.options))
     readings = read_until(sensor, has_wrapped)
     assert "restart" not in sensor.faults
-    times = [reading.time_ns for reading in readings]
-    assert times == sorted(set(times))
-    sensor.close()
-    emulated.stop()
+    check_times_rise(readings)
 
 
 def has_wrapped(readings) -> bool:
@@ -112,35 +108,30 @@ def test_flipped_bits_and_half_frames_are_survived(emulated, sensor) -> None:
         readings += read_until_fault(sensor, "broken frame")
         readings += read_some(sensor)
     assert all(reading.value == NEAR for reading in readings)  # the CRC sees them all
-    times = [reading.time_ns for reading in readings]
-    assert times == sorted(set(times))
+    check_times_rise(readings)
     assert sensor.faults["lost frame"] >= 4
 
 
-def test_a_gap_is_counted_and_no_error_in_time(emulated) -> None:
-    sensor = load_device("bota-serial", {**emulated.options, "silence_ms": 10_000})
-    sensor.connect()
+def test_a_gap_is_counted_and_no_error_in_time(emulated, make) -> None:
+    sensor = make(silence_ms=10_000)
     before = read_some(sensor)
     emulated.cut(*[0] * 100)
     readings = before[-1:] + read_until_fault(sensor, "lost frame", 100) + read_some(sensor)
     longest_ns = max(b.time_ns - a.time_ns for a, b in itertools.pairwise(readings))
     assert longest_ns >= 100 * PERIOD_NS
-    sensor.close()
 
 
 def test_frames_that_come_twice_are_left_out(emulated, sensor) -> None:
     emulated.repeat(3)
     readings = read_until_fault(sensor, "repeated frame", 3)
-    times = [reading.time_ns for reading in readings]
-    assert times == sorted(set(times))
+    check_times_rise(readings)
 
 
 def test_a_restart_continues_the_time(emulated, sensor) -> None:
     before = read_some(sensor)
     emulated.restart()
     after = read_until_fault(sensor, "restart")
-    times = [reading.time_ns for reading in before + after]
-    assert times == sorted(set(times))
+    check_times_rise(before + after)
 
 
 def test_an_unplugged_sensor_comes_back_with_its_settings(emulated, sensor) -> None:
@@ -152,14 +143,13 @@ def test_an_unplugged_sensor_comes_back_with_its_settings(emulated, sensor) -> N
     assert emulated.filter == (51, 0, 0, 1)
 
 
-def test_silence_is_lost(emulated, sensor) -> None:
+def test_silence_is_lost(emulated, make, sensor) -> None:
     read_some(sensor)
     emulated.stall()
-    with pytest.raises(DeviceLost, match=r"no record for \d+ ms; check its power, its cable"):
-        read_until(sensor, lambda _: False)
+    read_until_lost(sensor, r"no record for \d+ ms; check its power, its cable")
     sensor.close()
     with pytest.raises(MmtError, match=r"used in 0\.2 s; nothing comes; check its power"):
-        load_device("bota-serial", {**emulated.options, "start_s": 0.2}).connect()
+        make(start_s=0.2)
 
 
 @pytest.mark.parametrize(
@@ -169,13 +159,11 @@ def test_silence_is_lost(emulated, sensor) -> None:
         (RAW, "raw measurements", r"values of its gauges .*: switch its calibration matrix on"),
     ],
 )
-def test_a_status_that_makes_frames_useless_is_told(emulated, bit, fault, words) -> None:
-    sensor = load_device("bota-serial", {**emulated.options, "start_s": 0.3})
-    sensor.connect()
+def test_a_status_that_makes_frames_useless_is_told(emulated, make, bit, fault, words) -> None:
+    sensor = make(start_s=0.3)
     read_some(sensor)
     emulated.status = bit
-    with pytest.raises(DeviceLost, match=words):
-        read_until(sensor, lambda _: False)
+    read_until_lost(sensor, words)
     assert sensor.faults[fault] > 0
     with pytest.raises(MmtError, match=words):
         sensor.connect()
@@ -188,14 +176,12 @@ def test_overrange_and_skipped_measurements_are_counted(emulated, sensor) -> Non
     assert readings[-1].value == NEAR
 
 
-def test_more_than_its_range_is_an_overload_and_much_more_is_left_out(emulated) -> None:
-    sensor = load_device("bota-serial", {**emulated.options, "range_n": [2.0, 2.0, 2.0]})
-    sensor.connect()
+def test_more_than_its_range_is_an_overload_and_much_more_is_left_out(emulated, make) -> None:
+    sensor = make(range_n=[2.0, 2.0, 2.0])
     emulated.truth = lambda _time_ns: (0.0, 0.0, 3.0)
     read_until_fault(sensor, "overload", 5)
     emulated.truth = lambda _time_ns: (0.0, 0.0, float("nan"))
     read_until_fault(sensor, "impossible value", 5)
-    sensor.close()
 
 
 def test_a_wrong_baud_rate_is_explained(emulated, monkeypatch) -> None:
@@ -207,30 +193,29 @@ def test_a_wrong_baud_rate_is_explained(emulated, monkeypatch) -> None:
             wrong.connect()
 
 
-def test_a_model_with_another_protocol_is_explained(emulated) -> None:
+def test_a_model_with_another_protocol_is_explained(emulated, make) -> None:
     emulated.header = 0xAB
     with pytest.raises(MmtError, match="or the model speaks another protocol"):
-        load_device("bota-serial", {**emulated.options, "start_s": 0.3}).connect()
+        make(start_s=0.3)
 
 
-def test_a_sensor_that_sends_text_is_explained(emulated) -> None:
+def test_a_sensor_that_sends_text_is_explained(emulated, make) -> None:
     emulated.text = True
-    options = {**emulated.options, "configure": False, "start_s": 0.3}
     with pytest.raises(MmtError, match="text comes: set its data format to binary"):
-        load_device("bota-serial", options).connect()
+        make(configure=False, start_s=0.3)
 
 
-def test_a_sensor_that_does_not_answer_is_explained(emulated, monkeypatch) -> None:
+def test_a_sensor_that_does_not_answer_is_explained(emulated, make, monkeypatch) -> None:
     monkeypatch.setattr("mmt_devices.bota.line._ANSWER_S", 0.1)
     emulated.deaf = True
     with pytest.raises(MmtError, match="not answer the command 'C'; its frames come, but what is"):
-        load_device("bota-serial", emulated.options).connect()
+        make()
 
 
-def test_a_command_that_is_refused_is_told(emulated) -> None:
+def test_a_command_that_is_refused_is_told(emulated, make) -> None:
     emulated.refusal = 3
     with pytest.raises(MmtError, match=r"it refuses the command 'C' \(code 3\): switch it off"):
-        load_device("bota-serial", emulated.options).connect()
+        make()
 
 
 def test_a_longer_filter_fits_a_slower_line() -> None:

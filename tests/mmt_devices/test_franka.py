@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from driver_fixtures import Keep, closed_devices, connected_devices  # noqa: F401 - fixtures
 from running_source import RunningSource
 from scipy.spatial.transform import Rotation
-from waiting import PATIENCE_S, until
+from waiting import PATIENCE_S, until, until_lost
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.extras import require
@@ -45,6 +46,11 @@ def make(emulated: EmulatedFranka) -> Iterator[Callable[..., Any]]:
     until(lambda: emulated.connections == 0)
 
 
+@pytest.fixture
+def robot(make: Callable[..., Any], connected: Keep) -> FrankaRobot:
+    return connected(make())
+
+
 def moved(by: tuple[float, float, float]) -> tuple[float, float, float]:
     x, y, z = (a + b for a, b in zip(HOME, by, strict=True))
     return (x, y, z)
@@ -54,9 +60,8 @@ def near(robot: FrankaRobot, target: tuple[float, float, float], mm: float = 0.0
     return float(np.linalg.norm(np.subtract(robot.read(), target))) < mm
 
 
-def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, emulated) -> None:
-    robot = make(axes="-y,x,z", origin_mm=(0.0, 500.0, 200.0))
-    robot.connect()
+def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, connected, emulated) -> None:
+    robot = connected(make(axes="-y,x,z", origin_mm=(0.0, 500.0, 200.0)))
     robot.calibrate()
     assert robot.read() == pytest.approx((0.0, 0.0, 100.0))
     target = (12.0, -7.0, 96.0)
@@ -65,9 +70,8 @@ def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, emulated) -> Non
     assert robot.faults == {}
 
 
-def test_the_tools_orientation_is_in_the_scenes_axes(make, emulated) -> None:
-    robot = make(axes="-y,x,z")
-    robot.connect()
+def test_the_tools_orientation_is_in_the_scenes_axes(make, connected, emulated) -> None:
+    robot = connected(make(axes="-y,x,z"))
     quarter = Rotation.from_euler("z", 90.0, degrees=True)  # the scene's x is the base's -y
     for turn in Rotation.random(3, random_state=1):
         emulated.rotation = turn.as_quat()
@@ -79,9 +83,7 @@ def test_the_tools_orientation_is_in_the_scenes_axes(make, emulated) -> None:
         )
 
 
-def test_nothing_moves_before_the_first_command(make, emulated) -> None:
-    robot = make()
-    robot.connect()
+def test_nothing_moves_before_the_first_command(robot, emulated) -> None:
     turns = robot.arm.turns
     until(lambda: robot.arm.turns > turns + 20)
     assert emulated.motions == []
@@ -110,9 +112,8 @@ def test_options_reach_the_arm(make, emulated) -> None:
     assert emulated.realtime is RealtimeConfig.Ignore
 
 
-def test_a_far_command_is_approached_at_the_speed_limit(make, emulated) -> None:
-    robot = make(speed_limit_mm_s=50.0)
-    robot.connect()
+def test_a_far_command_is_approached_at_the_speed_limit(make, connected, emulated) -> None:
+    robot = connected(make(speed_limit_mm_s=50.0))
     began = time.monotonic()
     until(lambda: bool(emulated.motions), lambda: robot.write(moved((400.0, 0.0, 0.0))))
     (motion,) = emulated.motions
@@ -123,9 +124,7 @@ def test_a_far_command_is_approached_at_the_speed_limit(make, emulated) -> None:
     until(lambda: motion.reference.target_twist.linear_velocity[0] > 0.04)
 
 
-def test_a_command_that_is_no_number_is_counted_and_not_obeyed(make, emulated) -> None:
-    robot = make()
-    robot.connect()
+def test_a_command_that_is_no_number_is_counted_and_not_obeyed(robot, emulated) -> None:
     for _ in range(20):
         robot.write((float("nan"), 0.0, 0.0))
         robot.write((0.0, float("inf"), 0.0))
@@ -135,10 +134,8 @@ def test_a_command_that_is_no_number_is_counted_and_not_obeyed(make, emulated) -
     assert emulated.motions == []
 
 
-def test_no_call_waits_for_the_arm(make, emulated) -> None:
-    robot, force = make(), make(FrankaForce)
-    robot.connect()
-    force.connect()
+def test_no_call_waits_for_the_arm(make, connected, emulated) -> None:
+    robot, force = connected(make()), connected(make(FrankaForce))
     until(lambda: bool(emulated.motions), lambda: robot.write(HOME))
 
     def tick() -> None:
@@ -170,27 +167,21 @@ def test_no_call_waits_for_the_arm(make, emulated) -> None:
     ],
 )
 def test_a_stop_while_it_moves_is_a_loss_that_says_why(
-    make, emulated, text, mode, sentence
+    robot, emulated, text, mode, sentence
 ) -> None:
-    robot = make()
-    robot.connect()
     until(lambda: bool(emulated.motions), lambda: robot.write(HOME))
     emulated.stop(text, mode)
-    with pytest.raises(DeviceLost, match=sentence):
-        until(lambda: False, robot.read)
+    until_lost(robot.read, sentence)
     with pytest.raises(DeviceLost, match="Franka arm arm"):
         robot.write(HOME)
 
 
 def test_a_reflex_is_recovered_on_connecting_and_nothing_moves_until_a_command(
-    make, emulated, caplog
+    robot, emulated, caplog
 ) -> None:
-    robot = make()
-    robot.connect()
     until(lambda: near(robot, moved((5.0, 0.0, 0.0))), lambda: robot.write(moved((5.0, 0.0, 0.0))))
     emulated.stop(REFLEX, error="cartesian_reflex")
-    with pytest.raises(DeviceLost):
-        until(lambda: False, robot.read)
+    until_lost(robot.read, "beyond 'collision_force_n'")
     robot.close()
     robot.connect()
     assert emulated.recoveries == 1
@@ -223,13 +214,10 @@ def test_an_arm_that_cannot_be_recovered_says_from_what(make, emulated) -> None:
     ],
 )
 def test_an_arm_in_no_state_to_be_used_is_refused_or_lost_until_it_is(
-    make, emulated, mode, sentence
+    robot, emulated, mode, sentence
 ) -> None:
-    robot = make()
-    robot.connect()
     emulated.mode = mode
-    with pytest.raises(DeviceLost, match=sentence):
-        until(lambda: False, robot.read)
+    until_lost(robot.read, sentence)
     robot.close()
     with pytest.raises(MmtError, match=sentence):
         robot.connect()
@@ -239,12 +227,9 @@ def test_an_arm_in_no_state_to_be_used_is_refused_or_lost_until_it_is(
     assert robot.read() == pytest.approx(HOME)
 
 
-def test_an_arm_without_power_is_lost_and_comes_back(make, emulated) -> None:
-    robot = make()
-    robot.connect()
+def test_an_arm_without_power_is_lost_and_comes_back(robot, emulated) -> None:
     emulated.powered = False
-    with pytest.raises(DeviceLost, match="does not answer: check its power and its cable"):
-        until(lambda: False, robot.read)
+    until_lost(robot.read, "does not answer: check its power and its cable")
     robot.close()
     with pytest.raises(MmtError, match="takes no connection: check 'host'"):
         robot.connect()
@@ -253,20 +238,16 @@ def test_an_arm_without_power_is_lost_and_comes_back(make, emulated) -> None:
     assert robot.read() == pytest.approx(HOME)
 
 
-def test_an_arm_whose_states_stand_still_is_lost(make, emulated) -> None:
-    robot = make()
-    robot.connect()
+def test_an_arm_whose_states_stand_still_is_lost(robot, emulated) -> None:
     until(lambda: bool(emulated.motions), lambda: robot.write(HOME))
     emulated.answering = False
-    with pytest.raises(DeviceLost, match="sends no new state"):
-        until(lambda: False, robot.read)
+    until_lost(robot.read, "sends no new state")
 
 
-def test_a_library_that_does_not_return_is_a_loss(make, emulated, monkeypatch) -> None:
+def test_a_library_that_does_not_return_is_a_loss(make, connected, emulated, monkeypatch) -> None:
     monkeypatch.setattr(arms, "_STUCK_NS", 50_000_000)
     monkeypatch.setattr(arms, "_END_S", 0.05)
-    robot = make()
-    robot.connect()
+    robot = connected(make())
     with emulated.lock, pytest.raises(DeviceLost, match="does not answer"):
         until(lambda: False, robot.read)
     robot.close()
@@ -289,9 +270,7 @@ def test_a_connection_that_takes_too_long_is_told_and_not_made_twice(
     assert robot.read() == pytest.approx(HOME)
 
 
-def test_closing_brings_a_moving_arm_to_rest_and_gives_the_connection_back(make, emulated) -> None:
-    robot = make()
-    robot.connect()
+def test_closing_brings_a_moving_arm_to_rest_and_gives_the_connection_back(robot, emulated) -> None:
     until(lambda: bool(emulated.motions), lambda: robot.write(moved((3.0, 0.0, 0.0))))
     robot.close()
     robot.close()
@@ -301,10 +280,9 @@ def test_closing_brings_a_moving_arm_to_rest_and_gives_the_connection_back(make,
         robot.read()
 
 
-def test_arm_and_force_sensor_share_a_connection(make, emulated) -> None:
-    robot, force = make(), make(FrankaForce, axes="-y,x,z")
-    force.connect()
-    robot.connect()
+def test_arm_and_force_sensor_share_a_connection(make, connected, emulated) -> None:
+    force = connected(make(FrankaForce, axes="-y,x,z"))
+    robot = connected(make())
     assert emulated.connections == 1
     emulated.pushes_n = (1.0, 0.5, -3.0)  # down, on what is below it
     until(lambda: force.read() == pytest.approx((0.5, -1.0, 3.0)))
@@ -316,10 +294,11 @@ def test_arm_and_force_sensor_share_a_connection(make, emulated) -> None:
     until(lambda: len(emulated.motions) == 3, lambda: robot.write(HOME))
 
 
-def test_the_force_at_rest_is_the_zero_and_none_at_all_is_counted(make, emulated) -> None:
+def test_the_force_at_rest_is_the_zero_and_none_at_all_is_counted(
+    make, connected, emulated
+) -> None:
     emulated.pushes_n = (0.2, -0.1, 0.4)
-    force = make(FrankaForce)
-    force.connect()
+    force = connected(make(FrankaForce))
     force.calibrate()
     assert force.read() == pytest.approx((0.0, 0.0, 0.0))
     emulated.pushes_n = (0.2, -0.1, -1.6)

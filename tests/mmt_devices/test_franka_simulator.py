@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 from franka_simulator import SimulatedArm, simulated_arm
-from waiting import until
+from waiting import until, until_lost
 
-from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.errors import MmtError
 from mmt_devices.franka.control import PositionControl
 from mmt_devices.franka.driver import FrankaForce, FrankaRobot
 from mmt_devices.franka.options import FrankaRobotOptions
@@ -97,8 +97,7 @@ def test_the_simulated_arm_is_moved_and_read(devices) -> None:
 
 
 def lose(robot: FrankaRobot, sentence: str) -> None:
-    with pytest.raises(DeviceLost, match=sentence):
-        until(lambda: False, lambda: (robot.write(robot.read()),))
+    until_lost(lambda: (robot.write(robot.read()),), sentence)
 
 
 @needs_simulator

@@ -13,7 +13,7 @@ from typing import Any
 
 import psutil
 import pytest
-from waiting import children, until
+from waiting import children, until, until_lost
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.drivers import load_device
@@ -158,8 +158,9 @@ def test_an_arm_is_limp_without_commands(make, service) -> None:
 def test_an_arm_that_is_held_fast_is_lost_and_another_connection_begins_where_it_is(make, service):
     robot = connected(make("robot", lead_limit_mm=2.0))
     service.tip.braked = True
-    with pytest.raises(DeviceLost, match=r"stays the same though .* no emergency brake"):
-        until(lambda: False, lambda: robot.write((30.0, 0.0, 0.0)))
+    until_lost(
+        lambda: robot.write((30.0, 0.0, 0.0)), r"stays the same though .* no emergency brake"
+    )
     service.tip.braked = False
     robot.connect()
     until(lambda: robot.read()[0] > 5.0, lambda: robot.write((30.0, 0.0, 0.0)))
@@ -177,8 +178,7 @@ def device(request: pytest.FixtureRequest, make: Callable[..., Any]) -> Any:
 
 
 def lost(device: Any, sentence: str) -> None:
-    with pytest.raises(DeviceLost, match=sentence):
-        until(lambda: False, device.position)
+    until_lost(device.position, sentence)
     with pytest.raises(DeviceLost):
         device.write((0.0, 0.0, 1.0))
 

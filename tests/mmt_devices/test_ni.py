@@ -5,23 +5,23 @@ import math
 import re
 import time
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from driver_fixtures import closed_devices, connected_devices, own_calibrations  # noqa: F401 - fixtures
 from hypothesis import given
 from hypothesis import strategies as st
 from nano17_files import write_calibration
 from running_source import RunningSource
-from sensor_reading import read_some, read_until, read_until_fault
+from sensor_reading import read_some, read_until_fault, read_until_lost
 from service_runs import Together, small_scene
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.frames import acceleration_samples
-from mmt.devices import board_sharing
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
 from mmt.devices.discovery import FoundPort
 from mmt.devices.drivers import load_device
@@ -39,26 +39,6 @@ from mmt_devices.ni.options import NiOptions
 
 PAGE = Path(__file__).parents[2] / "docs/how-to/ni.md"
 LEVELS = 0.1 * np.arange(INPUTS)
-
-
-@pytest.fixture(autouse=True)
-def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-
-
-@pytest.fixture
-def closing() -> Iterator[Callable]:
-    before = list(board_sharing.OPEN_BOARDS)
-    opened: list[Any] = []
-
-    def keep(device: Any) -> Any:
-        opened.append(device)
-        return device
-
-    yield keep
-    for device in opened:
-        device.close()
-    assert before == board_sharing.OPEN_BOARDS  # the last reader has ended the task
 
 
 def level(times_ns: Sequence[int]) -> np.ndarray:
@@ -89,10 +69,9 @@ def test_inputs_are_measured_against_ground_or_their_partners_at_the_boards_rate
     assert reader.faults == {}
 
 
-def test_the_thread_waits_and_the_reader_does_not(closing) -> None:
+def test_the_thread_waits_and_the_reader_does_not(connected) -> None:
     box = EmulatedNi(level)
-    reader = closing(inputs(0, backend=box, rate_hz=100.0))
-    reader.connect()
+    reader = connected(inputs(0, backend=box, rate_hz=100.0))
     read_some(reader, 3)
     began_ns = time.thread_time_ns()
     for _ in range(20):
@@ -101,10 +80,9 @@ def test_the_thread_waits_and_the_reader_does_not(closing) -> None:
     assert 0 <= time.monotonic_ns() - reader.arrival_ns < 5_000_000_000
 
 
-def test_a_board_that_is_read_too_late_says_so_and_goes_on(closing, caplog) -> None:
+def test_a_board_that_is_read_too_late_says_so_and_goes_on(connected, caplog) -> None:
     box = EmulatedNi(level)
-    reader = closing(inputs(0, 1, backend=box))
-    reader.connect()
+    reader = connected(inputs(0, 1, backend=box))
     before = read_some(reader, 50)
     box.lag(10_000)  # of a buffer of 4000
     after = read_until_fault(reader, "overruns")
@@ -117,10 +95,9 @@ def test_a_board_that_is_read_too_late_says_so_and_goes_on(closing, caplog) -> N
     assert sum(steps) == 500_000 * (len(steps) + lost)
 
 
-def test_blocks_that_nobody_takes_are_counted(closing, monkeypatch) -> None:
+def test_blocks_that_nobody_takes_are_counted(connected, monkeypatch) -> None:
     monkeypatch.setattr("mmt_devices.ni.stream._MOST_WAITING", 20)
-    reader = closing(inputs(0, backend=EmulatedNi(level)))
-    reader.connect()
+    reader = connected(inputs(0, backend=EmulatedNi(level)))
     time.sleep(0.5)
     read_until_fault(reader, "lost scans")
 
@@ -132,8 +109,7 @@ def test_an_unplugged_board_is_lost_and_comes_back(closing) -> None:
     other.connect()
     box.plugged = False
     for each in (reader, other):
-        with pytest.raises(DeviceLost, match=r"NI Dev1 is gone: Device cannot be .*-201003"):
-            read_until(each, lambda _: False)
+        read_until_lost(each, r"NI Dev1 is gone: Device cannot be .*-201003")
         with pytest.raises(MmtError, match="there is no board by NI: plug it in; there is none"):
             each.connect()
     box.plugged = True
@@ -146,22 +122,19 @@ def test_an_unplugged_board_is_lost_and_comes_back(closing) -> None:
         reader.read()
 
 
-def test_a_board_that_gives_nothing_is_lost(closing) -> None:
+def test_a_board_that_gives_nothing_is_lost(connected) -> None:
     box = EmulatedNi(level)
-    reader = closing(inputs(0, backend=box))
-    reader.connect()
+    reader = connected(inputs(0, backend=box))
     box.stalled = True
-    with pytest.raises(DeviceLost, match="have not yet been acquired"):
-        read_until(reader, lambda _: False)
+    read_until_lost(reader, "have not yet been acquired")
     box.stalled = False
     reader.connect()
     assert read_some(reader, 5)
 
 
-def test_what_one_task_cannot_do_is_refused_and_the_other_goes_on(closing) -> None:
+def test_what_one_task_cannot_do_is_refused_and_the_other_goes_on(connected) -> None:
     box = EmulatedNi(level)
-    first = closing(inputs(0, 1, backend=box))
-    first.connect()
+    first = connected(inputs(0, 1, backend=box))
     for wrong, words in (
         (inputs(1, 2, backend=box), "shared by 2 drivers: ai1 belongs to another driver"),
         (inputs(2, backend=box, rate_hz=1000.0), "1000 scans a second, another for 2000"),
@@ -187,15 +160,14 @@ class Larger(EmulatedNi):
         return said if attribute == 0x631 else f"{said}, {device_name}/ai16:31"
 
 
-def test_which_board_is_told_where_there_are_several(closing) -> None:
+def test_which_board_is_told_where_there_are_several(connected) -> None:
     box = EmulatedNi(level)
     box.name = "Dev1, Dev2"
     with pytest.raises(InputError, match=r"2 boards by NI: .*'device': Dev1 \(USB-6251\), Dev2"):
         inputs(0, backend=box).connect()
     with pytest.raises(MmtError, match=r"no board by NI named Dev7: .* Dev2 \(USB-6251\)"):
         inputs(0, backend=box, device="Dev7").connect()
-    second = closing(inputs(0, backend=box, device="Dev2"))
-    second.connect()
+    second = connected(inputs(0, backend=box, device="Dev2"))
     assert read_some(second, 5)
 
 
@@ -274,6 +246,7 @@ class Bench(RunningSource):
     def __init__(self, tmp_path: Path, rate_hz: float, samples: int, fast_hz: float) -> None:
         self.pressed = False
         self._fast_hz = fast_hz
+        self.samples = samples
         self.box = EmulatedNi(self._volts, clock_ppm=60.0)
         common = {"driver": "ni-daqmx", "backend": self.box, "rate_hz": rate_hz}
         file = write_calibration(tmp_path)
@@ -301,30 +274,20 @@ class Bench(RunningSource):
         return volts
 
 
-@pytest.fixture
-def bench_of(tmp_path: Path) -> Iterator[Callable[..., Bench]]:
-    made: list[Bench] = []
-
-    def make(*arguments: Any) -> Bench:
-        made.append(Bench(tmp_path, *arguments))
-        made[0].start()
-        made[0].pressed = True
-        made[0].run(lambda number: number >= 50)  # some are still from before
-        return made[0]
-
-    yield make
-    made[0].source.close()
-    assert made[0].box.channels == 0
+@pytest.fixture(params=[(2000.0, 1, 300.0)])
+def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(tmp_path, *request.param)
+    made.start()
+    made.pressed = True
+    made.run(lambda number: number >= 50)  # some are still from before
+    yield made
+    made.source.close()
+    assert made.box.channels == 0
 
 
-@pytest.mark.parametrize(
-    ("rate_hz", "samples", "fast_hz"),
-    [(2000.0, 1, 300.0), (6000.0, 5, 1300.0)],
-)
-def test_one_board_carries_gauges_and_accelerometer_into_frames(
-    bench_of, rate_hz: float, samples: int, fast_hz: float
-) -> None:
-    bench = bench_of(rate_hz, samples, fast_hz)
+@pytest.mark.parametrize("bench", [(2000.0, 1, 300.0), (6000.0, 5, 1300.0)], indirect=True)
+def test_one_board_carries_gauges_and_accelerometer_into_frames(bench) -> None:
+    samples = bench.samples
     frames = bench.run(lambda number: number >= 600)
     assert bench.box.channels == 9
     assert np.median(np.diff(frames["time_ns"])) == pytest.approx(1e6, abs=1e4)
@@ -340,8 +303,7 @@ def test_one_board_carries_gauges_and_accelerometer_into_frames(
     assert bench.told == []
 
 
-def test_an_unplugged_board_is_two_lost_sensors_which_both_come_back(bench_of) -> None:
-    bench = bench_of(2000.0, 1, 300.0)
+def test_an_unplugged_board_is_two_lost_sensors_which_both_come_back(bench) -> None:
     bench.box.plugged = False
     bench.run_until_told("force sensor.* NI Dev1 is gone", "accelerometer.* NI Dev1 is gone")
     bench.box.plugged = True
@@ -350,8 +312,7 @@ def test_an_unplugged_board_is_two_lost_sensors_which_both_come_back(bench_of) -
     assert np.median(abs(frames["force_n"][:, 2] - bench.force_n(frames["time_ns"]))) < 0.1
 
 
-def test_an_overrun_is_survived_and_counted(bench_of) -> None:
-    bench = bench_of(2000.0, 1, 300.0)
+def test_an_overrun_is_survived_and_counted(bench) -> None:
     bench.box.lag(10_000)
     bench.run(lambda _: bench.gauges.faults.get("board: overruns"))
     frames = bench.run(lambda number: number >= 1500)
@@ -402,13 +363,11 @@ async def test_a_session_runs_on_the_virtual_board(
     assert np.median(felt[..., 2]) == pytest.approx(GRAVITY_M_S2, abs=0.5)
 
 
-def test_a_lab_that_ends_is_a_lost_board_which_comes_back(closing) -> None:
-    board = closing(load_device("virtual-ni-daqmx", {"seed": 3}))
-    board.connect()
+def test_a_lab_that_ends_is_a_lost_board_which_comes_back(connected) -> None:
+    board = connected(load_device("virtual-ni-daqmx", {"seed": 3}))
     assert np.mean([volts for _, volts in read_some(board)]) == pytest.approx(0.2, abs=1e-3)
     assert LAB.process is not None
     LAB.process.kill()
-    with pytest.raises(DeviceLost, match="The virtual lab has ended"):
-        read_until(board, lambda _: False)
+    read_until_lost(board, "The virtual lab has ended")
     board.connect()
     assert read_some(board)
