@@ -3,18 +3,24 @@
 import itertools
 import logging
 import sys
-import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 
 import pytest
+from driver_fixtures import (  # noqa: F401 - fixtures
+    Keep,
+    closed_devices,
+    connected_devices,
+    own_calibrations,
+    started_devices,
+)
+from sensor_reading import read_some, read_until, read_until_fault
 
-from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.errors import MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, GravityCalibration
 from mmt.devices.adxl335.serial_driver import SerialAdxl335
 from mmt.devices.calibrations import save_calibration
 from mmt.devices.drivers import load_device
-from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.protocols import Vector
 
 if sys.platform == "win32":
     pytest.skip("there are no pseudo-terminals", allow_module_level=True)
@@ -23,86 +29,33 @@ from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 
 LEVEL = (0.0, 0.0, GRAVITY_M_S2)
 
-
-@pytest.fixture(autouse=True)
-def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-
-
 Boards = Callable[..., EmulatedAdxl335Board]
 
 
 @pytest.fixture
-def boards() -> Iterator[Boards]:
-    """Start boards, and end them whatever happens."""
-    started: list[EmulatedAdxl335Board] = []
-
+def boards(started: Keep) -> Boards:
     def start(truth: Callable[[int], Vector] = lambda _: LEVEL, **options) -> EmulatedAdxl335Board:
-        board = EmulatedAdxl335Board(truth, **options)
-        board.start()
-        started.append(board)
-        return board
+        return started(EmulatedAdxl335Board(truth, **options))
 
-    yield start
-    for board in started:
-        board.stop()
+    return start
 
 
 @pytest.fixture
-def drivers() -> Iterator[Callable[..., SerialAdxl335]]:
-    made: list[SerialAdxl335] = []
-
+def drivers(closing: Keep) -> Callable[..., SerialAdxl335]:
     def make(board: EmulatedAdxl335Board, **options) -> SerialAdxl335:
-        sensor = load_device(
-            "adxl335-serial",
-            {"port": board.address, "bandwidth_hz": 500.0, "start_s": 2.0, **options},
-        )
-        made.append(sensor)
-        return sensor
+        given = {"port": board.address, "bandwidth_hz": 500.0, "start_s": 2.0, **options}
+        return closing(load_device("adxl335-serial", given))
 
-    yield make
-    for sensor in made:
-        sensor.close()
+    return make
 
 
-BROKEN = ("bad checksums", "bad frames")
-LONGEST_S = 30.0
+def broken(sensor: SerialAdxl335) -> int:
+    return sensor.faults.get("bad checksums", 0) + sensor.faults.get("bad frames", 0)
 
 
-def readings(sensor: SerialAdxl335, number: int) -> list[SensorReading]:
-    got: list[SensorReading] = []
-    end = time.monotonic() + LONGEST_S
-    while len(got) < number:
-        got.extend(sensor.read())
-        assert time.monotonic() < end, f"only {len(got)} of {number} readings came"
-        time.sleep(0.001)
-    return got
-
-
-def until_counted(sensor: SerialAdxl335, number: int, *kinds: str) -> None:
-    """Read until so many faults of these kinds are counted."""
-    end = time.monotonic() + LONGEST_S
-    while sum(sensor.faults.get(kind, 0) for kind in kinds) < number:
-        sensor.read()
-        assert time.monotonic() < end, f"only {sensor.faults} are counted"
-        time.sleep(0.001)
-
-
-def until_lost(sensor: SerialAdxl335) -> str:
-    end = time.monotonic() + LONGEST_S
-    while time.monotonic() < end:
-        try:
-            sensor.read()
-        except DeviceLost as lost:
-            return str(lost)
-        time.sleep(0.001)
-    raise AssertionError("it was never lost")
-
-
-def test_values_are_the_truth_and_times_the_boards(boards, drivers) -> None:
-    sensor = drivers(boards(start_us=2**32 - 100_000))  # wraps a tenth of a second later
-    sensor.connect()
-    got = readings(sensor, 300)
+def test_values_are_the_truth_and_times_the_boards(boards, drivers, connected) -> None:
+    sensor = connected(drivers(boards(start_us=2**32 - 100_000)))  # wraps a tenth of a second later
+    got = read_some(sensor, 300)
     for axis in range(3):
         mean = sum(r.value[axis] for r in got) / len(got)
         assert mean == pytest.approx(LEVEL[axis], abs=0.05)  # half a count, and the noise
@@ -112,51 +65,34 @@ def test_values_are_the_truth_and_times_the_boards(boards, drivers) -> None:
     assert sensor.latency_ns == pytest.approx(318_310, abs=1)
 
 
-def test_frames_of_many_samples_arrive_evenly(boards, drivers) -> None:
-    sensor = drivers(boards(per_frame=8, rate_hz=4000.0))
-    sensor.connect()
-    got = readings(sensor, 400)
+def test_frames_of_many_samples_arrive_evenly(boards, drivers, connected) -> None:
+    sensor = connected(drivers(boards(per_frame=8, rate_hz=4000.0)))
+    got = read_some(sensor, 400)
     steps = sorted(b.time_ns - a.time_ns for a, b in itertools.pairwise(got))
     assert steps[len(steps) // 2] == pytest.approx(250_000, abs=1000)
 
 
-def test_axes_are_turned_into_the_scenes(boards, drivers) -> None:
-    sensor = drivers(boards(), axes=["x", "-z", "y"])
-    sensor.connect()
-    got = readings(sensor, 50)
+def test_axes_are_turned_into_the_scenes(boards, drivers, connected) -> None:
+    sensor = connected(drivers(boards(), axes=["x", "-z", "y"]))
+    got = read_some(sensor, 50)
     assert sum(r.value[1] for r in got) / len(got) == pytest.approx(-GRAVITY_M_S2, abs=0.1)
 
 
-def test_spoilt_frames_are_counted_and_survived(boards, drivers) -> None:
+def test_spoilt_frames_are_counted_and_survived(boards, drivers, connected) -> None:
     board = boards()
-    sensor = drivers(board)
-    sensor.connect()
+    sensor = connected(drivers(board))
     board.garble(5)
-    until_counted(sensor, 5, *BROKEN)
+    read_until(sensor, lambda _: broken(sensor) >= 5)
     board.halve(2)
-    until_counted(sensor, 6, *BROKEN)  # one half after another may count as one
-    readings(sensor, 30)
+    read_until(sensor, lambda _: broken(sensor) >= 6)  # one half after another may count as one
+    read_some(sensor, 30)
     board.lose(7)
-    until_counted(sensor, sensor.faults.get("lost samples", 0) + 7, "lost samples")
-    assert readings(sensor, 30)
+    read_until_fault(sensor, "lost samples", 7)
+    assert read_some(sensor, 30)
     board.restart()
-    until_counted(sensor, 1, "restarts")
-    readings(sensor, 200)
+    read_until_fault(sensor, "restarts")
+    read_some(sensor, 200)
     assert sensor.faults["restarts"] == 1
-
-
-def test_a_value_that_never_changes_is_none(boards, drivers) -> None:
-    board = boards()
-    sensor = drivers(board, stuck_s=0.1, start_s=0.2)
-    sensor.connect()
-    readings(sensor, 20)
-    board.stick()
-    assert "has not changed for 0.1 s" in until_lost(sensor)
-    with pytest.raises(MmtError, match="still sends one value that never changes"):
-        sensor.connect()
-    board.stick(stuck=False)
-    sensor.connect()
-    assert readings(sensor, 20)
 
 
 def test_a_wrong_baud_rate_is_told(boards, drivers) -> None:
@@ -167,7 +103,7 @@ def test_a_wrong_baud_rate_is_told(boards, drivers) -> None:
         sensor.connect()
     board.scramble(scrambled=False)
     sensor.connect()
-    assert readings(sensor, 20)
+    assert read_some(sensor, 20)
 
 
 def test_a_silent_board_is_told(boards, drivers) -> None:
@@ -184,11 +120,10 @@ def test_a_board_that_sends_text_is_told(boards, drivers, monkeypatch) -> None:
         drivers(board, start_s=0.2).connect()
 
 
-def test_an_overload_is_cut_off_counted_and_told_once(boards, drivers, caplog) -> None:
-    sensor = drivers(boards(lambda _: (50.0, 0.0, 9.8)), bandwidth_hz=500.0)
-    sensor.connect()
+def test_an_overload_is_cut_off_counted_and_told_once(boards, drivers, connected, caplog) -> None:
+    sensor = connected(drivers(boards(lambda _: (50.0, 0.0, 9.8)), bandwidth_hz=500.0))
     with caplog.at_level(logging.WARNING, "mmt.devices"):
-        felt = readings(sensor, 20)
+        felt = read_some(sensor, 20)
     assert felt[-1].value[0] == pytest.approx(3.6 * GRAVITY_M_S2, abs=0.1)
     assert sensor.faults["overload"] >= 20
     (message,) = [record.getMessage() for record in caplog.records]
@@ -208,24 +143,25 @@ def test_the_boards_capacitors_are_warned_of_once(boards, drivers, caplog) -> No
     assert "here the scene's y, ends at 550 Hz" in remark
 
 
-def test_a_stored_calibration_is_used_and_its_mismatch_told(boards, drivers, caplog) -> None:
+def test_a_stored_calibration_is_used_and_its_mismatch_told(
+    boards, drivers, connected, caplog
+) -> None:
     true = GravityCalibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325), 0.02)
     save_calibration("adxl335", "bench-3", true.as_dict())
-    sensor = drivers(boards(calibration=true), serial="bench-3")
-    sensor.connect()
+    sensor = connected(drivers(boards(calibration=true), serial="bench-3"))
     sensor.calibrate()
-    got = readings(sensor, 200)
+    got = read_some(sensor, 200)
     assert sum(r.value[2] for r in got) / len(got) == pytest.approx(GRAVITY_M_S2, abs=0.05)
     assert not caplog.records
-    another = drivers(boards(), serial="bench-3")
-    another.connect()
+    another = connected(drivers(boards(), serial="bench-3"))
     another.calibrate()
     (message,) = [r.getMessage() for r in caplog.records]
     assert "the calibration stored for bench-3 does not fit" in message
 
 
-def test_without_calibration_gravity_shows_a_wrong_supply(boards, drivers, caplog) -> None:
-    sensor = drivers(boards(), supply_v=1.8)
-    sensor.connect()
+def test_without_calibration_gravity_shows_a_wrong_supply(
+    boards, drivers, connected, caplog
+) -> None:
+    sensor = connected(drivers(boards(), supply_v=1.8))
     sensor.calibrate()
     assert "it is not calibrated, and the options for supply" in caplog.text

@@ -5,20 +5,18 @@ import itertools
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import pytest
-from nano17_files import write_calibration
+from driver_fixtures import Keep, closed_devices, connected_devices, own_calibrations  # noqa: F401 - fixtures
 from running_source import RunningSource
-from sensor_reading import read_some, read_until, read_until_fault
+from sensor_reading import read_some, read_until_lost
 
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.drivers import load_device
 from mmt.devices.protocols import SampledSensor, Vector
 from mmt.testing.emulated import Truth
-from mmt.testing.emulated.labjack_u6 import EmulatedU6
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 
 if sys.platform != "linux":
@@ -48,17 +46,21 @@ class Bench:
 
     device: Any
     driver: str
-    options: dict[str, Any]
     felt: Felt
     channel: str = "force_n"
 
     def __post_init__(self) -> None:
+        self.device.start()
+        if self.driver == "adxl335-serial":
+            self.options = {"port": self.device.address, "bandwidth_hz": 500.0}
+        else:
+            self.options = self.device.options
         self.sensor = self.load()
         self.at_rest = (0.0, 0.0, GRAVITY_M_S2 * (self.channel == "acceleration_m_s2"))
         """What frames have before anything is felt."""
 
-    def load(self) -> SampledSensor:
-        return load_device(self.driver, self.options)
+    def load(self, **more: Any) -> SampledSensor:
+        return load_device(self.driver, {**self.options, **more})
 
 
 def upright(felt: Felt) -> Truth:
@@ -67,39 +69,24 @@ def upright(felt: Felt) -> Truth:
 
 
 def net_ft(felt: Felt) -> Bench:
-    box = EmulatedNetFt(felt, noise_n=0.001)
-    box.start()
-    return Bench(box, "ati-net-ft", box.options, felt)
+    return Bench(EmulatedNetFt(felt, noise_n=0.001), "ati-net-ft", felt)
 
 
 def digital_ft(felt: Felt) -> Bench:
-    emulated = EmulatedDigitalFt(felt, 115_200)
-    emulated.start()
-    return Bench(emulated, "ati-digital-ft", emulated.options, felt)
+    return Bench(EmulatedDigitalFt(felt, 115_200), "ati-digital-ft", felt)
 
 
 def adxl335(felt: Felt) -> Bench:
     board = EmulatedAdxl335Board(upright(felt), rate_hz=2000.0)
-    board.start()
-    options = {"port": board.address, "bandwidth_hz": 500.0}
-    return Bench(board, "adxl335-serial", options, felt, "acceleration_m_s2")
+    return Bench(board, "adxl335-serial", felt, "acceleration_m_s2")
 
 
 def bota(felt: Felt) -> Bench:
-    emulated = EmulatedBota(felt)
-    emulated.start()
-    return Bench(emulated, "bota-serial", emulated.options, felt)
+    return Bench(EmulatedBota(felt), "bota-serial", felt)
 
 
 def iio(felt: Felt) -> Bench:
-    emulated = EmulatedIio(upright(felt))
-    emulated.start()
-    return Bench(emulated, "iio-accelerometer", emulated.options, felt, "acceleration_m_s2")
-
-
-@pytest.fixture(autouse=True)
-def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    return Bench(EmulatedIio(upright(felt)), "iio-accelerometer", felt, "acceleration_m_s2")
 
 
 @pytest.fixture(params=[net_ft, digital_ft, adxl335, bota, iio])
@@ -162,8 +149,7 @@ def test_what_is_unplugged_is_explained_and_goes_on_in_time(bench) -> None:
     before = read_some(sensor)
     sensor.calibrate()
     bench.device.unplug()
-    with pytest.raises(DeviceLost, match=gone):
-        read_until(sensor, lambda _: False)
+    read_until_lost(sensor, gone)
     with pytest.raises(MmtError, match=absent):
         sensor.connect()
     with pytest.raises(DeviceLost, match=r"is closed|not open"):
@@ -176,24 +162,20 @@ def test_what_is_unplugged_is_explained_and_goes_on_in_time(bench) -> None:
     sensor.close()
 
 
-@pytest.mark.parametrize("make", [digital_ft, adxl335, bota])
-def test_a_port_that_is_in_use_or_not_permitted_is_explained(make, monkeypatch) -> None:
-    bench = make(Felt())
-    try:
-        bench.sensor.connect()
-        with pytest.raises(MmtError, match="another program has it open"):
-            bench.load().connect()
-        bench.sensor.close()
+@pytest.mark.parametrize("bench", [digital_ft, adxl335, bota], indirect=True)
+def test_a_port_that_is_in_use_or_not_permitted_is_explained(bench, monkeypatch) -> None:
+    bench.sensor.connect()
+    with pytest.raises(MmtError, match="another program has it open"):
+        bench.load().connect()
+    bench.sensor.close()
 
-        def refuse(*_: object) -> None:
-            raise PermissionError(13, "Permission denied")
+    def refuse(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
 
-        monkeypatch.setattr("os.open", refuse)
+    with monkeypatch.context() as patch:
+        patch.setattr("os.open", refuse)
         with pytest.raises(MmtError, match=r"no permission\. On Linux add yourself to the group"):
             bench.sensor.connect()
-    finally:
-        monkeypatch.undo()
-        bench.device.stop()
 
 
 NOTHING_USABLE = (
@@ -242,12 +224,28 @@ def test_a_stuck_device_stays_lost_until_its_value_changes(bench, running) -> No
     back_and_right(bench, running)
 
 
+@pytest.mark.parametrize(
+    ("bench", "refused"),
+    [(adxl335, "still sends one value that never changes"), (iio, "its value has not changed")],
+    indirect=["bench"],
+)
+def test_a_value_that_never_changes_is_none(bench, refused: str, connected: Keep) -> None:
+    sensor = connected(bench.load(stuck_s=0.1, start_s=0.2))
+    read_some(sensor, 20)
+    bench.device.stick()
+    read_until_lost(sensor, r"value has not changed for 0\.1 s")
+    with pytest.raises(MmtError, match=refused):
+        sensor.connect()
+    bench.device.stick(stuck=False)
+    sensor.connect()
+    assert read_some(sensor, 20)
+
+
 def test_a_port_that_is_closed_is_a_lost_box_and_another_at_its_place_is_taken() -> None:
     felt = Felt()
     box = EmulatedNetFt(felt)
-    box.start()
-    options = box.options
-    bench = Bench(box, "ati-net-ft", options, felt)
+    bench = Bench(box, "ati-net-ft", felt)
+    options = bench.options
     running = RunningSource(bench.sensor, None)
     running.start()
     try:
@@ -261,72 +259,3 @@ def test_a_port_that_is_closed_is_a_lost_box_and_another_at_its_place_is_taken()
     finally:
         running.source.close()
         box.stop()
-
-
-# --- an accelerometer and gauges on a LabJack U6
-
-
-class Box:
-    """A U6 whose first six inputs are gauges, the next three an accelerometer."""
-
-    def __init__(self, tmp_path: Path) -> None:
-        self.volts = [0.2] * 6 + list(nominal(3.3).zero_v) + [0.0] * 5
-        self.still = False
-        self.u6 = EmulatedU6(self._now)
-        board = {"driver": "labjack-u6", "inputs": [0, 1, 2, 3, 4, 5], "backend": self.u6}
-        options = {"calibration_file": write_calibration(tmp_path), "board": board}
-        self.gauges = load_device("ati-gauges", options)
-        options = {"board": {**board, "inputs": [6, 7, 8]}, "bandwidth_hz": 500.0}
-        self.accelerometer = load_device("adxl335-board", options)
-
-    def _now(self, time_ns: int) -> list[float]:
-        tremor = 0.0 if self.still else 2e-3 * (time_ns // 1_000_000 % 2)
-        return [volts + tremor for volts in self.volts]
-
-
-@pytest.fixture
-def box(tmp_path: Path) -> Iterator[Box]:
-    made = Box(tmp_path)
-    yield made
-    made.gauges.close()
-    made.accelerometer.close()
-
-
-def test_overload_and_saturation_on_a_box_are_counted_by_the_driver_that_it_befalls(box) -> None:
-    for sensor in (box.gauges, box.accelerometer):
-        sensor.connect()
-    box.volts[2] = 10.5  # an input beyond its range, and 21 N
-    box.volts[8] = 3.2  # 4.7 g
-    read_until_fault(box.gauges, "saturation", 5)
-    read_until_fault(box.gauges, "overload", 5)
-    read_until_fault(box.accelerometer, "overload", 5)
-    assert "saturation" not in box.accelerometer.faults
-
-
-def test_still_gauges_on_a_box_stay_lost_though_its_clock_begins_anew(box) -> None:
-    box.gauges.connect()
-    read_some(box.gauges, 50)
-    box.still = True
-    with pytest.raises(DeviceLost, match="very same values"):
-        read_until(box.gauges, lambda _: False)
-    with pytest.raises(MmtError, match="very same values"):
-        box.gauges.connect()
-    box.still = False
-    box.gauges.connect()
-    assert read_some(box.gauges, 50)
-
-
-def test_a_box_that_sends_garbage_alone_is_two_lost_sensors_which_both_come_back(box) -> None:
-    running = RunningSource(box.gauges, box.accelerometer)
-    running.start()
-    try:
-        running.run(lambda number: number >= 50)
-        box.u6.garble(10**9)
-        running.run_until_told("force sensor.* no reading for", "accelerometer.* no reading for")
-        box.u6.garble(0)
-        running.run(lambda _: not running.is_lost)
-        assert len(running.run(lambda number: number >= 50)) >= 50
-        for sensor in (box.gauges, box.accelerometer):
-            assert any(kind.endswith("bad packets") for kind in sensor.faults)
-    finally:
-        running.source.close()

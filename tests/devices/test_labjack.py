@@ -1,17 +1,13 @@
 """A LabJack U6: its calibration, its stream through pyusb, and the accelerometer."""
 
-import logging
-import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 import usb.core
-from nano17_files import write_calibration
+from driver_fixtures import closed_devices, connected_devices, own_calibrations  # noqa: F401 - fixtures
+from sensor_reading import read_some, read_until_lost
 
-from mmt.core.errors import DeviceLost, InputError, MmtError
-from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
+from mmt.core.errors import InputError, MmtError
 from mmt.devices.drivers import load_device
 from mmt.devices.labjack import packets, usb_link
 from mmt.devices.labjack.board import U6Voltages
@@ -44,94 +40,48 @@ def test_an_erased_memory_is_no_calibration() -> None:
 # --- the stream
 
 
-@pytest.fixture(autouse=True)
-def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-
-
-@pytest.fixture
-def closing() -> Iterator[Callable]:
-    opened = []
-
-    def keep(device):
-        opened.append(device)
-        return device
-
-    yield keep
-    for device in opened:
-        device.close()
-
-
 def level(time_ns: int) -> list[float]:
     """Return an input of 0.1 V a number, which never quite stands still."""
     return [0.1 * n + 0.001 * (time_ns // 1_000_000 % 3) for n in range(14)]
 
 
-def scans(source, number: int) -> list:
-    got: list = []
-    end = time.monotonic() + 10.0
-    while len(got) < number:
-        got.extend(source.read())
-        assert time.monotonic() < end, f"only {len(got)} of {number} came"
-        time.sleep(0.001)
-    return got
-
-
-def test_nine_inputs_carry_a_force_sensors_gauges_and_an_accelerometer(closing) -> None:
+def test_nine_inputs_carry_a_force_sensors_gauges_and_an_accelerometer(connected) -> None:
     box = EmulatedU6(level)
-    source = closing(U6Voltages([AnalogInput(n) for n in range(9)], 1000.0, backend=box))
-    source.connect()
+    source = connected(U6Voltages([AnalogInput(n) for n in range(9)], 1000.0, backend=box))
     assert source.serial == "u6-360000001"
-    got = scans(source, 300)  # the packets' counter wraps at 256
+    got = read_some(source, 300)  # the packets' counter wraps at 256
     assert [t for t, _ in got] == [1_000_000 * k for k in range(len(got))]
     for _, volts in got:
         assert volts == pytest.approx([0.1 * n for n in range(9)], abs=0.0025)
     assert not source.faults
 
 
-def test_differential_inputs_and_gains(closing) -> None:
+def test_differential_inputs_and_gains(connected) -> None:
     box = EmulatedU6(lambda _: [0.0, 0.0, 0.52, 0.5, -0.3] + [0.0] * 9)
     channels = [AnalogInput(2, 100, differential=True), AnalogInput(4, 10), AnalogInput(3)]
-    source = closing(U6Voltages(channels, backend=box))
-    source.connect()
-    for _, volts in scans(source, 20):
+    source = connected(U6Voltages(channels, backend=box))
+    for _, volts in read_some(source, 20):
         assert volts == pytest.approx([0.02, -0.3, 0.5], abs=2e-4)
 
 
-def test_what_is_lost_or_spoilt_is_counted_and_times_stay_true(closing) -> None:
+def test_what_is_lost_or_spoilt_is_counted_and_times_stay_true(connected) -> None:
     box = EmulatedU6(level)
-    source = closing(U6Voltages([AnalogInput(0), AnalogInput(1), AnalogInput(2)], backend=box))
-    source.connect()
-    got = scans(source, 20)
+    source = connected(U6Voltages([AnalogInput(0), AnalogInput(1), AnalogInput(2)], backend=box))
+    got = read_some(source, 20)
     box.lose(5)
-    got += scans(source, 20)
+    got += read_some(source, 20)
     box.garble(2)
-    got += scans(source, 20)
+    got += read_some(source, 20)
     box.halve(2)
-    got += scans(source, 20)
+    got += read_some(source, 20)
     box.overflow(100)
-    got += scans(source, 150)
+    got += read_some(source, 150)
     times = [t for t, _ in got]
     assert times == sorted(set(times))
     missing = times[-1] // 1_000_000 + 1 - len(got)
     assert missing == source.faults["lost scans"] == 5 + 2 + 2 + 100
     assert source.faults["bad packets"] == 4
     assert source.faults["overflows"] == 1
-
-
-def test_a_box_is_lost_when_unplugged_and_back_when_plugged(closing) -> None:
-    box = EmulatedU6(level)
-    source = closing(U6Voltages([AnalogInput(0)], backend=box))
-    source.connect()
-    scans(source, 5)
-    box.unplug()
-    with pytest.raises(DeviceLost, match="plug it in again"):
-        scans(source, 10**6)
-    with pytest.raises(MmtError, match="there is no LabJack U6 on USB"):
-        source.connect()
-    box.plug()
-    source.connect()
-    assert scans(source, 5)[0][0] == 0
 
 
 def test_a_stream_that_a_program_left_behind_is_ended(closing) -> None:
@@ -146,7 +96,7 @@ def test_a_stream_that_a_program_left_behind_is_ended(closing) -> None:
     left._ending.set()
     box.kill_program()  # nothing stops the stream
     source.connect()
-    for _, volts in scans(source, 20):
+    for _, volts in read_some(source, 20):
         assert volts == pytest.approx([0.5], abs=0.0025)
 
 
@@ -190,70 +140,19 @@ def test_what_a_box_cannot_do_is_refused(channels, rate_hz, message) -> None:
 # --- the accelerometer
 
 
-def test_an_accelerometer_at_a_box_measures_gravity(closing, caplog) -> None:
-    data = nominal(3.3)
-
-    def volts(time_ns: int) -> list[float]:
-        tremor = 0.002 * (time_ns // 1_000_000 % 2)
-        felt = (0.0, 0.0, GRAVITY_M_S2)
-        return [
-            0.0,
-            *(data.zero_v[i] + data.gain_v_per_m_s2[i] * felt[i] + tremor for i in range(3)),
-            *[0.0] * 10,
-        ]
-
-    box = EmulatedU6(volts)
-    board = {"driver": "labjack-u6", "backend": box, "inputs": [1, 2, 3]}
-    sensor = closing(load_device("adxl335-board", {"board": board, "bandwidth_hz": 500.0}))
-    with caplog.at_level(logging.WARNING, "mmt.devices"):
-        sensor.connect()
-        sensor.calibrate()
-    assert not caplog.records
-    got = scans(sensor, 100)
-    assert sensor.serial_number == "u6-360000001"
-    for axis, expected in enumerate((0.0, 0.0, GRAVITY_M_S2)):
-        assert sum(r.value[axis] for r in got) / len(got) == pytest.approx(expected, abs=0.06)
-    assert sensor.faults == {}
-
-
-def test_a_stuck_accelerometer_stays_lost_until_its_value_changes(closing) -> None:
+def test_a_stuck_accelerometer_stays_lost_until_its_value_changes(connected) -> None:
     still = {"volts": [1.65, 1.65, 1.98]}
     box = EmulatedU6(lambda _: [*still["volts"], *[0.0] * 11])
     board = {"driver": "labjack-u6", "backend": box, "inputs": [0, 1, 2]}
-    sensor = closing(load_device("adxl335-board", {"board": board, "stuck_s": 0.1}))
-    sensor.connect()
+    sensor = connected(load_device("adxl335-board", {"board": board, "stuck_s": 0.1}))
     for _ in range(2):
-        with pytest.raises(DeviceLost, match=r"not changed for 0\.1 s"):
-            scans(sensor, 10**6)
+        read_until_lost(sensor, r"not changed for 0\.1 s")
         sensor.close()
         sensor.connect()
     still["volts"] = [1.65, 1.66, 1.98]
     sensor.close()
     sensor.connect()
-    assert scans(sensor, 20)
-
-
-# --- the board of other sensors
-
-
-def test_a_nano17s_gauges_are_read_by_a_box(tmp_path: Path, closing) -> None:
-    pressed = {"volts": 0.0}
-
-    def volts(time_ns: int) -> list[float]:
-        tremor = 0.001 * (time_ns // 1_000_000 % 2)
-        return [0.3 + tremor] * 8 + [0.3 + tremor + pressed["volts"]] + [0.3 + tremor] * 5
-
-    board = {"driver": "labjack-u6", "inputs": [4, 6, 8, 10, 12, 13], "backend": EmulatedU6(volts)}
-    sensor = closing(
-        load_device("ati-gauges", {"calibration_file": write_calibration(tmp_path), "board": board})
-    )
-    sensor.connect()
-    sensor.calibrate()
-    pressed["volts"] = 0.5
-    scans(sensor, 100)  # some still come from before
-    got = scans(sensor, 50)
-    assert sum(r.value[2] for r in got) / len(got) == pytest.approx(1.0, abs=0.01)
-    assert sum(r.value[0] for r in got) / len(got) == pytest.approx(0.0, abs=0.01)
+    assert read_some(sensor, 20)
 
 
 def test_the_former_driver_of_the_accelerometer_says_what_to_write() -> None:

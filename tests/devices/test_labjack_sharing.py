@@ -1,5 +1,6 @@
 """Two drivers on one LabJack U6: one stream, each its own inputs, lost and found together."""
 
+import logging
 import math
 from collections.abc import Callable, Iterator
 from itertools import pairwise
@@ -9,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 import usb.backend
+from driver_fixtures import Keep, closed_devices, connected_devices, own_calibrations  # noqa: F401 - fixtures
 from nano17_files import write_calibration
 from running_source import RunningSource
-from sensor_reading import read_some, read_until
+from sensor_reading import read_some, read_until, read_until_fault, read_until_lost
 from waiting import until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
@@ -23,25 +25,7 @@ from mmt.devices.labjack.packets import AnalogInput
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 
 WAVE_HZ = 5.0
-
-
-@pytest.fixture(autouse=True)
-def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-
-
-@pytest.fixture
-def closing() -> Iterator[Callable]:
-    opened: list[Any] = []
-
-    def keep(device: Any) -> Any:
-        opened.append(device)
-        return device
-
-    yield keep
-    for device in opened:
-        device.close()
-    assert not board_sharing.OPEN_BOARDS  # the last reader has ended the stream
+GAUGES, AXES = (4, 6, 8, 10, 12, 13), (1, 2, 3)
 
 
 def level(time_ns: int) -> list[float]:
@@ -51,6 +35,16 @@ def level(time_ns: int) -> list[float]:
 
 def inputs(*numbers: int, backend: Any, **options: Any) -> U6Voltages:
     return U6Voltages([AnalogInput(number) for number in numbers], backend=backend, **options)
+
+
+@pytest.fixture
+def two(closing: Keep) -> tuple[EmulatedU6, U6Voltages, U6Voltages]:
+    """A box, and two readers of it that are connected."""
+    box = EmulatedU6(level)
+    first, second = closing(inputs(1, backend=box)), closing(inputs(2, backend=box))
+    first.connect()
+    second.connect()
+    return box, first, second
 
 
 def test_two_readers_have_one_stream_and_each_its_own_inputs(closing) -> None:
@@ -71,11 +65,8 @@ def test_two_readers_have_one_stream_and_each_its_own_inputs(closing) -> None:
             assert volts == pytest.approx([0.1 * n for n in numbers], abs=0.0025)
 
 
-def test_a_reader_that_leaves_does_not_disturb_the_other(closing) -> None:
-    box = EmulatedU6(level)
-    first, second = closing(inputs(1, backend=box)), closing(inputs(2, backend=box))
-    first.connect()
-    second.connect()
+def test_a_reader_that_leaves_does_not_disturb_the_other(two) -> None:
+    box, first, second = two
     read_some(second, 10)
     first.close()
     with pytest.raises(DeviceLost, match="is not open"):
@@ -90,23 +81,20 @@ def test_a_reader_that_leaves_does_not_disturb_the_other(closing) -> None:
     assert not box.streaming
 
 
-def test_a_reader_that_is_made_late_has_its_inputs_added(closing) -> None:
+def test_a_reader_that_is_made_late_has_its_inputs_added(connected) -> None:
     box = EmulatedU6(level)
-    first = closing(inputs(1, backend=box))
-    first.connect()
+    first = connected(inputs(1, backend=box))
     read_some(first, 10)
-    second = closing(inputs(2, backend=box))
-    second.connect()
+    second = connected(inputs(2, backend=box))
     assert read_some(second, 10)[0].volts == pytest.approx([0.2], abs=0.0025)
     assert read_some(first, 10)[-1].volts == pytest.approx([0.1], abs=0.0025)
 
 
-def test_what_one_stream_cannot_do_is_refused_and_the_other_goes_on(closing) -> None:
+def test_what_one_stream_cannot_do_is_refused_and_the_other_goes_on(connected) -> None:
     box = EmulatedU6(level)
-    gauges = closing(
+    gauges = connected(
         U6Voltages([AnalogInput(n, 1, differential=True) for n in range(0, 12, 2)], backend=box)
     )
-    gauges.connect()
     for wrong, words in (
         (inputs(12, 13, 0, backend=box), "the others take 12 of its 14 inputs .* 3 more do not"),
         (inputs(11, backend=box), "input 11 belongs to another driver already: choose from 12, 13"),
@@ -117,17 +105,13 @@ def test_what_one_stream_cannot_do_is_refused_and_the_other_goes_on(closing) -> 
         wrong.close()
     read_some(gauges, 20)
     gauges.close()
-    fast = closing(inputs(*range(9), backend=box, rate_hz=4000.0))
-    fast.connect()
+    connected(inputs(*range(9), backend=box, rate_hz=4000.0))
     with pytest.raises(InputError, match="56000 samples a second are more than its 50000"):
         inputs(*range(9, 14), backend=box, rate_hz=4000.0).connect()
 
 
-def test_faults_of_the_board_are_told_to_both(closing) -> None:
-    box = EmulatedU6(level)
-    first, second = closing(inputs(0, backend=box)), closing(inputs(1, backend=box))
-    first.connect()
-    second.connect()
+def test_faults_of_the_board_are_told_to_both(two) -> None:
+    box, first, second = two
     read_some(first, 5)
     read_some(second, 5)
     box.garble(2)
@@ -136,22 +120,19 @@ def test_faults_of_the_board_are_told_to_both(closing) -> None:
     assert first.faults == second.faults
     box.unplug()
     for reader in (first, second):
-        with pytest.raises(DeviceLost, match="plug it in again"):
-            read_until(reader, lambda _: False)
+        read_until_lost(reader, "plug it in again")
         with pytest.raises(MmtError, match="there is no LabJack U6 on USB"):
             reader.connect()
     box.plug()
-    for reader in (first, second):
-        reader.connect()
-        assert read_some(reader, 5)
+    first.connect()
+    assert read_some(first, 5)[0].time_ns == 0
+    second.connect()
+    assert read_some(second, 5)
     assert len(box.table) == 2
 
 
-def test_a_stream_that_has_stopped_is_begun_anew_by_the_first_to_connect(closing) -> None:
-    box = EmulatedU6(level)
-    first, second = closing(inputs(0, backend=box)), closing(inputs(1, backend=box))
-    first.connect()
-    second.connect()
+def test_a_stream_that_has_stopped_is_begun_anew_by_the_first_to_connect(two) -> None:
+    box, first, second = two
     box.stall()
     until(lambda: not first._shared.stream.is_streaming)  # which no reader can see
     first.connect()
@@ -203,16 +184,14 @@ for each in (
     setattr(TwoBoxes, each, passed_on(each))
 
 
-def test_two_boxes_are_told_apart_by_their_numbers(closing) -> None:
+def test_two_boxes_are_told_apart_by_their_numbers(connected) -> None:
     bus = TwoBoxes(EmulatedU6(level, serial=7), EmulatedU6(lambda _: [3.0] * 14, serial=8))
     with pytest.raises(MmtError, match="there are 2 LabJack U6: say which one"):
         inputs(0, backend=bus).connect()
     with pytest.raises(MmtError, match=r"serial number 9 on USB: .*there is 7; there is 8"):
         inputs(0, backend=bus, box=9).connect()
-    first = closing(inputs(1, backend=bus, box=7))
-    second = closing(inputs(1, backend=bus, box=8, rate_hz=2000.0))
-    first.connect()
-    second.connect()
+    first = connected(inputs(1, backend=bus, box=7))
+    second = connected(inputs(1, backend=bus, box=8, rate_hz=2000.0))
     assert read_some(first, 10)[-1].volts == pytest.approx([0.1], abs=0.0025)
     assert read_some(second, 10)[-1].volts == pytest.approx([3.0], abs=0.0025)
     with pytest.raises(MmtError, match="say which one by the option 'box'"):
@@ -227,12 +206,14 @@ class Bench(RunningSource):
     """An emulated U6 that carries six gauges and an accelerometer, and a source on both."""
 
     def __init__(self, tmp_path: Path) -> None:
-        self.pressed = False
+        self.pressed = self.still = False
+        self.replaced_v: dict[int, float] = {}
+        """Voltages of inputs that measure something else."""
         self.box = EmulatedU6(self._volts, clock_ppm=60.0)
         file = write_calibration(tmp_path)
-        board = {"driver": "labjack-u6", "inputs": [0, 1, 2, 3, 4, 5], "backend": self.box}
+        board = {"driver": "labjack-u6", "inputs": GAUGES, "backend": self.box}
         self.gauges = load_device("ati-gauges", {"calibration_file": file, "board": board})
-        options = {"board": {**board, "inputs": [6, 7, 8]}, "bandwidth_hz": 1600.0}
+        options = {"board": {**board, "inputs": AXES}, "bandwidth_hz": 1600.0}
         self.accelerometer = load_device("adxl335-board", options)
         super().__init__(self.gauges, self.accelerometer)
 
@@ -243,63 +224,113 @@ class Bench(RunningSource):
         return GRAVITY_M_S2 + 3.0 * np.cos(2e-9 * math.pi * WAVE_HZ * time_ns)
 
     def _volts(self, time_ns: int) -> list[float]:
-        tremor = 2e-3 * (time_ns // 1_000_000 % 2)  # no gauge and no sensor is quite still
+        tremor = 0.0 if self.still else 2e-3 * (time_ns // 1_000_000 % 2)
         data = nominal(3.3)
         force = self.force_n(time_ns) if self.pressed else 0.0
         felt = (0.0, 0.0, self.acceleration_m_s2(time_ns) if self.pressed else GRAVITY_M_S2)
-        return [
-            *(0.2 + tremor + (0.5 * force if k == 2 else 0.0) for k in range(6)),
-            *(data.zero_v[k] + data.gain_v_per_m_s2[k] * felt[k] + tremor for k in range(3)),
-            *[0.0] * 5,
-        ]
+        volts = dict.fromkeys(GAUGES, 0.2 + tremor)
+        volts[GAUGES[2]] += 0.5 * force
+        for k, number in enumerate(AXES):
+            volts[number] = data.zero_v[k] + data.gain_v_per_m_s2[k] * felt[k] + tremor
+        volts |= self.replaced_v
+        return [volts.get(number, 0.0) for number in range(14)]
 
 
-def test_one_box_carries_the_gauges_and_the_accelerometer_into_frames_of_1_khz(tmp_path) -> None:
-    bench = Bench(tmp_path)
-    try:
-        bench.start()
-        bench.pressed = True
-        bench.run(lambda number: number >= 50)  # some are still from before
-        frames = bench.run(lambda number: number >= 600)
-        assert len(bench.box.table) == 9
-        assert np.median(np.diff(frames["time_ns"])) == pytest.approx(1e6, abs=1e4)
-        assert (np.diff(frames["sequence"].astype(int)) > 0).all()
-        t = frames["time_ns"]
-        force = frames["force_n"][:, 2] - bench.force_n(t)
-        felt = frames["acceleration_m_s2"][:, 2] - bench.acceleration_m_s2(t)
-        # A millisecond is 0.03 N and 0.1 m/s2 here; counts and tremor are 0.005 N, 0.06 m/s2.
-        assert np.sqrt(np.mean(force**2)) < 0.05
-        assert np.sqrt(np.mean(felt**2)) < 0.25
-        assert abs(frames["force_n"][:, :2]).max() < 0.02
-        assert bench.told == []
-        summary = bench.source.summary
-        assert summary["force_sensor"]["drift_ppm"] == pytest.approx(
-            summary["accelerometer"]["drift_ppm"], abs=500.0
-        )
-    finally:
-        bench.source.close()
-    assert not bench.box.streaming
+@pytest.fixture
+def idle(tmp_path: Path, closing: Keep) -> Bench:
+    made = Bench(tmp_path)
+    closing(made.gauges)
+    closing(made.accelerometer)
+    return made
 
 
-def test_an_unplugged_box_is_two_lost_sensors_which_both_come_back(tmp_path) -> None:
-    bench = Bench(tmp_path)
-    try:
-        bench.start()
-        bench.pressed = True
-        bench.run(lambda number: number >= 50)
-        bench.box.unplug()
-        bench.run(lambda _: len(bench.told) >= 2)
-        lost = [sentence for _, sentence in bench.told[:2]]
-        assert [who.split(" (")[0] for who in lost] == ["the force sensor", "the accelerometer"]
-        assert all("the LabJack U6 is gone: plug it in again" in sentence for sentence in lost)
-        bench.box.plug()
-        bench.run(lambda _: not bench.told[-1][0])
-        assert {sentence.split(") ")[1] for _, sentence in bench.told[2:]} <= {
-            "is not back yet: there is no LabJack U6 on USB: plug it in",
-            "is back",
-        }
-        frames = bench.run(lambda number: number >= 200)
-        assert np.median(abs(frames["force_n"][:, 2] - bench.force_n(frames["time_ns"]))) < 0.1
-        assert bench.gauges.loaded.calibration.serial == "FT7"
-    finally:
-        bench.source.close()
+@pytest.fixture
+def bench(idle: Bench) -> Iterator[Bench]:
+    idle.start()
+    idle.pressed = True
+    idle.run(lambda number: number >= 50)  # some are still from before
+    yield idle
+    idle.source.close()
+    assert not idle.box.streaming
+
+
+def test_an_accelerometer_at_a_box_measures_gravity(idle, caplog) -> None:
+    sensor = idle.accelerometer
+    with caplog.at_level(logging.WARNING, "mmt.devices"):
+        sensor.connect()
+        sensor.calibrate()
+    assert not caplog.records
+    felt = np.mean([reading.value for reading in read_some(sensor, 100)], axis=0)
+    assert felt == pytest.approx((0.0, 0.0, GRAVITY_M_S2), abs=0.06)
+    assert sensor.serial_number == "u6-360000001"
+    assert sensor.faults == {}
+
+
+def test_overload_and_saturation_are_counted_by_the_driver_that_they_befall(idle) -> None:
+    for sensor in (idle.gauges, idle.accelerometer):
+        sensor.connect()
+    # an input beyond its range, and 21 N; 4.7 g
+    idle.replaced_v = {GAUGES[2]: 10.5, AXES[2]: 3.2}
+    read_until_fault(idle.gauges, "saturation", 5)
+    read_until_fault(idle.gauges, "overload", 5)
+    read_until_fault(idle.accelerometer, "overload", 5)
+    assert "saturation" not in idle.accelerometer.faults
+
+
+def test_still_gauges_stay_lost_though_the_clock_of_their_box_begins_anew(idle) -> None:
+    idle.gauges.connect()
+    read_some(idle.gauges, 50)
+    idle.still = True
+    read_until_lost(idle.gauges, "very same values")
+    with pytest.raises(MmtError, match="very same values"):
+        idle.gauges.connect()
+    idle.still = False
+    idle.gauges.connect()
+    assert read_some(idle.gauges, 50)
+
+
+def test_a_box_that_sends_garbage_alone_is_two_lost_sensors_which_both_come_back(bench) -> None:
+    bench.box.garble(10**9)
+    bench.run_until_told("force sensor.* no reading for", "accelerometer.* no reading for")
+    bench.box.garble(0)
+    bench.run(lambda _: not bench.is_lost)
+    assert len(bench.run(lambda number: number >= 50)) >= 50
+    for sensor in (bench.gauges, bench.accelerometer):
+        assert any(kind.endswith("bad packets") for kind in sensor.faults)
+
+
+def test_one_box_carries_the_gauges_and_the_accelerometer_into_frames_of_1_khz(bench) -> None:
+    frames = bench.run(lambda number: number >= 600)
+    assert len(bench.box.table) == 9
+    assert np.median(np.diff(frames["time_ns"])) == pytest.approx(1e6, abs=1e4)
+    assert (np.diff(frames["sequence"].astype(int)) > 0).all()
+    t = frames["time_ns"]
+    force = frames["force_n"][:, 2] - bench.force_n(t)
+    felt = frames["acceleration_m_s2"][:, 2] - bench.acceleration_m_s2(t)
+    # A millisecond is 0.03 N and 0.1 m/s2 here; counts and tremor are 0.005 N, 0.06 m/s2.
+    assert np.sqrt(np.mean(force**2)) < 0.05
+    assert abs(frames["force_n"][:, 2].mean() - bench.force_n(t).mean()) < 0.01
+    assert np.sqrt(np.mean(felt**2)) < 0.25
+    assert abs(frames["force_n"][:, :2]).max() < 0.02
+    assert bench.told == []
+    summary = bench.source.summary
+    assert summary["force_sensor"]["drift_ppm"] == pytest.approx(
+        summary["accelerometer"]["drift_ppm"], abs=500.0
+    )
+
+
+def test_an_unplugged_box_is_two_lost_sensors_which_both_come_back(bench) -> None:
+    bench.box.unplug()
+    bench.run(lambda _: len(bench.told) >= 2)
+    lost = [sentence for _, sentence in bench.told[:2]]
+    assert [who.split(" (")[0] for who in lost] == ["the force sensor", "the accelerometer"]
+    assert all("the LabJack U6 is gone: plug it in again" in sentence for sentence in lost)
+    bench.box.plug()
+    bench.run(lambda _: not bench.told[-1][0])
+    assert {sentence.split(") ")[1] for _, sentence in bench.told[2:]} <= {
+        "is not back yet: there is no LabJack U6 on USB: plug it in",
+        "is back",
+    }
+    frames = bench.run(lambda number: number >= 200)
+    assert np.median(abs(frames["force_n"][:, 2] - bench.force_n(frames["time_ns"]))) < 0.1
+    assert bench.gauges.loaded.calibration.serial == "FT7"

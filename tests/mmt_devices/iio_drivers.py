@@ -1,10 +1,10 @@
 """Accelerometers of industrial I/O in software for a test, and drivers for them."""
 
 import sys
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable
 
 import pytest
+from driver_fixtures import Keep
 
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.drivers import load_device
@@ -22,33 +22,20 @@ Drivers = Callable[..., IioAccelerometer]
 
 
 @pytest.fixture(name="emulated")
-def emulated_iio() -> Iterator[EmulatedIio]:
+def emulated_iio(started: Keep) -> EmulatedIio:
     """One that is there."""
-    made = EmulatedIio(lambda _time_ns: LEVEL)
-    made.start()
-    yield made
-    made.stop()
+    return started(EmulatedIio(lambda _time_ns: LEVEL))
 
 
 @pytest.fixture(name="adxl345")
-def emulated_adxl345() -> Iterator[EmulatedIio]:
+def emulated_adxl345(started: Keep) -> EmulatedIio:
     """One without stamps and triggers."""
-    made = EmulatedIio(lambda _time_ns: LEVEL, ADXL345)
-    made.start()
-    yield made
-    made.stop()
+    return started(EmulatedIio(lambda _time_ns: LEVEL, ADXL345))
 
 
 @pytest.fixture(name="drivers")
-def iio_drivers() -> Iterator[Drivers]:
-    """Makes drivers of emulated ones, and closes them."""
-    made: list[IioAccelerometer] = []
-
-    def make(emulated: EmulatedIio, **options: Any) -> IioAccelerometer:
-        sensor = load_device("iio-accelerometer", {**emulated.options, **options})
-        made.append(sensor)
-        return sensor
-
-    yield make
-    for sensor in made:
-        sensor.close()
+def iio_drivers(closing: Keep) -> Drivers:
+    """Makes drivers of emulated ones, which are closed at the end."""
+    return lambda emulated, **more: closing(
+        load_device("iio-accelerometer", {**emulated.options, **more})
+    )

@@ -6,10 +6,10 @@ import shutil
 import time
 
 import pytest
+from driver_fixtures import Keep, closed_devices, connected_devices, started_devices  # noqa: F401 - fixtures
 from iio_drivers import LEVEL, Drivers, emulated_adxl345, emulated_iio, iio_drivers  # noqa: F401 - fixtures
-from sensor_reading import read_some, read_until, read_until_fault
+from sensor_reading import check_times_rise, read_some, read_until_fault
 
-from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.protocols import ArrivalStamping
 from mmt_devices.iio.driver import IioAccelerometer
@@ -21,10 +21,8 @@ EN = "scan_elements/in_accel_x_en"
 
 
 @pytest.fixture
-def sensor(emulated: EmulatedIio, drivers: Drivers) -> IioAccelerometer:
-    driver = drivers(emulated)
-    driver.connect()
-    return driver
+def sensor(emulated: EmulatedIio, drivers: Drivers, connected: Keep) -> IioAccelerometer:
+    return connected(drivers(emulated))
 
 
 # --- values and times
@@ -43,19 +41,17 @@ def test_values_are_the_truth_and_times_the_kernels(emulated, sensor) -> None:
     assert sensor.arrival_ns >= readings[-1].time_ns
 
 
-def test_axes_scale_and_offset_are_applied(emulated, drivers) -> None:
+def test_axes_scale_and_offset_are_applied(emulated, drivers, connected) -> None:
     emulated.write("in_accel_scale", "0.00007649")
     emulated.write("in_accel_y_offset", "1000")
-    sensor = drivers(emulated, axes=["x", "-z", "y"], latency_ms=0.6)
-    sensor.connect()
+    sensor = connected(drivers(emulated, axes=["x", "-z", "y"], latency_ms=0.6))
     expected = (1.0, -2.0 * GRAVITY_M_S2, (-0.25 / 0.000038245 + 1000) * 0.00007649)
     assert read_some(sensor)[-1].value == pytest.approx(expected, abs=0.3)
     assert sensor.latency_ns == 600_000
 
 
-def test_a_sensor_without_stamps_is_counted(adxl345, drivers) -> None:
-    sensor = drivers(adxl345, stamps="counted", rate_hz=1000)
-    sensor.connect()
+def test_a_sensor_without_stamps_is_counted(adxl345, drivers, connected) -> None:
+    sensor = connected(drivers(adxl345, stamps="counted", rate_hz=1000))
     assert adxl345.read("in_accel_sampling_frequency") == "1600.000000"
     readings = read_some(sensor, 100)
     assert all(reading.value == NEAR for reading in readings)
@@ -64,28 +60,24 @@ def test_a_sensor_without_stamps_is_counted(adxl345, drivers) -> None:
     assert not isinstance(sensor, ArrivalStamping)
 
 
-def test_the_directories_of_later_kernels_do_as_well(drivers) -> None:
-    emulated = EmulatedIio(lambda _time_ns: LEVEL, old=False)
-    emulated.start()
-    sensor = drivers(emulated)
-    sensor.connect()
+def test_the_directories_of_later_kernels_do_as_well(started, drivers, connected) -> None:
+    emulated = started(EmulatedIio(lambda _time_ns: LEVEL, old=False))
+    sensor = connected(drivers(emulated))
     assert emulated.read("buffer0/in_accel_x_en") == "1"
     assert read_some(sensor)[-1].value == NEAR
     sensor.close()
     assert emulated.read("buffer0/enable") == "0"
-    emulated.stop()
 
 
 # --- settings
 
 
-def test_what_was_changed_is_put_back_and_nothing_else(emulated, drivers) -> None:
+def test_what_was_changed_is_put_back_and_nothing_else(emulated, drivers, connected) -> None:
     emulated.write(EN, "1")
     emulated.write("scan_elements/in_temp_en", "1")
     emulated.write("buffer/watermark", "16")
     before = attributes(emulated)
-    sensor = drivers(emulated)
-    sensor.connect()
+    sensor = connected(drivers(emulated))
     assert emulated.read("scan_elements/in_temp_en") == "0"
     assert emulated.read("buffer/length") == "1024"
     assert emulated.read("buffer/watermark") == "1"
@@ -103,32 +95,28 @@ def attributes(emulated: EmulatedIio) -> dict[str, str]:
     }
 
 
-def test_a_buffer_that_a_killed_program_left_on_is_taken(emulated, drivers) -> None:
+def test_a_buffer_that_a_killed_program_left_on_is_taken(emulated, drivers, connected) -> None:
     emulated.write("buffer/enable", "1")
-    sensor = drivers(emulated)
-    sensor.connect()
+    sensor = connected(drivers(emulated))
     assert read_some(sensor)
     sensor.close()
     assert emulated.read("buffer/enable") == "0"
 
 
-def test_the_rate_is_the_next_that_the_sensor_has(emulated, drivers) -> None:
+def test_the_rate_is_the_next_that_the_sensor_has(emulated, drivers, connected) -> None:
     for rate_hz, taken in ((600, "1000.000000"), (4000, "4000.000000"), (9000, "4000.000000")):
-        sensor = drivers(emulated, rate_hz=rate_hz)
-        sensor.connect()
+        sensor = connected(drivers(emulated, rate_hz=rate_hz))
         assert emulated.read("in_accel_sampling_frequency") == taken
         sensor.close()
     emulated.write("in_accel_sampling_frequency_available", "[100 1 1500]")
-    sensor = drivers(emulated, rate_hz=9000)
-    sensor.connect()
+    sensor = connected(drivers(emulated, rate_hz=9000))
     assert emulated.read("in_accel_sampling_frequency") == "1500"
 
 
-def test_a_timer_can_be_its_trigger(emulated, drivers) -> None:
+def test_a_timer_can_be_its_trigger(emulated, drivers, connected) -> None:
     emulated.write("../trigger7/name", "mmt")
     emulated.write("../trigger7/sampling_frequency", "100")
-    sensor = drivers(emulated, trigger="mmt")
-    sensor.connect()
+    sensor = connected(drivers(emulated, trigger="mmt"))
     assert emulated.read("trigger/current_trigger") == "mmt"
     assert emulated.read("../trigger7/sampling_frequency") == "2000"
     sensor.close()
@@ -136,9 +124,9 @@ def test_a_timer_can_be_its_trigger(emulated, drivers) -> None:
     assert emulated.read("../trigger7/sampling_frequency") == "100"
 
 
-def test_the_sensors_own_trigger_is_set_where_none_is(emulated, drivers) -> None:
+def test_the_sensors_own_trigger_is_set_where_none_is(emulated, drivers, connected) -> None:
     emulated.write("trigger/current_trigger", "")
-    drivers(emulated).connect()
+    connected(drivers(emulated))
     assert emulated.read("trigger/current_trigger") == "adxl355-dev0"
 
 
@@ -152,9 +140,10 @@ def test_lost_scans_are_counted(emulated, sensor) -> None:
     assert read_some(sensor)[-1].value == NEAR
 
 
-def test_a_buffer_that_is_not_read_in_time_runs_over_and_is_counted(emulated, drivers) -> None:
-    sensor = drivers(emulated, length=16)
-    sensor.connect()
+def test_a_buffer_that_is_not_read_in_time_runs_over_and_is_counted(
+    emulated, drivers, connected
+) -> None:
+    sensor = connected(drivers(emulated, length=16))
     end = time.monotonic() + 20.0
     while emulated.dropped < 50:
         assert time.monotonic() < end
@@ -162,8 +151,7 @@ def test_a_buffer_that_is_not_read_in_time_runs_over_and_is_counted(emulated, dr
     readings = read_until_fault(sensor, "full buffer") + read_until_fault(
         sensor, "lost samples", 50
     )
-    times = [reading.time_ns for reading in readings]
-    assert times == sorted(set(times))
+    check_times_rise(readings)
 
 
 def test_scans_in_two_parts_are_put_together(emulated, sensor) -> None:
@@ -178,28 +166,13 @@ def test_flipped_bits_move_no_time_back(emulated, sensor) -> None:
     emulated.flip(100)
     readings += read_until_fault(sensor, "impossible stamp", 5)
     readings += read_some(sensor, 200)
-    times = [reading.time_ns for reading in readings]
-    assert times == sorted(set(times))
-    assert max(times) <= time.monotonic_ns() + 1_000_000
+    check_times_rise(readings)
+    assert max(reading.time_ns for reading in readings) <= time.monotonic_ns() + 1_000_000
     assert readings[-1].value == NEAR
 
 
-def test_a_value_that_never_changes_is_none(emulated, drivers) -> None:
-    sensor = drivers(emulated, stuck_s=0.1, start_s=0.2)
-    sensor.connect()
-    emulated.stick()
-    with pytest.raises(DeviceLost, match=r"its value has not changed for 0\.1 s"):
-        read_until(sensor, lambda _: False)
-    with pytest.raises(MmtError, match="its value has not changed"):
-        sensor.connect()
-    emulated.stick(stuck=False)
-    sensor.connect()
-    assert read_some(sensor)
-
-
-def test_what_is_beyond_its_range_is_counted(emulated, drivers) -> None:
-    sensor = drivers(emulated, range_g=1.5)
-    sensor.connect()
+def test_what_is_beyond_its_range_is_counted(emulated, drivers, connected) -> None:
+    sensor = connected(drivers(emulated, range_g=1.5))
     read_some(sensor)
     assert not sensor.faults.get("overload")
     emulated.truth = lambda _time_ns: (0.0, 0.0, 17.0)
