@@ -8,8 +8,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from driver_fixtures import Keep, closed_devices, connected_devices  # noqa: F401 - fixtures
 from sensor_reading import read_some
-from waiting import until
+from waiting import until, until_lost
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.frames import empty_frames
@@ -83,17 +84,11 @@ def test_the_world_shakes_as_fast_as_its_frames_tell(monkeypatch: pytest.MonkeyP
         assert world.position_mm(time_ns)[0] == pytest.approx(place_ms)
 
 
-def test_the_labs_accelerometer_measures_at_twice_the_rate_of_its_world() -> None:
+def test_the_labs_accelerometer_measures_at_twice_the_rate_of_its_world(connected: Keep) -> None:
     options = {"surface": "wood", "acceleration_rate_hz": 3000}
-    robot = load_device("virtual-robot", options)
+    connected(load_device("virtual-robot", options))
     sensor = load_device("virtual-adxl335", {**options, "band_hz": 1500}, role="accelerometer")
-    robot.connect()
-    sensor.connect()
-    try:
-        readings = read_some(sensor, 600)
-    finally:
-        sensor.close()
-        robot.close()
+    readings = read_some(connected(sensor), 600)
     steps_ns = np.diff([reading.time_ns for reading in readings])
     assert np.median(steps_ns) == pytest.approx(1e9 / 6000, abs=2000)
     felt = np.mean([reading.value for reading in readings], axis=0)
@@ -113,11 +108,22 @@ def test_what_is_not_connected_is_lost() -> None:
         device.close()
 
 
-def test_the_devices_share_a_lab_which_ends_with_the_last_of_them() -> None:
+@pytest.mark.parametrize(
+    ("force_sensor", "accelerometer"),
+    [
+        (("virtual-net-ft", {"rate_hz": 1000}), ("virtual-adxl335", {})),
+        (
+            ("virtual-bota", {"sinc_length": 64}),
+            ("virtual-iio", {"rate_hz": 1000, "latency_ms": 1}),
+        ),
+    ],
+)
+def test_the_devices_share_a_lab_which_ends_with_the_last_of_them(
+    force_sensor: tuple[str, dict[str, int]], accelerometer: tuple[str, dict[str, int]]
+) -> None:
     robot = load_device("virtual-robot", {"surface": "wood"})
-    force = load_device("virtual-net-ft", {"rate_hz": 1000})
-    accelerometer = load_device("virtual-adxl335")
-    devices = (robot, force, accelerometer)
+    force, shaken = load_device(*force_sensor), load_device(*accelerometer)
+    devices = (robot, force, shaken)
     try:
         for device in devices:
             device.connect()
@@ -136,14 +142,14 @@ def test_the_devices_share_a_lab_which_ends_with_the_last_of_them() -> None:
         felt: list[float] = []
 
         def resting() -> bool:  # the tip has struck the surface, and rings first
-            felt.extend(math.hypot(*reading.value) for reading in accelerometer.read())
+            felt.extend(math.hypot(*reading.value) for reading in shaken.read())
             newest = sorted(felt[-50:])
             return len(felt) > 50 and newest[25] == pytest.approx(9.8, abs=1.0)
 
         until(resting)
         assert robot.read()[2] < 1.0
         assert force.latency_ns >= 0
-        assert accelerometer.latency_ns > 0
+        assert shaken.latency_ns > 0
         robot.close()
         force.close()
         assert process.poll() is None
@@ -154,28 +160,15 @@ def test_the_devices_share_a_lab_which_ends_with_the_last_of_them() -> None:
     assert drivers_module.LAB.process is None
 
 
-def test_a_lab_that_dies_is_a_lost_robot_and_comes_back() -> None:
-    robot = VirtualRobot()
-    try:
-        robot.connect()
-        process = drivers_module.LAB.process
-        assert process is not None
-        process.kill()
-        process.wait(60.0)
-
-        def is_lost() -> bool:
-            try:
-                robot.read()
-                robot.write((0.0, 0.0, 5.0))
-            except DeviceLost:
-                return True
-            return False
-
-        until(is_lost)
-        robot.connect()
-        assert robot.read() == pytest.approx((0.0, 0.0, 5.0), abs=0.01)
-    finally:
-        robot.close()
+def test_a_lab_that_dies_is_a_lost_robot_and_comes_back(connected: Keep) -> None:
+    robot = connected(VirtualRobot())
+    process = drivers_module.LAB.process
+    assert process is not None
+    process.kill()
+    process.wait(60.0)
+    until_lost(lambda: (robot.read(), robot.write((0.0, 0.0, 5.0))), "its lab has ended|is gone")
+    robot.connect()
+    assert robot.read() == pytest.approx((0.0, 0.0, 5.0), abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -196,34 +189,3 @@ def test_a_wrong_option_is_told_before_the_lab_starts(name: str, driver: str) ->
         load_device(name, {"foo": 1, "seed": 3})
     level = {"volts_per_m_s2": 0.1} if driver == "haptuator-serial" else {}
     load_device(name, {"seed": 3, **level}).close()
-
-
-def test_further_sensors_of_the_lab_measure_the_same_world() -> None:
-    robot = load_device("virtual-robot", {"surface": "wood"})
-    force = load_device("virtual-bota", {"sinc_length": 64})
-    accelerometer = load_device("virtual-iio", {"rate_hz": 1000})
-    devices = (robot, force, accelerometer)
-    try:
-        for device in devices:
-            device.connect()
-            device.calibrate()
-        assert drivers_module.LAB.process is not None
-        robot.write((0.0, 0.0, -2.0))
-        pressed: list[float] = []
-
-        def pressing() -> bool:
-            pressed.extend(reading.value[2] for reading in force.read())
-            return bool(pressed) and pressed[-1] > 1.0
-
-        until(pressing)
-        felt: list[float] = []
-
-        def resting() -> bool:
-            felt.extend(math.hypot(*reading.value) for reading in accelerometer.read())
-            return len(felt) > 50 and sorted(felt[-50:])[25] == pytest.approx(9.8, abs=1.0)
-
-        until(resting)
-    finally:
-        for device in devices:
-            device.close()
-    assert drivers_module.LAB.process is None
