@@ -24,7 +24,7 @@ class Time:
     @property
     def still(self) -> SimpleNamespace:
         """The same time, which does not pass by being asked for."""
-        return SimpleNamespace(monotonic_ns=lambda: self.now_ns)
+        return SimpleNamespace(monotonic_ns=lambda: self.now_ns, sleep=self.sleep)
 
     def sleep(self, seconds: float) -> None:
         self.now_ns += round(seconds * 1e9)

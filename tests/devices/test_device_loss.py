@@ -1,10 +1,12 @@
 """A device that is lost: how soon it is seen, what is said, and that it comes back."""
 
 import time as real_time
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from synthetic_sensors import MS, SyntheticSensor, Time
+from waiting import until
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import DeviceLost, MmtError
@@ -84,10 +86,14 @@ class Bench:
         return ticks
 
 
-def test_a_sensor_that_stops_is_seen_within_20_ms_and_frames_cease(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    bench = Bench(monkeypatch)
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    made = Bench(monkeypatch)
+    yield made
+    made.source.close()
+
+
+def test_a_sensor_that_stops_is_seen_within_20_ms_and_frames_cease(bench: Bench) -> None:
     assert len(bench.run(100)) >= 95
     bench.sensor.stalled = True
     bench.run(20)
@@ -138,8 +144,7 @@ def test_a_latency_that_is_known_once_connected_is_taken(
     source.close()
 
 
-def test_a_short_silence_ends_without_a_new_connection(monkeypatch: pytest.MonkeyPatch) -> None:
-    bench = Bench(monkeypatch)
+def test_a_short_silence_ends_without_a_new_connection(bench: Bench) -> None:
     before = bench.run(100)
     bench.sensor.stalled = True
     bench.run(60)
@@ -152,26 +157,18 @@ def test_a_short_silence_ends_without_a_new_connection(monkeypatch: pytest.Monke
     assert after["sequence"][0] >= before["sequence"][-1] + 60
     error_ms = after["force_n"][:, 0] - (after["time_ns"] - after["time_ns"][0]) / 1e6
     assert np.ptp(error_ms) < 0.1
-    bench.source.close()
 
 
-def test_a_sensor_that_stays_silent_is_connected_again_and_not_calibrated(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    bench = Bench(monkeypatch)
+def test_a_sensor_that_stays_silent_is_connected_again_and_not_calibrated(bench: Bench) -> None:
     bench.run(50)
     bench.sensor.stalled = True
     bench.run(350)
-    deadline = real_time.monotonic() + 10
-    while bench.sensor.calls.count("connect") < 2:  # made by a thread of its own
-        assert real_time.monotonic() < deadline
-        real_time.sleep(1e-3)
+    until(lambda: bench.sensor.calls.count("connect") > 1)  # made by a thread of its own
     bench.sensor.stalled = False
     bench.run_until_back()
     assert bench.sensor.calls.count("calibrate") == 1  # the tool may touch the surface
     assert len(bench.run(20)) >= 19
     assert bench.source.summary["force_sensor"]["losses"] == 1
-    bench.source.close()
 
 
 def test_an_unplugged_sensor_comes_back_when_it_can_be_connected(
@@ -182,10 +179,7 @@ def test_an_unplugged_sensor_comes_back_when_it_can_be_connected(
     bench.sensor.connect_error = MmtError("no such slot")
     bench.sensor.error = DeviceLost("unplugged")
     assert len(bench.run(100)) <= 1
-    deadline = real_time.monotonic() + 10
-    while len(bench.told) < 2:  # connecting takes real time
-        assert real_time.monotonic() < deadline
-        bench.run(1)
+    until(lambda: len(bench.told) > 1, lambda: bench.run(1))  # connecting takes real time
     assert bench.told == [
         (True, "the force sensor (SyntheticSensor) is lost: unplugged"),
         (True, "the force sensor (SyntheticSensor) is not back yet: no such slot"),
@@ -197,8 +191,7 @@ def test_an_unplugged_sensor_comes_back_when_it_can_be_connected(
     bench.source.close()
 
 
-def test_a_lost_robot_comes_back_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    bench = Bench(monkeypatch)
+def test_a_lost_robot_comes_back_too(bench: Bench) -> None:
     bench.run(50)
     bench.arm.lost = True
     assert len(bench.run(30)) == 0
@@ -207,7 +200,6 @@ def test_a_lost_robot_comes_back_too(monkeypatch: pytest.MonkeyPatch) -> None:
     bench.run_until_back()
     assert len(bench.run(20)) >= 15
     assert bench.arm.calls[:2] == ["connect", "calibrate"]
-    bench.source.close()
 
 
 def test_a_lost_device_ends_the_session_where_the_scene_says_stop(
@@ -221,15 +213,13 @@ def test_a_lost_device_ends_the_session_where_the_scene_says_stop(
     assert bench.told == []
 
 
-def test_a_host_that_was_held_up_loses_no_sensor(monkeypatch: pytest.MonkeyPatch) -> None:
-    bench = Bench(monkeypatch)
+def test_a_host_that_was_held_up_loses_no_sensor(bench: Bench) -> None:
     bench.run(50)
     bench.run(5, elapsed=40)
     assert bench.told == []
 
 
-def test_what_a_probe_finds_is_told_by_the_next_tick(monkeypatch: pytest.MonkeyPatch) -> None:
-    bench = Bench(monkeypatch)
+def test_what_a_probe_finds_is_told_by_the_next_tick(bench: Bench) -> None:
     bench.run(50)
     bench.sensor.error = DeviceLost("unplugged")
     bench.source.probe(bench.time.now_ns)
@@ -237,13 +227,11 @@ def test_what_a_probe_finds_is_told_by_the_next_tick(monkeypatch: pytest.MonkeyP
     assert bench.told == []
     bench.run(1)
     assert bench.told == [(True, "the force sensor (SyntheticSensor) is lost: unplugged")]
-    bench.source.close()
 
 
 def test_a_frame_whose_reading_just_missed_its_tick_comes_between_two_ticks(
-    monkeypatch: pytest.MonkeyPatch,
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    bench = Bench(monkeypatch)
     blocks = [bench.run(50)]
     late: list[RecordArray] = []
     bench.source.on_late_frames(late.append)
@@ -265,7 +253,6 @@ def test_a_frame_whose_reading_just_missed_its_tick_comes_between_two_ticks(
     assert sum(len(block) == 0 for block in blocks) > 80  # those of ticks
     assert np.all(np.diff(frames["sequence"]) == 1)
     assert np.all(np.diff(frames["time_ns"]) == MS)
-    bench.source.close()
 
 
 def test_a_sensor_that_knows_when_its_readings_came_is_believed() -> None:
@@ -297,8 +284,9 @@ def test_a_sensor_that_gives_nothing_at_the_start_is_explained(
         source.start(0)
 
 
-def test_a_sensor_that_gives_what_is_no_vector_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    bench = Bench(monkeypatch)
+def test_a_sensor_that_gives_what_is_no_vector_is_named(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(
         bench.sensor, "read", lambda: [SensorReading(bench.time.now_ns, (1.0, 2.0))]
     )

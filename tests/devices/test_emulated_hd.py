@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 
 import pytest
+from emulated_arm import emulated_arm  # noqa: F401 - a fixture
 
 from mmt.core.errors import MmtError
 from mmt.devices.openhaptics.constants import (
@@ -20,13 +21,8 @@ from mmt.testing.emulated.hd import EmulatedHd, build_library
 
 
 @pytest.fixture
-def stack() -> Iterator[Stack]:
+def stack(emulated: EmulatedHd) -> Iterator[Stack]:
     """The library with its scheduler at rest, so that frames are the test's own."""
-    try:
-        emulated = EmulatedHd()
-    except MmtError as error:
-        pytest.skip(str(error))
-    emulated.start()
     opened = open_stack(emulated.address)
     opened.pop_errors()
     opened.device = opened.hd.hdInitDevice(None)  # type: ignore[attr-defined]
@@ -49,12 +45,11 @@ def test_frames_are_neither_nested_nor_ended_twice_and_errors_pop_newest_first(s
     assert names(stack) == []
 
 
-def test_a_force_belongs_into_a_frame_and_is_gone_in_the_next_one(stack) -> None:
+def test_a_force_belongs_into_a_frame_and_is_gone_in_the_next_one(stack, emulated) -> None:
     force = Vector3(1.0, 0.0, 0.0)
     stack.hd.hdEnable(FORCE_OUTPUT)
     stack.hd.hdSetDoublev(CURRENT_FORCE, force)
     assert names(stack) == ["INVALID_OPERATION"]
-    emulated = EmulatedHd()
     for expected in (1.0, 0.0):
         stack.hd.hdBeginFrame(stack.device)
         if expected:
@@ -64,9 +59,8 @@ def test_a_force_belongs_into_a_frame_and_is_gone_in_the_next_one(stack) -> None
     assert names(stack) == []
 
 
-def test_a_force_beyond_the_maximum_is_an_error_unless_it_is_clamped(stack) -> None:
+def test_a_force_beyond_the_maximum_is_an_error_unless_it_is_clamped(stack, emulated) -> None:
     stack.hd.hdEnable(FORCE_OUTPUT)
-    emulated = EmulatedHd()
     for clamp, expected, errors in ((False, 0.0, ["EXCEEDED_MAX_FORCE"]), (True, 8.5, [])):
         if clamp:
             stack.hd.hdEnable(0x4001)
@@ -85,8 +79,7 @@ def test_what_is_unknown_is_refused(stack) -> None:
     assert names(stack) == ["INVALID_VALUE", "INVALID_INPUT_TYPE", "INVALID_ENUM", "INVALID_ENUM"]
 
 
-def test_a_wall_stops_the_tip_and_a_hand_moves_it(stack) -> None:
-    emulated = EmulatedHd()
+def test_a_wall_stops_the_tip_and_a_hand_moves_it(stack, emulated) -> None:
     emulated.wall(-1.0, 2.0, device=stack.device)
     emulated.hold((0.0, -21.0, 0.0), 0.1, device=stack.device)
     stack.hd.hdStartScheduler()
@@ -103,7 +96,7 @@ def test_a_wall_stops_the_tip_and_a_hand_moves_it(stack) -> None:
     stack.hd.hdStopScheduler()
 
 
-def test_its_own_processor_time_is_told_without_that_of_callbacks(stack) -> None:
+def test_its_own_processor_time_is_told_without_that_of_callbacks(stack, emulated) -> None:
     spent = threading.Event()
 
     def spend(_: object) -> int:
@@ -113,7 +106,6 @@ def test_its_own_processor_time_is_told_without_that_of_callbacks(stack) -> None
         spent.set()
         return DONE
 
-    emulated = EmulatedHd()
     began_ns = emulated.own_ns
     callback = CALLBACK(spend)
     stack.hd.hdScheduleAsynchronous(callback, None, 0)

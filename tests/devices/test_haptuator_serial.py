@@ -95,6 +95,14 @@ def haptuator(board: EmulatedHaptuatorBoard, **changes: object) -> SerialHaptuat
     return device
 
 
+@pytest.fixture
+def device(board: EmulatedHaptuatorBoard) -> Iterator[SerialHaptuator]:
+    made = haptuator(board)
+    made.connect()
+    yield made
+    made.close()
+
+
 def play(device: SerialHaptuator, until: Callable[[], bool], patience_s: float = 20.0) -> None:
     """Play a tone of 200 Hz and 10 m/s2 in real time until something holds."""
     begin, written = time.monotonic(), 0
@@ -112,9 +120,7 @@ def play(device: SerialHaptuator, until: Callable[[], bool], patience_s: float =
         time.sleep(0.001)
 
 
-def test_a_tone_reaches_the_converter_at_its_level(board: EmulatedHaptuatorBoard) -> None:
-    device = haptuator(board)
-    device.connect()
+def test_a_tone_reaches_the_converter_at_its_level(board, device) -> None:
     device.calibrate()
     play(device, lambda: device.statistics.samples > 700)
     volts = np.array(board.played()[-2400:-800]) * 6.0 / FULL_SCALE
@@ -129,21 +135,17 @@ def test_a_tone_reaches_the_converter_at_its_level(board: EmulatedHaptuatorBoard
     device.close()
 
 
-def test_garbled_frames_are_counted_and_survived(board: EmulatedHaptuatorBoard) -> None:
-    device = haptuator(board)
-    device.connect()
-    board.garbled = 0.1
+@pytest.mark.parametrize("fault", ["garbled", "halved"])
+def test_garbled_and_half_frames_are_counted_and_survived(board, device, fault) -> None:
+    setattr(board, fault, 0.1)
     play(device, lambda: device.statistics.lost_frames > 3 and device.statistics.bad_messages > 3)
-    board.garbled = 0.0
+    setattr(board, fault, 0.0)
     samples = device.statistics.samples
     play(device, lambda: device.statistics.samples > samples + 300)
     assert max(map(abs, board.played()[-1600:])) > 0.9 / 6.0 * FULL_SCALE
-    device.close()
 
 
-def test_an_unplugged_board_is_lost_and_connected_again(board: EmulatedHaptuatorBoard) -> None:
-    device = haptuator(board)
-    device.connect()
+def test_an_unplugged_board_is_lost_and_connected_again(board, device) -> None:
     play(device, lambda: device.statistics.samples > 100)
     board.unplug()
     with pytest.raises(DeviceLost, match="plug it in again"):
@@ -157,12 +159,9 @@ def test_an_unplugged_board_is_lost_and_connected_again(board: EmulatedHaptuator
     samples = device.statistics.samples
     assert samples >= 100
     play(device, lambda: device.statistics.samples > samples + 100)
-    device.close()
 
 
-def test_a_board_that_hangs_is_lost(board: EmulatedHaptuatorBoard) -> None:
-    device = haptuator(board)
-    device.connect()
+def test_a_board_that_hangs_is_lost(board, device) -> None:
     board.stalled = True
     with pytest.raises(DeviceLost, match="reported nothing"):
         play(device, lambda: False)
@@ -170,11 +169,7 @@ def test_a_board_that_hangs_is_lost(board: EmulatedHaptuatorBoard) -> None:
         device.connect()
 
 
-def test_a_board_that_reports_the_same_for_ever_is_lost_and_comes_back(
-    board: EmulatedHaptuatorBoard,
-) -> None:
-    device = haptuator(board)
-    device.connect()
+def test_a_board_that_reports_the_same_for_ever_is_lost_and_comes_back(board, device) -> None:
     play(device, lambda: device.statistics.samples > 100)
     board.frozen = True
     with pytest.raises(DeviceLost, match="reports, but has taken no frame"):
@@ -183,24 +178,9 @@ def test_a_board_that_reports_the_same_for_ever_is_lost_and_comes_back(
     device.connect()
     samples = device.statistics.samples
     play(device, lambda: device.statistics.samples > samples + 700)
-    device.close()
 
 
-def test_half_frames_are_counted_and_survived(board: EmulatedHaptuatorBoard) -> None:
-    device = haptuator(board)
-    device.connect()
-    board.halved = 0.1
-    play(device, lambda: device.statistics.lost_frames > 3 and device.statistics.bad_messages > 3)
-    board.halved = 0.0
-    samples = device.statistics.samples
-    play(device, lambda: device.statistics.samples > samples + 300)
-    assert max(map(abs, board.played()[-1600:])) > 0.9 / 6.0 * FULL_SCALE
-    device.close()
-
-
-def test_a_board_that_restarts_by_itself_plays_on(board: EmulatedHaptuatorBoard) -> None:
-    device = haptuator(board)
-    device.connect()
+def test_a_board_that_restarts_by_itself_plays_on(board, device) -> None:
     play(device, lambda: device.statistics.samples > 300)
     board.restart()
     samples = device.statistics.samples
@@ -211,18 +191,14 @@ def test_a_board_that_restarts_by_itself_plays_on(board: EmulatedHaptuatorBoard)
         return device.statistics.samples > samples + 700 and abs(level - math.sqrt(0.5)) < 0.07
 
     play(device, at_its_level)  # a busy machine's gaps lower it meanwhile
-    device.close()
 
 
-def test_the_number_of_a_frame_may_begin_again(board: EmulatedHaptuatorBoard) -> None:
+def test_the_number_of_a_frame_may_begin_again(board, device) -> None:
     """It does after 65 s, a frame a millisecond."""
-    device = haptuator(board)
-    device.connect()
     device._sequence = 65_500  # which would take a minute
     board.count_from(65_500)
     play(device, lambda: device.statistics.samples > 700)
     assert device.statistics.lost_frames == 0
-    device.close()
 
 
 def test_a_port_that_is_not_permitted_is_explained(

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from driver_fixtures import Keep, closed_devices, connected_devices, started_devices  # noqa: F401 - fixtures
+from synthetic_sensors import Time
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
@@ -23,19 +25,6 @@ DELAY = 8.0
 RATE_HZ = 1250
 REST = np.array([0.3, -0.2, 9.8])
 DIRECTION = np.array([0.6, 0.0, -0.8])
-
-
-class Time:
-    """Goes on when somebody sleeps."""
-
-    def __init__(self) -> None:
-        self.now_ns = 5_000_000_000
-
-    def monotonic_ns(self) -> int:
-        return self.now_ns
-
-    def sleep(self, seconds: float) -> None:
-        self.now_ns += round(seconds * 1e9)
 
 
 class Handle:
@@ -110,7 +99,7 @@ class Sensor(Handle):
 @pytest.fixture
 def time(monkeypatch: pytest.MonkeyPatch) -> Time:
     made = Time()
-    monkeypatch.setattr(sweeping, "time", made)
+    monkeypatch.setattr(sweeping, "time", made.still)
     return made
 
 
@@ -202,21 +191,17 @@ def test_what_cannot_be_played_is_bad_input(time: Time) -> None:
         SweepSettings(largest_m_s2=0.0)
 
 
-def test_voltages_are_cut_at_the_limit_and_played_as_they_are() -> None:
+def test_voltages_are_cut_at_the_limit_and_played_as_they_are(
+    started: Keep, connected: Keep
+) -> None:
     pytest.importorskip("pty", reason="there are no pseudo-terminals")
-    board = EmulatedHaptuatorBoard()
-    board.start()
+    board = started(EmulatedHaptuatorBoard())
     options = {"port": board.path, "full_scale_v": 3.0, "volts_per_m_s2": 1.0, "limit_v": 1.5}
-    device = load_device("haptuator-serial", options)
-    try:
-        device.connect()
-        for _ in range(60):
-            device.write_volts([9.0, math.nan, 0.1])
-            sweeping.time.sleep(0.003)
-        played = board.played()
-    finally:
-        device.close()
-        board.stop()
+    device = connected(load_device("haptuator-serial", options))
+    for _ in range(60):
+        device.write_volts([9.0, math.nan, 0.1])
+        sweeping.time.sleep(0.003)
+    played = board.played()
     assert max(map(abs, played)) <= round(32767 / 2) + 1
     assert max(played) > 8000
     assert device.largest_v == 1.5

@@ -65,43 +65,36 @@ def test_looks_that_find_nothing_are_bounded() -> None:
     assert 1 <= tried(95, 1000) <= 9
 
 
-def test_a_sensor_in_step_with_the_ticks_is_looked_for_at_each_of_them() -> None:
+async def test_a_sensor_in_step_with_the_ticks_is_looked_for_at_each_of_them() -> None:
     """For as long as it takes to drift on, out of what was not looked for before."""
+    looks = 0
 
-    async def run() -> None:
-        looks = 0
+    def look(_: int) -> bool:
+        nonlocal looks
+        looks += 1
+        return True
 
-        def look(_: int) -> bool:
-            nonlocal looks
-            looks += 1
-            return True
-
-        retry = Retry(look)
-        retry.start()
-        for _ in range(1000):
-            retry.tick(lacking=False)
-        retry.tick(lacking=True)
-        await until(lambda: looks > 50)
-        retry.stop()
-
-    asyncio.run(run())
+    retry = Retry(look)
+    retry.start()
+    for _ in range(1000):
+        retry.tick(lacking=False)
+    retry.tick(lacking=True)
+    await until(lambda: looks > 50)
+    retry.stop()
 
 
-def test_nothing_is_looked_for_after_the_end() -> None:
-    async def run() -> list[int]:
-        calls: list[int] = []
-        timer = LoopTimer(calls.append)
-        timer.start()
-        timer.set(time.monotonic_ns() + 1_000_000)
-        await until(lambda: calls)
-        timer.set(time.monotonic_ns() + 1_000_000)
-        timer.stop()
-        timer.stop()
-        timer.set(time.monotonic_ns() + 1_000_000)
-        await asyncio.sleep(0.02)
-        return calls
-
-    assert len(asyncio.run(run())) == 1
+async def test_nothing_is_looked_for_after_the_end() -> None:
+    calls: list[int] = []
+    timer = LoopTimer(calls.append)
+    timer.start()
+    timer.set(time.monotonic_ns() + 1_000_000)
+    await until(lambda: calls)
+    timer.set(time.monotonic_ns() + 1_000_000)
+    timer.stop()
+    timer.stop()
+    timer.set(time.monotonic_ns() + 1_000_000)
+    await asyncio.sleep(0.02)
+    assert len(calls) == 1
 
 
 def test_without_a_loop_there_are_no_looks() -> None:

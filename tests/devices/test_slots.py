@@ -4,6 +4,7 @@ import time
 from collections.abc import Mapping, Sequence
 
 import pytest
+import running_source
 
 from mmt.devices.protocols import SensorReading, Vector
 from mmt.devices.slots import RobotSlot, SampledSlot
@@ -11,22 +12,14 @@ from mmt.devices.slots import RobotSlot, SampledSlot
 MS = 1_000_000
 
 
-class Arm:
+class Arm(running_source.Arm):
     """A robot that goes 1 mm in a millisecond."""
 
     now_ns = 0
     faults: Mapping[str, int] = {}
 
-    def connect(self) -> None:
-        """It is there."""
-
-    calibrate = close = connect
-
     def read(self) -> Vector:
         return (self.now_ns / MS, 0.0, 0.0)
-
-    def write(self, position_mm: Vector) -> None:
-        """Go on."""
 
 
 class MeasuredArm(Arm):

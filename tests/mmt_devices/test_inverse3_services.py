@@ -1,9 +1,11 @@
 """An Inverse3 leads a simulated follower through both services, at the emulated service."""
 
 import asyncio
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import pytest
 from service_runs import Together, run_session, small_scene
 
 from mmt.session import read_session
@@ -12,16 +14,18 @@ from mmt_devices.inverse3.emulated_lab import StrokingHand
 from mmt_devices.inverse3.emulated_tip import EmulatedTip
 
 
-def stroked(seed: int = 3) -> EmulatedInverse3:
-    service = EmulatedInverse3({"049D": EmulatedTip((0.0, -150.0, 155.0), StrokingHand(seed))})
-    service.start()
-    return service
+@pytest.fixture
+def service() -> Iterator[EmulatedInverse3]:
+    tip = EmulatedTip((0.0, -150.0, 155.0), StrokingHand(seed=3))
+    made = EmulatedInverse3({"049D": tip})
+    made.start()
+    yield made
+    made.stop()
 
 
 async def test_a_stroking_hand_on_the_handle_moves_the_follower_and_feels_its_surface(
-    tmp_path: Path,
+    tmp_path: Path, service: EmulatedInverse3
 ) -> None:
-    service = stroked()
     scene = small_scene(
         tmp_path,
         session={"duration_s": 2.5},
@@ -29,11 +33,8 @@ async def test_a_stroking_hand_on_the_handle_moves_the_follower_and_feels_its_su
         handle={"driver": "inverse3", "timeout_ms": 2000, **service.options},
         force_feedback={},
     )
-    try:
-        leader, follower = await run_session(scene, None)
-        assert service.tip_state().motor_n == (0.0, 0.0, 0.0)
-    finally:
-        service.stop()
+    leader, follower = await run_session(scene, None)
+    assert service.tip_state().motor_n == (0.0, 0.0, 0.0)
     assert (leader.outcome, follower.problem) == ("completed", None)
     frames = read_session(tmp_path / "session.mcap").frames
     pressed = frames["force_n"][:, 2] > 0.1
@@ -41,8 +42,9 @@ async def test_a_stroking_hand_on_the_handle_moves_the_follower_and_feels_its_su
     assert np.ptp(frames["position_mm"][:, 0]) + np.ptp(frames["position_mm"][:, 1]) > 10.0
 
 
-async def test_a_handle_whose_service_fails_is_lost_and_comes_back(tmp_path: Path) -> None:
-    service = stroked()
+async def test_a_handle_whose_service_fails_is_lost_and_comes_back(
+    tmp_path: Path, service: EmulatedInverse3
+) -> None:
     scene = small_scene(
         tmp_path,
         session={"duration_s": 600.0},
@@ -53,21 +55,18 @@ async def test_a_handle_whose_service_fails_is_lost_and_comes_back(tmp_path: Pat
     together = Together.of(scene)
     await together.listen()
     following = asyncio.create_task(together.follow())
-    try:
-        await together.until(lambda: together.leader.time_s > 0.2)
-        handle = together.leader.parts.hand.handle
-        assert handle is not None
-        service.drop()
-        await together.until(lambda: handle.losses == 1)
-        await together.until(lambda: not handle.lost)
-        service.stall()
-        await together.until(lambda: handle.losses == 2)
-        assert any("has not answered" in sentence for sentence in together.leader.health.faults())
-        service.stall(silent=False)
-        await together.until(lambda: not handle.lost)
-        together.leader.stop()
-        leader, follower = await together.end(), await following
-    finally:
-        service.stop()
+    await together.until(lambda: together.leader.time_s > 0.2)
+    handle = together.leader.parts.hand.handle
+    assert handle is not None
+    service.drop()
+    await together.until(lambda: handle.losses == 1)
+    await together.until(lambda: not handle.lost)
+    service.stall()
+    await together.until(lambda: handle.losses == 2)
+    assert any("has not answered" in sentence for sentence in together.leader.health.faults())
+    service.stall(silent=False)
+    await together.until(lambda: not handle.lost)
+    together.leader.stop()
+    leader, follower = await together.end(), await following
     assert (leader.problem, follower.problem) == (None, None)
     assert leader.handle["losses"] == 2
