@@ -62,24 +62,13 @@ def _drive(**options: Any) -> tuple[Callable[[Sequence[float]], Sequence[float]]
     return made.convert, 3.0
 
 
-def _guarded(guard: SampleGuard) -> Callable[[Sequence[float]], Sequence[float]]:
-    def play(samples: Sequence[float]) -> Sequence[float]:
+def _in_place(change: Callable[[np.ndarray], object]) -> Callable[[Sequence[float]], list[float]]:
+    def play(samples: Sequence[float]) -> list[float]:
         array = np.array(samples, dtype=float)
-        guard.apply(array)
+        change(array)
         return array.tolist()
 
     return play
-
-
-def _leader() -> tuple[Callable[[Sequence[float]], Sequence[float]], float]:
-    slew = VibrationSlew(60.0, 60.0)
-
-    def play(samples: Sequence[float]) -> Sequence[float]:
-        array = np.array(samples, dtype=float)
-        slew.limit(array)
-        return array.tolist()
-
-    return play, 60.0
 
 
 def _simulated() -> tuple[Callable[[Sequence[float]], Sequence[float]], float]:
@@ -98,8 +87,8 @@ def _simulated() -> tuple[Callable[[Sequence[float]], Sequence[float]], float]:
     [
         _drive,
         lambda: _drive(high_hz=300.0),
-        lambda: (_guarded(SampleGuard(3.0, 10)), 3.0),
-        _leader,
+        lambda: (_in_place(SampleGuard(3.0, 10).apply), 3.0),
+        lambda: (_in_place(VibrationSlew(60.0, 60.0).limit), 60.0),
         _simulated,
     ],
     ids=["haptuator", "haptuator with a low-pass", "converter", "leader", "simulated"],

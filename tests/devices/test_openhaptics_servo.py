@@ -58,11 +58,26 @@ class Frame:
         return ErrorInfo(*self.errors.pop()) if self.errors else ErrorInfo()
 
 
-def servo(frame: Frame, limit_n: float = 3.0, **options: object) -> PositionServo:
-    made = PositionServo(frame, frame, 0, HdRobotOptions(**options), limit_n)
+def servo_of(frame: Frame, options: HdRobotOptions, limit_n: float = 3.0) -> PositionServo:
+    made = PositionServo(frame, frame, 0, options, limit_n)
     made.clock = lambda: frame.now_ns
     made.tick_ns = 0
     return made
+
+
+def servo(frame: Frame, limit_n: float = 3.0, **options: object) -> PositionServo:
+    return servo_of(frame, HdRobotOptions(**options), limit_n)
+
+
+def commanded(frame: Frame, made: PositionServo, ticks: int, x_mm: float = 5.0) -> list[float]:
+    """Return the force of each tick, with a command at each of them."""
+    forces = []
+    for _ in range(ticks):
+        made.target = [x_mm, 0.0, 0.0]
+        made.command_ns = frame.now_ns
+        made.tick(None)
+        forces.append(frame.f)
+    return forces
 
 
 def loudest_n(frame: Frame, made: PositionServo, ticks: int) -> float:
@@ -71,12 +86,8 @@ def loudest_n(frame: Frame, made: PositionServo, ticks: int) -> float:
     One that throws the mass faster than an arm moves gets no force any more, and is unstable.
     """
     settled_mm(frame, made, ticks)
-    largest = made.limit_n if made.counts else 0.0
-    for _ in range(300):
-        made.command_ns = frame.now_ns
-        made.tick(None)
-        largest = max(largest, abs(frame.f))
-    return largest
+    least = made.limit_n if made.counts else 0.0
+    return max(least, *map(abs, commanded(frame, made, 300, 1.0)))
 
 
 def settled_mm(frame: Frame, made: PositionServo, ticks: int = 3000) -> float:
@@ -110,10 +121,7 @@ def test_damping_is_bounded_from_below_and_above_by_sampling(mass_kg, late_ticks
             continue  # too near to tell in a few seconds
         frame = Frame(mass_kg, late_ticks)
         options = HdRobotOptions.model_construct(stiffness_n_mm=1.0, damping_n_s_m=damping)
-        made = PositionServo(frame, frame, 0, options, limit_n=3.0)
-        made.clock = lambda frame=frame: frame.now_ns
-        made.tick_ns = 0
-        force_n = loudest_n(frame, made, 8000)
+        force_n = loudest_n(frame, servo_of(frame, options), 8000)
         assert (force_n < 0.2) == (largest < 1.0), (damping, largest, force_n)
 
 
@@ -122,10 +130,7 @@ def test_the_least_damping_that_is_taken_holds_with_measurements_a_tick_late() -
     for factor, stable in ((0.6, False), (1.5, True)):
         frame = Frame(0.5, late_ticks=1)
         options = HdRobotOptions.model_construct(stiffness_n_mm=1.0, damping_n_s_m=factor * 1.5)
-        made = PositionServo(frame, frame, 0, options, limit_n=3.0)
-        made.clock = lambda frame=frame: frame.now_ns
-        made.tick_ns = 0
-        assert (loudest_n(frame, made, 12000) < 0.2) == stable
+        assert (loudest_n(frame, servo_of(frame, options), 12000) < 0.2) == stable
 
 
 @settings(max_examples=20, deadline=None)
@@ -139,13 +144,11 @@ def test_every_allowed_pair_of_gains_settles_on_a_mass_it_can_hold(stiffness, ma
 
 def test_the_force_fades_when_commands_stop_and_returns_as_slowly() -> None:
     made = servo(frame := Frame(1e9), stale_ms=50, ramp_ms=100, speed_limit_mm_s=2000)
-    forces = []
-    for tick in range(600):
-        if tick < 200 or tick > 450:
-            made.target = [2.0, 0.0, 0.0]
-            made.command_ns = frame.now_ns
+    forces = commanded(frame, made, 200, 2.0)
+    for _ in range(251):
         made.tick(None)
         forces.append(frame.f)
+    forces += commanded(frame, made, 149, 2.0)
     assert forces[199] == pytest.approx(1.0)
     assert forces[240] == pytest.approx(1.0)
     fading = forces[252:349]
@@ -170,14 +173,9 @@ def test_the_force_never_exceeds_its_limit(target: float, velocity: float, limit
 
 def test_a_force_error_takes_the_force_away_for_a_second() -> None:
     made = servo(frame := Frame(1e9))
-    forces = []
-    for tick in range(1500):
-        made.target = [5.0, 0.0, 0.0]
-        made.command_ns = frame.now_ns
-        if tick == 200:
-            frame.errors = [(0x0203, 7), (0x0202, 8)]
-        made.tick(None)
-        forces.append(frame.f)
+    forces = commanded(frame, made, 200)
+    frame.errors = [(0x0203, 7), (0x0202, 8)]
+    forces += commanded(frame, made, 1300)
     assert forces[200] > 2.0
     assert set(forces[201:1199]) == {0.0}
     assert forces[-1] > 2.0
@@ -191,17 +189,11 @@ def pushed(frame: Frame, spoil) -> tuple[PositionServo, list[float]]:
 
     def spoilt(what: int, values) -> None:
         read(what, values)
-        spoil(len(forces), what.value == CURRENT_POSITION, values)
+        spoil(frame.now_ns // 1_000_000 - 1, what.value == CURRENT_POSITION, values)
 
     frame.hdGetDoublev = spoilt
     made = servo(frame)
-    forces: list[float] = []
-    for _ in range(700):
-        made.target = [5.0, 0.0, 0.0]
-        made.command_ns = frame.now_ns
-        made.tick(None)
-        forces.append(frame.f)
-    return made, forces
+    return made, commanded(frame, made, 700)
 
 
 @pytest.mark.parametrize(
@@ -236,15 +228,10 @@ def test_a_velocity_that_is_no_number_is_not_believed_either() -> None:
 
 def test_a_position_that_stays_the_same_under_the_largest_force_is_stuck() -> None:
     made = servo(frame := Frame(math.inf))
-    forces = []
-    for tick in range(900):
-        made.target = [40.0, 0.0, 0.0]  # beyond what the limit allows
-        made.command_ns = frame.now_ns
-        made.tick(None)
-        forces.append(frame.f)
-        if tick == 700:
-            assert made.senseless is not None
-            assert made.senseless[0] == STUCK
+    forces = commanded(frame, made, 701, 40.0)  # beyond what the limit allows
+    assert made.senseless is not None
+    assert made.senseless[0] == STUCK
+    forces += commanded(frame, made, 199, 40.0)
     assert max(forces) == pytest.approx(3.0)
     assert sum(force > 2.99 for force in forces) == pytest.approx(201, abs=2)
     assert set(forces[500:]) == {0.0}
@@ -255,14 +242,9 @@ def test_a_position_that_stays_the_same_under_the_largest_force_is_stuck() -> No
 
 def test_a_device_with_a_fault_gets_no_force_again() -> None:
     made = servo(frame := Frame(1e9))
-    forces = []
-    for tick in range(400):
-        made.target = [5.0, 0.0, 0.0]
-        made.command_ns = frame.now_ns
-        if tick == 200:
-            frame.errors = [(0x0300, 7)]
-        made.tick(None)
-        forces.append(frame.f)
+    forces = commanded(frame, made, 200)
+    frame.errors = [(0x0300, 7)]
+    forces += commanded(frame, made, 200)
     assert forces[200] > 2.0
     assert set(forces[201:]) == {0.0}
     assert made.fault == HdError(0x0300, 7)

@@ -3,6 +3,7 @@
 import json
 import math
 from itertools import pairwise
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -59,6 +60,23 @@ def said(text: str) -> dict:
 
 def vector(numbers: dict) -> tuple[float, ...]:
     return tuple(numbers[axis] for axis in "xyz")
+
+
+def force_n(commands: dict) -> tuple[float, ...]:
+    return vector(commands["set_cursor_force"]["vector"])
+
+
+def place_m(commands: dict) -> tuple[float, ...]:
+    return vector(commands["set_cursor_position"]["position"])
+
+
+def commanded(servo: Any, clock: Clock, answered: str = "") -> dict:
+    """Let a millisecond pass with a command and an answer; return what the device is told."""
+    clock.now_ns += MS
+    servo.command_ns = clock()
+    if answered:
+        servo.handle_answer(answered)
+    return said(servo.next_message(clock()))
 
 
 # --- messages
@@ -129,26 +147,16 @@ def test_an_answer_that_makes_no_sense_is_counted_and_takes_the_force_away(text,
     servo = handle(clock)
     servo.command = (0.0, 0.0, 2.0)
     for _ in range(200):
-        clock.now_ns += MS
-        servo.command_ns = clock()
-        servo.handle_answer(answer())
-        told = servo.next_message(clock())
-    assert vector(said(told)["set_cursor_force"]["vector"]) == (0.0, 0.0, 2.0)
+        told = commanded(servo, clock, answer())
+    assert force_n(told) == (0.0, 0.0, 2.0)
     before = servo.measured
     servo.handle_answer(text)
     assert servo.counts == {problem: 1}
     assert servo.measured == before
-    assert vector(said(servo.next_message(clock()))["set_cursor_force"]["vector"]) == (
-        0.0,
-        0.0,
-        0.0,
-    )
-    clock.now_ns += MS
-    servo.command_ns = clock()
-    servo.handle_answer(answer())
+    assert force_n(said(servo.next_message(clock()))) == (0.0, 0.0, 0.0)
+    told = commanded(servo, clock, answer())
     assert servo.implausible is None
-    told = servo.next_message(clock())
-    assert 0.0 <= said(told)["set_cursor_force"]["vector"]["z"] <= 2.0 * 10 / 100  # by its ramp
+    assert 0.0 <= force_n(told)[2] <= 2.0 * 10 / 100  # by its ramp
 
 
 def test_where_calibration_is_needed_a_position_without_it_makes_no_sense() -> None:
@@ -189,7 +197,7 @@ def test_the_force_fades_when_commands_stop_and_comes_back_as_slowly() -> None:
         clock.now_ns += MS
         if not 200 <= tick < 400:
             servo.command_ns = clock()
-        shown.append(vector(said(servo.next_message(clock()))["set_cursor_force"]["vector"])[0])
+        shown.append(force_n(said(servo.next_message(clock())))[0])
     steps = [abs(late - early) for early, late in pairwise(shown)]
     assert max(steps) < 0.011
     assert shown[150] == shown[240] == shown[599] == 1.0
@@ -203,15 +211,11 @@ def test_the_force_fades_when_commands_stop_and_comes_back_as_slowly() -> None:
 def test_the_point_starts_at_the_tip_and_moves_at_a_bounded_speed() -> None:
     clock = Clock()
     servo = robot(clock, speed_limit_mm_s=100.0, lead_limit_mm=100.0)
-    assert "set_cursor_force" in said(
-        servo.next_message(clock())
-    )  # it is limp before the first command
+    assert "set_cursor_force" in said(servo.next_message(clock()))  # limp before the first command
     servo.command = (50.0, -150.0, 150.0)
     at = [0.0]
     for _ in range(700):
-        clock.now_ns += MS
-        servo.command_ns = clock()
-        place = vector(said(servo.next_message(clock()))["set_cursor_position"]["position"])
+        place = place_m(commanded(servo, clock))
         assert place[1:] == pytest.approx((-0.15, 0.15))
         at.append(1e3 * place[0])
     assert max(late - early for early, late in pairwise(at)) < 0.1 + 1e-9
@@ -224,10 +228,7 @@ def test_the_point_leads_the_tip_by_no_more_than_its_limit() -> None:
     servo = robot(clock, lead_limit_mm=4.0)
     servo.command = (50.0, -150.0, 150.0)
     for tick in range(400):
-        clock.now_ns += MS
-        servo.command_ns = clock()
-        servo.handle_answer(answer(1e-6 * tick))
-        place = vector(said(servo.next_message(clock()))["set_cursor_position"]["position"])
+        place = place_m(commanded(servo, clock, answer(1e-6 * tick)))
         assert 1e3 * place[0] <= 1e-3 * tick + 4.0 + 1e-9
     assert servo.fault == ""
 
@@ -237,19 +238,13 @@ def test_a_tip_that_does_not_move_although_it_is_pulled_ends_the_connection() ->
     servo = robot(clock, lead_limit_mm=4.0)
     servo.command = (50.0, -150.0, 150.0)
     for _ in range(600):
-        clock.now_ns += MS
-        servo.command_ns = clock()
-        servo.handle_answer(answer())
-        servo.next_message(clock())
+        commanded(servo, clock, answer())
     assert servo.fault.startswith("a position that stays the same")
     assert "set_cursor_force" in said(servo.next_message(clock()))
     near = robot(clock)
     near.command = (3.0, -150.0, 150.0)  # held by friction close to its target
     for _ in range(2000):
-        clock.now_ns += MS
-        near.command_ns = clock()
-        near.handle_answer(answer())
-        near.next_message(clock())
+        commanded(near, clock, answer())
     assert near.fault == ""
 
 
@@ -260,11 +255,11 @@ def test_an_arm_without_fresh_commands_is_limp_and_starts_anew_where_it_is() -> 
     clock.now_ns += 5 * MS
     assert "set_cursor_position" in said(servo.next_message(clock()))
     clock.now_ns += 60 * MS
-    assert vector(said(servo.next_message(clock()))["set_cursor_force"]["vector"]) == (0, 0, 0)
+    assert force_n(said(servo.next_message(clock()))) == (0, 0, 0)
     assert servo.counts == {"stale commands": 1}
     servo.handle_answer(answer(0.02))
     servo.command_ns = clock()
-    place = vector(said(servo.next_message(clock()))["set_cursor_position"]["position"])
+    place = place_m(said(servo.next_message(clock())))
     assert place == pytest.approx((0.02, -0.15, 0.15))
 
 
