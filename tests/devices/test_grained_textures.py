@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import signal
 
 from mmt.core.errors import InputError
 from mmt.testing.simulation.grain import Grain
-from mmt.testing.simulation.grained_textures import CANVAS, CORDUROY, GRAINED, RIDGED_PLASTIC
+from mmt.testing.simulation.grained_textures import CORDUROY, GRAINED, RIDGED_PLASTIC
 from mmt.testing.simulation.instruments import Instruments
 from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.modes import Line, Resonance
@@ -69,20 +68,6 @@ def test_a_part_is_the_isotropic_one_at_the_speed_that_it_hears(
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
 
 
-@pytest.mark.parametrize(("surface", "heading_deg"), [(CANVAS, 20.0), (CORDUROY, 200.0)])
-def test_spectrum_is_that_of_long_realisations(surface, heading_deg):
-    heading = np.radians(heading_deg)
-    vibration = SurfaceVibration(surface, np.random.default_rng(3))
-    towards = (float(np.cos(heading)), float(np.sin(heading)))
-    samples = np.array([vibration.step(180.0, 1.5, towards)[0] for _ in range(42_000)])[2000:]
-    frequencies, measured = signal.welch(samples, 1000.0, nperseg=2048)
-    expected = surface.spectrum(180.0, 1.5, frequencies, heading)[0]
-    bands = (frequencies[1:-1] // 25.0).astype(int)
-    power, truth = (np.bincount(bands, values[1:-1]) for values in (measured, expected))
-    np.testing.assert_allclose(power, truth, rtol=0.2, atol=0.004 * truth.sum())
-    assert samples.var() == pytest.approx(surface.power(180.0, 1.5, heading)[0], rel=0.1)
-
-
 @pytest.mark.parametrize("surface", DIRECTED, ids=name_of)
 def test_spectrum_is_smooth_in_heading_and_depends_on_it(surface):
     """A kink would keep the second difference proportional to the step, not to its square."""
@@ -120,26 +105,6 @@ def test_the_nine_differ_from_each_other():
         shapes.append(density / np.linalg.norm(density))
     likeness = np.array(shapes) @ np.array(shapes).T
     assert (likeness - np.eye(9)).max() < 0.97
-
-
-@pytest.mark.parametrize("surface", GRAINED, ids=name_of)
-def test_level_is_realistic_at_all_headings(surface):
-    headings = np.linspace(0.0, 2.0 * np.pi, 13)
-    low, middle, high = (
-        np.sqrt(surface.power(speed, force, headings))
-        for speed, force in ((40.0, 0.4), (150.0, 1.5), (300.0, 3.0))
-    )
-    assert (low < middle).all()
-    assert (middle < high).all()
-    assert high.max() < 15.0
-    assert middle.min() > 0.1
-
-
-@pytest.mark.parametrize("surface", GRAINED, ids=name_of)
-def test_annotations_rebuild_the_texture(surface):
-    assert surface_from_annotations(surface.annotations()) == surface
-    truth = json.loads(surface.annotations())
-    assert truth["version"] == (1 if surface.isotropic else 2)
 
 
 def test_annotations_of_isotropic_textures_know_nothing_of_grains():

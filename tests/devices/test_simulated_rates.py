@@ -23,18 +23,12 @@ from mmt.testing.simulation.textures import SURFACES, get_surface
 from mmt.testing.simulation.vibration import vibration_of
 
 NAMES = [*sorted(SURFACES), "drawn-1", "drawn-2", "drawn-7", "final-3"]
+LINKED = {"link": {}, "hand": {}, "texture": {}}
 
 
 def _scene(samples, *, noise=True):
-    return scene_from_tables(
-        {
-            "session": {"acceleration_rate_hz": 1000 * samples},
-            "link": {},
-            "simulated": {"noise": noise},
-            "hand": {},
-            "texture": {},
-        }
-    )
+    session = {"acceleration_rate_hz": 1000 * samples}
+    return scene_from_tables({**LINKED, "session": session, "simulated": {"noise": noise}})
 
 
 def _bands(frequencies, density, width_hz):
@@ -109,8 +103,9 @@ def test_frames_do_not_depend_on_how_ticks_are_grouped(samples, channels, groupe
         return SimulatedFollower(Simulated(), channels=channels, seed=3, surface=surface)
 
     single, several = follower(), follower()
-    one = np.concatenate([single.step(1, 0, (0.0, 0.0, -1.0)) for _ in range(3 * grouped)])
-    more = np.concatenate([several.step(grouped, 0, (0.0, 0.0, -1.0)) for _ in range(3)])
+    path = [(30.0 * np.sin(0.03 * k), 0.15 * k, -1.0) for k in range(60)]
+    one = np.concatenate([single.step(1, 0, place) for place in path for _ in range(grouped)])
+    more = np.concatenate([several.step(grouped, 0, place) for place in path])
     assert one.dtype == frame_dtype(channels, samples)
     np.testing.assert_array_equal(one, more)
 
@@ -154,15 +149,9 @@ def test_a_surface_of_another_rate_is_refused_with_a_sentence():
 
 
 def test_a_course_goes_over_surfaces_of_the_scenes_rate():
-    scene = scene_from_tables(
-        {
-            "session": {"acceleration_rate_hz": 3000},
-            "link": {},
-            "hand": {},
-            "texture": {},
-            "simulated": {"course": {"surfaces": ["oak", "drawn-1"], "stay_s": 1.0}},
-        }
-    )
+    session = {"acceleration_rate_hz": 3000}
+    course = {"surfaces": ["oak", "drawn-1"], "stay_s": 1.0}
+    scene = scene_from_tables({**LINKED, "session": session, "simulated": {"course": course}})
     frames, annotations = simulate_session(scene, duration_s=4.0)
     assert frames.dtype == frame_dtype(CHANNELS, 3)
     rates = [
