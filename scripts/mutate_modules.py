@@ -76,7 +76,6 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "session/importing/stamps": ("session/test_session_stamps.py",),
     "session/mcap_writer": (
         "session/test_session_files.py",
-        "session/test_session_stamps.py",
         "session/test_session_stock_reader.py",
     ),
     "texture/completion/criterion": ("texture/test_completion_by_uncertainty.py",),
