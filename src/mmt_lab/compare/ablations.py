@@ -110,7 +110,10 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
         ),
         "high-pass": Ingredient(
             "giving back what the high-pass takes",
-            ("mmt.texture.signals.high_pass:_given_back", _constantly(lambda _: 1.0)),
+            (
+                "mmt.texture.signals.high_pass:_given_back",
+                lambda own: lambda rate_hz: np.ones_like(own(rate_hz)),
+            ),
         ),
     }
 )
