@@ -67,7 +67,7 @@ print(len(read), len(set(read)))
 def test_the_metadata_of_a_package_is_read_once_a_group() -> None:
     """In a process of its own: a library of another test may have replaced the finder."""
     listed = subprocess.run(
-        [sys.executable, "-c", LIST], capture_output=True, text=True, check=True
+        [sys.executable, "-c", LIST], capture_output=True, text=True, check=True, timeout=60
     )
     readings, packages = map(int, listed.stdout.split())
     groups = 6  # with those that modules read at their import
