@@ -70,6 +70,7 @@ def test_a_slow_line_has_lost_more_than_a_flat_spectrum():
     st.sampled_from([1, 10]),
 )
 @example([-LARGEST_REFLECTION, -LARGEST_REFLECTION], 1, 200.0, 10)
+@example([LARGEST_REFLECTION, 0.9], 9, 200.0, 10)  # two frequencies merge
 def test_whatever_was_fitted_the_filter_is_stable_and_has_no_less_power(
     values, order, rate_hz, per_frame
 ):

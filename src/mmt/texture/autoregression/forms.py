@@ -36,6 +36,7 @@ from mmt.texture.autoregression.lsf import (
     reflection_to_ar_each_into,
 )
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
+from mmt.texture.autoregression.reshaping import TINY
 from mmt.texture.autoregression.split import (
     lsf_to_reflection_each_into,
     reflection_to_lsf_each_into,
@@ -142,6 +143,8 @@ def output_power(variance: float | FloatArray, reflection: FloatArray) -> FloatA
 def lsf_output_power(variance: FloatArray, lsf: FloatArray) -> FloatArray:
     """Return `output_power` (n,) of line spectral frequencies (n, m), much faster.
 
+    It is finite, though huge, where two frequencies have merged.
+
     Raises
     ------
     InputError
@@ -149,7 +152,7 @@ def lsf_output_power(variance: FloatArray, lsf: FloatArray) -> FloatArray:
     """
     gain = np.empty(len(lsf))
     lsf_inverse_gain_each_into(_checked_lsf(lsf), gain)
-    return np.asarray(variance / gain)
+    return np.asarray(variance / np.maximum(gain, TINY))
 
 
 def _convert(
