@@ -17,7 +17,6 @@ LARGEST_REFLECTION: Final = 1.0 - 1e-9
 TINY: Final = 1e-300
 _RESOLVED_HZ: Final = 1.25
 _LEAST_PERIOD: Final = 1024
-_ROWS: Final = 64  # transformed at a time: temporary arrays stay small enough for the cache
 
 
 def period_of(rate_hz: float) -> int:
@@ -45,20 +44,14 @@ def relative_density(ar: FloatArray, period: int) -> FloatArray:
     period
         See `period_of`.
     """
-    inverse = squared_response(ar, period)
-    np.maximum(inverse, TINY, out=inverse)
+    inverse = np.maximum(squared_response(ar, period), TINY)
     return np.asarray(inverse.min(axis=1, keepdims=True) / inverse)
 
 
 def squared_response(ar: FloatArray, period: int) -> FloatArray:
     """Return ``|A|^2`` of filter coefficients (k, m) evenly from 0 to half the rate, (k, f)."""
-    taps = np.insert(ar, 0, 1.0, axis=1)
-    squares = np.empty((len(ar), period // 2 + 1))
-    for first in range(0, len(ar), _ROWS):
-        response = np.fft.rfft(taps[first : first + _ROWS], period, axis=1)
-        part = np.square(response.real, out=squares[first : first + _ROWS])
-        part += np.square(response.imag)
-    return squares
+    response = np.fft.rfft(np.insert(ar, 0, 1.0, axis=1), period, axis=1)
+    return np.asarray(np.square(response.real) + np.square(response.imag))
 
 
 def reflection_of(density: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:

@@ -8,6 +8,7 @@ from mmt.core.arrays import FloatArray
 from mmt.core.bounds import real_numbers
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.reshaping import squared_response
+from mmt.texture.linear_algebra import product
 
 _ROUNDING: Final = np.finfo(np.float64).eps ** 2
 """Smallest squared sum over coefficients: at a pole, rounding may make the sum zero."""
@@ -42,10 +43,11 @@ def ar_spectrum(
     InputError
         A frequency is outside the range.
     """
-    angles = _angles(frequencies_hz, rate_hz)
-    lags = np.arange(1, np.shape(ar)[-1] + 1)
-    response = 1.0 + np.asarray(ar) @ np.exp(-1j * np.outer(lags, angles))
-    return _density(variance, np.maximum(response.real**2 + response.imag**2, _ROUNDING), rate_hz)
+    rows = np.atleast_2d(ar)
+    turns = np.outer(np.arange(1, rows.shape[1] + 1), _angles(frequencies_hz, rate_hz))
+    real, imaginary = 1.0 + product(rows, np.cos(turns)), product(rows, np.sin(turns))
+    square = np.maximum(np.square(real) + np.square(imaginary), _ROUNDING)
+    return _density(variance, square.reshape(*np.shape(ar)[:-1], -1), rate_hz)
 
 
 def ar_spectra(ar: FloatArray, variance: FloatArray, period: int, rate_hz: float) -> FloatArray:

@@ -25,15 +25,13 @@ from mmt.texture.autoregression.reshaping import (
     relative_density,
     shares,
 )
-from mmt.texture.linear_algebra import product
+from mmt.texture.autoregression.spectra import ar_spectrum
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 
 LOWEST_HZ: Final = 8.0
 
 _WHOLE_HZ: Final = 100.0
 """From here on the high-pass leaves a power as it is; it takes 1e-4 of it."""
-
-_ROUNDING: Final = 1e-30  # of a squared sum over coefficients, where rounding leaves nothing
 
 _LOW_HZ: Final = 50.0
 """Below this the means of frames give the spectrum; the high-pass takes 0.2 % of the power."""
@@ -66,7 +64,7 @@ def without_high_pass(
     if means is not None:
         low_hz = np.arange(0.0, min(_LOW_HZ, 0.5 * frame_hz), rate_hz / period)
         scale = np.maximum(fits.power, TINY) / (density @ shares(period))
-        low = _spectra(reflection_to_ar(means.reflection), means.variance, low_hz, frame_hz)
+        low = ar_spectrum(reflection_to_ar(means.reflection), means.variance, low_hz, frame_hz)
         density[:, : len(low_hz)] = 0.5 * rate_hz * low / scale[:, None]
     restored, power = reflection_of(density * _given_back(rate_hz), order)
     return restored, 2.0 * power / (density @ shares(period))
@@ -86,19 +84,9 @@ def gain_without_high_pass(lsf: FloatArray, rate_hz: float) -> FloatArray:
     low_hz = np.arange(0.0, min(_WHOLE_HZ, 0.5 * rate_hz), step_hz)
     taken = 1.0 - 1.0 / _given_back(rate_hz)[: len(low_hz)]
     power = lsf_output_power(np.ones(len(lsf)), lsf)
-    density = _spectra(lsf_to_ar(lsf), np.ones(len(lsf)), low_hz, rate_hz)
+    density = ar_spectrum(lsf_to_ar(lsf), 1.0, low_hz, rate_hz)
     lost = np.trapezoid(density * taken, dx=step_hz, axis=1) / power
     return np.asarray(1.0 / (1.0 - np.minimum(lost, taken[0])))
-
-
-def _spectra(
-    ar: FloatArray, variance: FloatArray, frequency_hz: FloatArray, rate_hz: float
-) -> FloatArray:
-    """Return the power spectral densities (k, f) of filters (k, m), without threads of BLAS."""
-    turns = np.outer(np.arange(1, ar.shape[1] + 1), 2.0 * np.pi / rate_hz * frequency_hz)
-    real, imaginary = 1.0 + product(ar, np.cos(turns)), product(ar, np.sin(turns))
-    square = np.maximum(np.square(real) + np.square(imaginary), _ROUNDING)
-    return np.asarray(2.0 / rate_hz * variance[:, None] / square)
 
 
 @cache
