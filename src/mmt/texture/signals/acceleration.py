@@ -43,10 +43,16 @@ class FilteredVibration(NamedTuple):
     valid: BoolArray
 
 
-@kernel("void(f8[:, ::1], b1[::1], b1[::1], i8, i8, i8, i8, i8[::1])", inner=True)
+@kernel("b1(i8)", inner=True)
+def _is_unknown(cause: int) -> bool:
+    """Return whether a sample is not measured; at the end of the range it is, roughly."""
+    return cause not in (_MEASURED, _SATURATED)
+
+
+@kernel("void(f8[:, ::1], i8[::1], b1[::1], i8, i8, i8, i8, i8[::1])", inner=True)
 def _bridge(
     samples: FloatArray,
-    unknown: BoolArray,
+    cause: IntArray,
     restart: BoolArray,
     row: int,
     newest: int,
@@ -60,24 +66,27 @@ def _bridge(
     if state[_LEFT]:
         state[_LEFT] -= 1
         return
-    if state[_LOST] or not unknown[row]:
+    if state[_LOST] or not _is_unknown(cause[row]):
         return
     stop, end = row, row
     while end <= newest and (end == row or not restart[end]):
         end += 1
-    while stop < end and unknown[stop]:
+    while stop < end and _is_unknown(cause[stop]):
         stop += 1
     if stop == end or stop - row > longest_bridged:
         state[_LOST] = 1
         return
+    unknown = np.empty(end, np.bool_)
+    for at in range(row, end):
+        unknown[at] = _is_unknown(cause[at])
     fill(samples, unknown, row, stop, state[_KNOWN], end - 1, per_frame)
     state[_LEFT] = stop - row - 1
 
 
-@kernel("void(f8[:, ::1], b1[::1], b1[::1], i8, i8, i8, f8[::1], f8[:, ::1], i8[::1])", inner=True)
+@kernel("void(f8[:, ::1], i8[::1], b1[::1], i8, i8, i8, f8[::1], f8[:, ::1], i8[::1])", inner=True)
 def _restart(
     samples: FloatArray,
-    unknown: BoolArray,
+    cause: IntArray,
     restart: BoolArray,
     row: int,
     newest: int,
@@ -88,7 +97,7 @@ def _restart(
 ) -> None:
     """Set the filter to the steady state of the known offset, or of the sample itself."""
     stop = row + 1
-    while stop <= newest and not unknown[stop] and not restart[stop]:
+    while stop <= newest and not _is_unknown(cause[stop]) and not restart[stop]:
         stop += 1
     same = state[_COUNT] >= settling
     for axis in range(samples.shape[1]):
@@ -160,27 +169,21 @@ def _process(
     waiting, first = begins
     per_frame = len(samples) // max(len(motion), 1)
     delay, settling, longest_bridged = limits
-    unknown = np.empty(len(cause), np.bool_)
-    for row in range(first):
-        unknown[row] = cause[row] not in (_MEASURED, _SATURATED)
     for newest in range(first, len(samples)):
         judge(samples, cause, motion, restart, least, newest, delay, judged, repeats, extremes)
         row = newest - delay
         if row < waiting:
             continue
-        unknown[row] = cause[row] not in (_MEASURED, _SATURATED)
-        if unknown[row] or restart[row] or state[_LOST] or state[_COUNT] == 0:
-            for at in range(row + 1, newest + 1):  # a gap, or where the filter begins
-                unknown[at] = cause[at] not in (_MEASURED, _SATURATED)
-        _bridge(samples, unknown, restart, row, newest, longest_bridged, per_frame, state)
-        if state[_LOST] and unknown[row]:
+        _bridge(samples, cause, restart, row, newest, longest_bridged, per_frame, state)
+        unknown = _is_unknown(cause[row])
+        if state[_LOST] and unknown:
             state[_KNOWN] = 0
             continue
         if state[_LOST]:
-            _restart(samples, unknown, restart, row, newest, settling, taps, axes, state)
+            _restart(samples, cause, restart, row, newest, settling, taps, axes, state)
         for axis in range(len(axes)):
             vibration[row, axis] = filtered(samples[row, axis], taps, axes[axis])
-        if not unknown[row]:
+        if not unknown:
             _learn(samples[row], vibration[row], axes, state, _OFFSET_FRAMES * per_frame)
         valid[row] = cause[row] != _SATURATED and state[_AGE] >= settling
         state[_AGE] += 1
