@@ -98,9 +98,9 @@ class TruthAt:
         return float(density[above].sum() / density.sum())
 
     def level_errors_db(self, model: TextureModel) -> FloatArray:
-        """Return the error of a model's level, (k,), in dB; in a tenth of the time of `errors`."""
+        """Return a model's error of level, (k,), in dB; five to ten times faster than `errors`."""
         lsf, variance = model.at(*self.strokes.inputs(model.space).T)
-        own = _felt_power(lsf_to_ar(lsf), lsf_output_power(variance, lsf), variance, model.rate_hz)
+        own = _felt_power(lsf, lsf_to_ar(lsf), variance, model.rate_hz)
         return power_level_error_db(own, self.power)
 
     def errors(self, model: TextureModel) -> GridErrors:
@@ -244,7 +244,7 @@ def _spectra_of(model: TextureModel, strokes: Strokes) -> _Spectra:
     # By the coefficients: several times faster than by LSF.
     ar = lsf_to_ar(lsf)
     density = ar_spectra(ar, variance, round(model.rate_hz / _STEP_HZ), model.rate_hz)
-    power = _felt_power(ar, lsf_output_power(variance, lsf), variance, model.rate_hz)
+    power = _felt_power(lsf, ar, variance, model.rate_hz)
     return _spectra(model.rate_hz, density, power)
 
 
@@ -254,9 +254,10 @@ def _spectra(rate_hz: float, density: FloatArray, power: FloatArray) -> _Spectra
 
 
 def _felt_power(
-    ar: FloatArray, power: FloatArray, variance: FloatArray, rate_hz: float
+    lsf: FloatArray, ar: FloatArray, variance: FloatArray, rate_hz: float
 ) -> FloatArray:
-    """Return the part of the powers (k,) of filters (k, m) that is felt, from 8 Hz on."""
+    """Return the power (k,) that is felt, from 8 Hz on, of filters (k, m) given in both forms."""
+    power = lsf_output_power(variance, lsf)
     low = ar_spectrum(ar, variance, np.arange(LOWEST_HZ + 1.0), rate_hz)
     lost = np.trapezoid(low, axis=1) + power_above_felt(ar, power, rate_hz)
     return np.asarray(power - np.minimum(lost, 0.999 * power))
