@@ -139,7 +139,7 @@ class ContactEstimator:
         self._settings = settings or EstimationSettings()
         tick_s = self._settings.tick_s
         forgetting = math.exp(-tick_s / self._settings.forgetting_s)
-        self._keep = math.exp(-tick_s / _FILTER_S)
+        self._share = -math.expm1(-tick_s / _FILTER_S)
         self._error_keep = math.exp(-tick_s / _ERROR_MEMORY_S)
         self._linear = RecursiveLeastSquares(
             (2500.0, 100.0, 400.0), noise_variance=_NOISE_N**2, forgetting=forgetting
@@ -180,9 +180,8 @@ class ContactEstimator:
             return
         if math.isnan(self._depth_m):
             self._depth_m, self._force_n, self._free_m = depth_m, force_n, depth_m
-        share = 1.0 - self._keep
-        self._force_n += share * (force_n - self._force_n)
-        moved_m = share * (depth_m - self._depth_m)
+        self._force_n += self._share * (force_n - self._force_n)
+        moved_m = self._share * (depth_m - self._depth_m)
         self._depth_m += moved_m
         speed_m_s = moved_m / self._settings.tick_s
         self.largest_n = max(self.largest_n, self._force_n)
