@@ -4,12 +4,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import pytest
+from waiting import PATIENCE_S, until_lost
 
-from mmt.core.errors import DeviceLost
 from mmt.devices.protocols import SampledSensor, SensorReading
-
-PATIENCE_S = 30.0
 
 
 def read_until(
@@ -38,8 +35,7 @@ def read_until_fault(sensor: SampledSensor, reason: str, count: int = 1) -> list
 
 def read_until_lost(sensor: SampledSensor, words: str) -> None:
     """Read until the sensor is lost, and says these words."""
-    with pytest.raises(DeviceLost, match=words):
-        read_until(sensor, lambda _: False)
+    until_lost(sensor.read, words)
 
 
 def check_times_rise(readings: Sequence[SensorReading]) -> None:
