@@ -60,7 +60,6 @@ def test_an_unknown_driver_is_answered_with_those_there_are(names: None) -> None
 
 
 def test_every_driver_of_mmt_has_a_role_and_a_factory() -> None:
-    pytest.importorskip("nidaqmx", reason="nidaqmx is not installed: pip install -e '.[ni]'")
     own = {
         name: entries
         for name, entries in drivers.drivers().items()

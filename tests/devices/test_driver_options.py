@@ -65,8 +65,6 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
 
 @pytest.mark.parametrize(("driver", "options", "words"), REFUSED)
 def test_a_refused_option_is_named(driver: str, options: dict[str, Any], words: str) -> None:
-    if driver == "virtual-ni-daqmx":
-        pytest.importorskip("nidaqmx", reason="nidaqmx is not installed: pip install -e '.[ni]'")
     with pytest.raises(InputError, match=f"device '{driver}': .*{words}"):
         load_device(driver, options)
 
