@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
 from mmt.session.importing.checks import ChannelReport, ImportReport
@@ -90,12 +92,34 @@ X = " position_x=x position_y=0 position_z=0"
             "Time,v,Time,Fz,stamp",
             "time=stamp speed=v position_time=Time.1 force_time=Time.2" + FORCE,
         ),
-        ("x,x,t,Fz", "time=t" + FORCE),
+        ("x,x,t,Fz", "time=t position_x=x.1 position_y=0 position_z=0" + FORCE),
+        ("time.1,x", "position_x=x position_y=0 position_z=0"),
     ],
 )
 def test_columns_are_proposed_by_their_names(tmp_path, names, expected):
     proposed = propose(str(table(tmp_path, names))).options.columns
     assert proposed == dict(pair.split("=") for pair in expected.split())
+
+
+FORMS = {"force_{}_n": None, "f{}": "f{}", "tip.force.{}": "tip.force.{}"}
+"""What an axis of force may be called, and what is proposed for it; None if nothing has to be."""
+
+
+@given(st.fixed_dictionaries({axis: st.sampled_from(["", *FORMS]) for axis in "xyz"}), st.data())
+def test_nought_is_proposed_only_for_an_axis_without_a_column(tmp_path_factory, forms, data):
+    names = {axis: form.format(axis) for axis, form in forms.items() if form}
+    doubled = data.draw(st.sampled_from(["", *names]))
+    header = ",".join(["t", *names.values(), *([names[doubled]] if doubled else [])])
+    expected = {"time": "t"}
+    for axis, form in forms.items():
+        own = FORMS[form].format(axis) if form and FORMS[form] else None
+        if axis == doubled:
+            expected[f"force_{axis}"] = f"{names[axis]}.1"
+        elif own or not form:
+            expected[f"force_{axis}"] = own or "0"
+    if {name for target, name in expected.items() if target != "time"} <= {"0"}:
+        expected = {"time": "t"}  # standard names alone, or none
+    assert propose(table(tmp_path_factory.mktemp("a"), header)).options.columns == expected
 
 
 @pytest.mark.parametrize("form", ["{}_{}", "{}[{}]", "{}({})", "{}.{}", "{}"])

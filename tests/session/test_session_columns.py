@@ -95,6 +95,19 @@ def test_a_matlab_structure_is_read_by_its_fields(tmp_path):
     check(import_session(tmp_path / "a.mat", columns=columns).frames)
 
 
+@pytest.mark.parametrize("trials", [1, 2, 3000])
+def test_a_matlab_array_of_structures_is_read_by_series_or_by_rows(tmp_path, trials):
+    run = np.empty(trials, dtype=[(name, object) for name in "tFxa"])
+    parts = (TIME_S, FORCE_N, POSITION_MM, ACCELERATION_M_S2)
+    for number in range(trials):
+        run[number] = tuple(part[number] if trials == len(TIME_S) else part for part in parts)
+    scipy.io.savemat(tmp_path / "a.mat", {"run": run})
+    which = "{2}" if trials == 2 else ""
+    columns = {"time": "run.t", "force": "run.F", "position": "run.x", "acceleration": "run.a"}
+    columns = {target: name + which for target, name in columns.items()}
+    check(import_session(tmp_path / "a.mat", columns=columns).frames)
+
+
 def test_a_matlab_file_of_version_7_3_is_read(tmp_path):
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:

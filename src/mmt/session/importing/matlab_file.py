@@ -72,7 +72,8 @@ def _flattened(name: str, value: Any) -> Iterator[tuple[str, FloatArray]]:
         shapes = {getattr(each, "shape", ()) for each in elements}
         if (
             len(shapes) == 1
-            and len(shapes.pop()) < 2
+            and len(shape := shapes.pop()) < 2
+            and max(shape, default=1) <= len(elements)  # else each is a series of its own
             and all(isinstance(each, int | float | np.ndarray) for each in elements)
         ):
             joined = np.asarray(elements)

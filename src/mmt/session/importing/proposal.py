@@ -39,6 +39,9 @@ _FRACTION: Final = re.compile(r"^(tv)?(n|nano|u|micro|m|milli)s(ecs?|econds?)?$"
 _SECONDS: Final = re.compile(r"(^|[._\s])s(ecs?|econds)?$")
 _AXIS_OF: Final = re.compile(r"(.+)[./]([xyzwXYZW])")
 """Matches an axis of something, as in ``wrench.force.x``."""
+_NUMBER: Final = re.compile(r"\.\d+$")
+"""Matches the number that tells columns of one name apart."""
+_COMPONENTS: Final = {f"{channel}_{axis}" for channel in CHANNELS for axis in "xyz"}
 _OF_ROS: Final = re.compile(r"(pose[./]position|translation)[./][xyz]$")
 _OF_ROBOTS: Final = (
     ("position", "actual_TCP_pose", 0, "m"),  # RTDE of Universal Robots
@@ -144,21 +147,22 @@ def try_proposal(
 def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOptions, SourceColumns]:
     """Return the columns without values, the completed options, and the columns they use."""
     read = read_columns(path, Wanted(), options)
-    guessed = _guess(read.names)
+    guessed = _guess(read.names, read.units)
     columns = {**guessed, **_own_times(read, guessed), **options.columns}
     options = replace(options, columns=columns)
     return read, options, read_columns(path, wanted_names(options), options)
 
 
-def _guess(names: Sequence[str]) -> dict[str, str]:
-    """Guess the columns from their names; return them by target."""
+def _guess(names: Sequence[str], units: Mapping[str, str]) -> dict[str, str]:
+    """Guess the columns from their names and units; return them by target.
+
+    The first of several of one name is taken for an axis.
+    """
     columns = _of_robots(names)
     found = [match for name in names if (match := _AXIS_OF.fullmatch(name))]
     owners = {match[0 if match[2] in "wW" else 1] for match in found}  # a quaternion is no position
     for name in sorted(_with_vectors(names), key=lambda name: name.lower() == "date"):
-        axis = _AXIS_OF.fullmatch(name)
-        target = _target_of_axis(axis[1], axis[2].lower(), owners) if axis else _target(name)
-        target = None if name in STANDARD_NAMES.values() else target
+        target = _target_of_column(name, units.get(name, ""), owners)
         if target and target not in columns and STANDARD_NAMES.get(target) not in names:
             columns[target] = name
     if "time_fraction" in columns and not _SECONDS.search(columns.get("time", "").lower()):
@@ -171,7 +175,8 @@ def _guess(names: Sequence[str]) -> dict[str, str]:
         if axes & set(columns):
             columns.pop(channel, None)
             constant = "0.0" if "0" in names else "0"
-            columns |= dict.fromkeys(sorted(axes - set(columns)), constant)
+            standard = {axis for axis in axes if STANDARD_NAMES[axis] in names}
+            columns |= dict.fromkeys(sorted(axes - standard - set(columns)), constant)
     quaternion = {f"orientation_{axis}" for axis in "wxyz"}
     if not quaternion <= set(columns):
         columns = {target: name for target, name in columns.items() if target not in quaternion}
@@ -209,7 +214,7 @@ def _own_times(read: SourceColumns, columns: Mapping[str, str]) -> dict[str, str
     """Return the time of each channel, if several of one name stand before columns."""
     own, last = {}, ""
     for name in read.names:
-        base = re.sub(r"\.\d+$", "", name)
+        base = _NUMBER.sub("", name)
         of_time = _target(base) == "time" or unit_factor("time", read.units.get(name, ""))
         last = name if base != name and of_time else last
         own[name] = last
@@ -269,6 +274,16 @@ def _target(name: str) -> str | None:
             ):
                 return quantity
     return None
+
+
+def _target_of_column(name: str, unit: str, owners: Collection[str]) -> str | None:
+    """Return the target that a column's name and unit suggest, None if it needs no mapping."""
+    plain = _NUMBER.sub("", name)
+    axis = _AXIS_OF.fullmatch(plain)
+    target = _target_of_axis(axis[1], axis[2].lower(), owners) if axis else _target(plain)
+    if plain != name and (target not in _COMPONENTS or unit_factor("time", unit)):
+        return None
+    return None if name in STANDARD_NAMES.values() else target
 
 
 def _target_of_axis(owner: str, letter: str, owners: Collection[str]) -> str | None:
