@@ -66,6 +66,19 @@ def test_a_file_of_which_nothing_is_known_is_listed(tmp_path):
     assert "no name tells a channel: say which columns are" in told.output
 
 
+@pytest.mark.parametrize(
+    ("header", "note"),
+    [
+        ("alpha,alpha", "2 columns are called alpha"),
+        ("t,Fz", "1 lines of text were left out, the first is line 4"),
+    ],
+)
+def test_what_a_file_holds_beside_is_told_though_it_cannot_be_imported(tmp_path, header, note):
+    (tmp_path / "odd.csv").write_text(f"{header}\n1,2\n1,3\nno sensor\n1,4\n1,5\n")
+    told = run("inspect", str(tmp_path / "odd.csv"))
+    assert f"look: {note}" in told.output
+
+
 def test_import_prints_and_writes_what_it_found(tmp_path):
     force_n = np.column_stack([0 * TIME_S, 0 * TIME_S, -FORCE_N])
     np.savez(tmp_path / "a.npz", time_s=TIME_S, force_n=force_n)

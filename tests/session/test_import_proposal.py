@@ -42,6 +42,8 @@ X = " position_x=x position_y=0 position_z=0"
         ("t,v,position_x_mm", "time=t"),
         ("Date,Time,load", "time=Time force=load"),
         ("DATE,load", "time=DATE force=load"),
+        ("ts,load", "time=ts force=load"),
+        ("log.Epoch,load", "time=log.Epoch force=load"),
         ("time_s,t,load", "force=load"),
         ("time_s,force_n[0],force_n[1]", ""),
         ("t,time,load", "time=t force=load"),
@@ -130,6 +132,9 @@ def test_nought_is_proposed_only_for_an_axis_without_a_column(tmp_path_factory, 
         ("actual_TCP_force", "force", 0, "N"),
         ("actual_tool_accelerometer", "acceleration", 0, "m/s2"),
         ("O_T_EE", "position", 12, "m"),
+        ("wrench", "force", 0, "N"),
+        ("log.ft", "force", 0, "N"),
+        ("arm/force_torque", "force", 0, "N"),
     ],
 )
 def test_what_robots_call_their_measurements_has_their_unit(

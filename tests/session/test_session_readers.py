@@ -73,7 +73,7 @@ def text(columns, header, sep, comma, above):
     units=a_unit,
     order=an_order,
     style=st.sampled_from(["brackets", "round", "row"]),
-    sep=st.sampled_from([",", ";", "\t", " ", "   "]),
+    sep=st.sampled_from([",", ";", "\t", "|", " ", "   "]),
     comma=st.booleans(),
     encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16"]),
     packed=st.booleans(),
@@ -254,7 +254,12 @@ def test_objects_and_lists_of_json_are_columns(tmp_path):
     lines = [json.dumps(row) for row in rows]
     lines[5] = lines[5].replace('"a"', '"a": NaN, "a"')
     columns = {"time": "t", "position": "tip.p", "force": "tip.f.0.n"}
-    for name, content in [("a.ndjson", "\n".join(lines)), ("a.json", f"[{','.join(lines)}]")]:
+    forms = [
+        ("a.ndjson", "\n".join(lines)),
+        ("a.json", f"[{','.join(lines)}]"),
+        ("b.json", f'{{"about": {{"rate": [1000]}}, "rows": [{",".join(lines)}]}}'),
+    ]
+    for name, content in forms:
         (tmp_path / name).write_text(content)
         frames = import_session(tmp_path / name, columns=columns).frames
         np.testing.assert_allclose(frames["position_mm"], POSITION_MM, rtol=1e-6)
@@ -926,3 +931,22 @@ def test_a_packed_text_that_is_cut_off_is_read_as_far_as_it_goes(share):
     assert 0.5 * share * ROWS < count < ROWS
     np.testing.assert_allclose(session.frames["force_n"][:, 2], FORCE_N[:count, 2], rtol=1e-6)
     assert "cut off" in " ".join(report.warnings)
+
+
+@given(share=st.floats(0.4, 0.95), zeros=st.integers(1, 3_000_000), end=st.sampled_from(["", "1"]))
+@settings(max_examples=10, deadline=None)
+def test_text_is_read_to_the_zero_bytes_at_its_end(share, zeros, end):
+    with TemporaryDirectory() as folder:
+        path = table_of(Path(folder, "a.csv"), TIME_S)
+        content = path.read_bytes()
+        path.write_bytes(content[: int(share * len(content))] + bytes(zeros) + end.encode())
+        options = ImportOptions({"time": "t", "force": "Fz"})
+        if end:
+            with pytest.raises(InputError, match="not text in columns, it holds zero bytes"):
+                import_recording(path, options)
+            return
+        session, report = import_recording(path, options)
+    count = len(session.frames)
+    assert 0.9 * share * ROWS < count < 1.1 * share * ROWS
+    np.testing.assert_allclose(session.frames["force_n"][:, 2], FORCE_N[:count, 2], rtol=1e-6)
+    assert "ends in zero bytes" in " ".join(report.warnings)

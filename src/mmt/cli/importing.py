@@ -1,5 +1,6 @@
 """``mmt session inspect`` and ``mmt session import``: import recordings of other programs."""
 
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -136,12 +137,14 @@ def inspect_file(
         output.print(f"no column was found for {target}: --map {option}", highlight=False)
     if set(CHANNELS) <= set(proposal.lacking):
         output.print("no name tells a channel: say which columns are", highlight=False)
+        print_warnings(proposal.columns.notes)
         return
     proposal, report, error = try_proposal(source, proposal)
     if report is not None:
         print_report(source.name, report)
         output.print("proposed:", highlight=False)
     else:
+        print_warnings(proposal.columns.notes)
         messages.print(f"it cannot be imported yet: {error}", highlight=False)
         output.print("to be completed:", highlight=False)
     output.print(proposal.command(source), highlight=False, soft_wrap=True)
@@ -239,7 +242,12 @@ def print_report(title: str, report: "ImportReport") -> None:
     output.print(table)
     if report.speed_mm_s is not None:
         output.print(f"speed: up to {report.speed_mm_s:.0f} mm/s (99 %)", highlight=False)
-    for warning in report.warnings:
+    print_warnings(report.warnings)
+
+
+def print_warnings(warnings: Iterable[str]) -> None:
+    """Print what a person should look at, a line each."""
+    for warning in warnings:
         sentence = Text.assemble(("look:", "yellow"), f" {printable(warning)}")
         messages.print(sentence, soft_wrap=True)
 

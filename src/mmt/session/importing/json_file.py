@@ -1,4 +1,4 @@
-"""Read JSON: a line or an element for each row, or an object of arrays."""
+"""Read JSON: a line or an element for each row, or an object of arrays or with one list of rows."""
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -32,6 +32,9 @@ def read_json(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         else:
             content = list(_lines(file, notes))
         if isinstance(content, dict):
+            tables = [member for member in content.values() if _is_table(member)]
+            content = tables[0] if len(tables) == 1 else content
+        if isinstance(content, dict):
             columns = {name: array for name, array in _leaves(content) if isinstance(array, list)}
             names = list(columns)
         elif isinstance(content, list):
@@ -40,6 +43,10 @@ def read_json(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
             raise InputError("it holds neither rows nor arrays")
         arrays = {name: _array(column, name) for name, column in columns.items() if wanted(name)}
     return SourceColumns(origin=origin, names=names, notes=notes, **columns_of(arrays, origin))
+
+
+def _is_table(member: Any) -> bool:
+    return isinstance(member, list) and any(isinstance(row, dict) for row in member)
 
 
 def _parsed(text: str) -> Any:

@@ -32,7 +32,7 @@ _WORDS: Final = {
     "speed": "v|vel|velocity|speed",
 }
 _TIME: Final = re.compile(
-    r"^(t|times?|timestamps?|stamps?|clock|(tv)?secs?|seconds|zeit|temps|tiempo|tempo|date|datetime|xvalue)$"
+    r"^(ts?|times?|timestamps?|stamps?|epoch|clock|(tv)?secs?|seconds|zeit|temps|tiempo|tempo|date|datetime|xvalue)$"
 )
 _FRACTION: Final = re.compile(r"^(tv)?(n|nano|u|micro|m|milli)s(ecs?|econds?)?$")
 """Matches the name of a part of a second, which may stand beside one of `_SECONDS`."""
@@ -49,8 +49,9 @@ _OF_ROBOTS: Final = (
     ("acceleration", "actual_tool_accelerometer", 0, "m/s2"),
     ("position", "O_T_EE", 12, "m"),  # libfranka: a matrix, column by column
     ("force", "O_F_ext_hat_K", 0, "N"),
+    *(("force", name, 0, "N") for name in ("wrench", "ft", "force_torque")),
 )
-"""Channel, name, first element and unit of what robots' own interfaces call by one name."""
+"""Channel, name, first element and unit of what robots and their sensors call by one name."""
 _TIME_STEPS: Final = (("s", 0.05), ("ms", 50.0), ("us", 50e3), ("ns", 50e6))
 """Largest step of times for each unit, if rows come at 20 Hz or faster."""
 _FIRST_OF_DAYS = 20_000.0
@@ -186,9 +187,11 @@ def _guess(names: Sequence[str], units: Mapping[str, str]) -> dict[str, str]:
 
 
 def _of_robots(names: Sequence[str]) -> dict[str, str]:
-    """Return the columns by target of names in `_OF_ROBOTS`."""
+    """Return the columns by target of names in `_OF_ROBOTS`, which may be part of something."""
     columns: dict[str, str] = {}
-    for channel, base, first, _ in _OF_ROBOTS:
+    whole = {_last_part(base): base for base in map(_array_of, names)}
+    for channel, called, first, _ in _OF_ROBOTS:
+        base = whole.get(called, called)
         found: dict[str, str] = {}
         for number, axis in enumerate("xyz", first):
             element = f"{base}[{number}]"
@@ -200,13 +203,23 @@ def _of_robots(names: Sequence[str]) -> dict[str, str]:
     return columns
 
 
+def _array_of(name: str) -> str:
+    """Return the name of an element's array, or the name itself if it is none of an element."""
+    return re.sub(r"[\[(]\d+[\])]$|[_.]\d+$", "", name)
+
+
+def _last_part(name: str) -> str:
+    return re.split(r"[./]", name)[-1]
+
+
 def _robots_units(columns: SourceColumns, options: ImportOptions) -> dict[str, str]:
     """Return the units of columns in `_OF_ROBOTS` that neither file nor options state."""
     units: dict[str, str] = {}
-    for channel, base, _, unit in _OF_ROBOTS:
+    for channel, called, _, unit in _OF_ROBOTS:
         name = options.columns.get(f"{channel}_x", "")
+        base = _array_of(name)
         told = {name, base} & columns.units.keys() or channel in options.units
-        units |= {channel: unit} if name.startswith(base) and not told else {}
+        units |= {channel: unit} if _last_part(base) == called and not told else {}
     return units
 
 
@@ -291,7 +304,7 @@ def _target_of_axis(owner: str, letter: str, owners: Collection[str]) -> str | N
 
     If that is no known quantity, the axis is one of position if nothing else has axes.
     """
-    last = re.split(r"[./]", owner)[-1]
+    last = _last_part(owner)
     target = next((q for q, parts in MESSAGE_PARTS.items() if last == parts[0]), None)
     target = target or _target(f".{last}") or ("position" if len(owners) == 1 else "")
     return f"{target}_{letter}" if target in CHANNELS and letter != "w" else None

@@ -5,6 +5,7 @@ import gzip
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final, TextIO
@@ -16,7 +17,7 @@ from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.table import read_table
 
 _LOOKED_AT = 300
-_SIGNS: Final = ";\t, "
+_SIGNS: Final = ";\t|, "
 _LONGEST_LINE: Final = 1 << 20
 """Number of characters; cells take many times more memory than their text."""
 _BEGINNINGS: Final = {
@@ -29,8 +30,8 @@ _BEGINNINGS: Final = {
 def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> SourceColumns:
     """Read the wanted columns of a text file; see `read_table`.
 
-    The separator is semicolon, tab, comma or blanks, whichever gives most numbers. A comment sign
-    (``#``, ``%``) before a line is removed. The encoding is that of the byte order mark, else
+    The separator is semicolon, tab, bar, comma or blanks, whichever gives most numbers. A comment
+    sign (``#``, ``%``) before a line is removed. The encoding is that of the byte order mark, else
     UTF-16, UTF-8 or Windows-1252, as detected.
 
     Raises
@@ -44,8 +45,6 @@ def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions)
         encoding = _encoding(path)
         with _opened(path, encoding) as stream:
             lines = list(islice(_lines(stream, []), (options.header or 0) + _LOOKED_AT))
-        if any("\0" in line for line in lines):
-            raise InputError(f"{origin}: this is not text in columns, it holds zero bytes")
         delimiter = options.delimiter or _delimiter(lines[-_LOOKED_AT:], options)
         cut: list[str] = []
         with _opened(path, encoding) as stream:
@@ -86,14 +85,23 @@ def _encoding(path: Path) -> str:
 
 
 def _lines(stream: TextIO, cut: list[str]) -> Iterator[str]:
-    """Yield the lines, of a packed file that is cut off as far as it goes, with a note in `cut`."""
+    """Yield the lines, as far as they go in a file that is cut off, with a note in `cut`.
+
+    A packed file may end early, and zero bytes end a file that was open as its machine lost power.
+    """
     try:
         while line := stream.readline(_LONGEST_LINE):
-            if len(line) == _LONGEST_LINE:
+            if "\0" in line:
+                rest = (line[line.index("\0") :], *iter(partial(stream.read, 1 << 20), ""))
+                if any(part.strip("\0\r\n") for part in rest):
+                    raise InputError("this is not text in columns, it holds zero bytes")
+                cut.append("the file ends in zero bytes: it was read to the line before them")
+            elif len(line) == _LONGEST_LINE:
                 raise InputError(
                     f"a line has more than {_LONGEST_LINE} characters, which no table has"
                 )
-            yield line
+            else:
+                yield line
     except EOFError:
         cut.append("the packed file is cut off, and was read as far as it goes")
 
