@@ -107,7 +107,7 @@ def test_what_the_columns_do_not_tell_is_asked(tmp_path: Path, measured: np.ndar
 @pytest.mark.parametrize(
     ("header", "columns", "said"),
     [
-        ("one,two,three,four", [1, 2, 6, 9], "no column was found for time; say it by --rate HZ"),
+        ("one,two,two,four", [1, 2, 6, 9], "no column was found for time; say it by --rate HZ"),
         ("t,px,py,az", [0, 1, 2, 9], "no column was found for force; say it by --map force_z=NAME"),
     ],
 )
@@ -117,6 +117,7 @@ def test_without_a_person_it_says_what_is_missing(
     path = write(tmp_path / "odd.csv", header, measured[:, columns])
     result = CliRunner().invoke(app, ["try", str(path)])
     assert said in str(result.exception)
+    assert ("look: 2 columns are called two" in result.output) == ("two" in header)
 
 
 def test_too_few_strokes_are_said(

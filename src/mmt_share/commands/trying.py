@@ -21,6 +21,7 @@ from mmt.cli.importing import (
     SourceFile,
     Units,
     print_report,
+    print_warnings,
 )
 from mmt.cli.models import SUFFIX, built, save
 from mmt.core.errors import InputError
@@ -88,6 +89,7 @@ def _session(source: Path, options: "ImportOptions") -> "RecordedSession":
             return read_session(source)
     proposal, report, error = try_proposal(source, _completed(source, options))
     if report is None:
+        print_warnings(proposal.columns.notes)
         raise error or InputError(f"{source}: it cannot be imported")
     print_report(source.name, report)
     output.print(f"imported as by: {proposal.command(source)}", highlight=False, soft_wrap=True)
@@ -99,10 +101,15 @@ def _completed(source: Path, options: "ImportOptions") -> "Proposal":
     from mmt.session.importing.proposal import propose
 
     proposal = propose(source, options)
+    if proposal.lacking:
+        print_warnings(proposal.columns.notes)
     for target in proposal.lacking:
         if not sys.stdin.isatty():
             option = "--rate HZ" if target == "time" else f"--map {target}_z=NAME"
-            raise InputError(f"{source}: no column was found for {target}; say it by {option}")
+            raise InputError(
+                f"{source}: no column was found for {target}; say it by {option}, or first import "
+                "the file by mmt session import, which has more options"
+            )
         options = _asked(target, proposal.names, options)
     return propose(source, options) if proposal.lacking else proposal
 
