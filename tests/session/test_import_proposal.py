@@ -83,6 +83,8 @@ X = " position_x=x position_y=0 position_z=0"
             "/imu.linear_acceleration,/w.a.force,/w.torque,/tool.translation",
             "acceleration=/imu.linear_acceleration force=/w.a.force position=/tool.translation",
         ),
+        ("/rig.t,/rig.pos,/rig.acc,/rig.v,/force", "position=/rig.pos acceleration=/rig.acc"),
+        ("/rig.fz,/joints.position.elbow", "force_x=0 force_y=0 force_z=/rig.fz"),
         ("time_ms,acc_m_s2", "time=time_ms acceleration=acc_m_s2"),
         ("time_N,fx_n", "force_x=fx_n force_y=0 force_z=0"),
         ("t,fx_mm,pos_g,x_n", "time=t"),
