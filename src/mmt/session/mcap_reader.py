@@ -8,11 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.records import (
-    Channel,
-    Message,
-    Schema,
-)
+from mcap.records import Channel, Message, Schema
 from mcap.well_known import MessageEncoding
 
 from mmt.core.arrays import RecordArray
@@ -39,7 +35,7 @@ from mmt.session.mcap_writer import (
     SESSION_METADATA,
     UTC_OFFSET,
 )
-from mmt.session.messages import FRAME_BLOCK, FrameCodec, OutputCodec, decode_event
+from mmt.session.messages import FRAME_BLOCK, FrameCodec, OutputCodec, event_codec
 
 
 def read_mcap(path: Path) -> RecordedSession:
@@ -217,7 +213,7 @@ def parse_event(path: Path, data: bytes, channel: Channel) -> dict[str, Any]:
         The event does not parse.
     """
     json_encoded = channel.message_encoding == MessageEncoding.JSON
-    return parse_json(path, data if json_encoded else decode_event(data), "an event")
+    return parse_json(path, data if json_encoded else event_codec().decode(data), "an event")
 
 
 def recorded_event(path: Path, message: Message, channel: Channel, start_ns: int) -> JsonObject:

@@ -27,31 +27,14 @@ from mmt.session.data import (
     sampled_parts,
     to_json,
 )
-from mmt.session.messages import (
-    EVENT,
-    FRAME_BLOCK,
-    OUTPUT_BLOCK,
-    FrameCodec,
-    OutputCodec,
-    encode_event,
-    event_schema,
-    frame_schema,
-    output_schema,
-)
+from mmt.session.messages import Codec, FrameCodec, OutputCodec, event_codec
 from mmt.session.plot_messages import (
     ACCELERATION_SAMPLE,
-    LOG,
-    PLOT_SAMPLE,
     SCALARS,
-    VIBRATION_SAMPLE,
     LogCodec,
     PlotCodec,
     ScalarCodec,
-    VibrationCodec,
-    log_schema,
-    plot_schema,
-    scalars_schema,
-    vibration_sample_schema,
+    vibration_codec,
 )
 
 FORMAT_VERSION: Final = 3
@@ -126,16 +109,26 @@ class SessionWriter:
         self._plot = PlotCodec(channels)
         self._output = OutputCodec()
         self._log = LogCodec()
+        self._vibration = vibration_codec()
         several = samples_per_frame > 1
-        plain = {
-            (ACCELERATION_TOPIC if k > 1 else SCALARS_TOPIC): (
-                ACCELERATION_SAMPLE if k > 1 else SCALARS,
-                part,
+        self._with_scalars = scalars
+        self._scalars = {
+            ACCELERATION_TOPIC if k > 1 else SCALARS_TOPIC: ScalarCodec(
+                ACCELERATION_SAMPLE if k > 1 else SCALARS, part
             )
             for part, k in sampled_parts(channels, samples_per_frame)
+            if scalars
         }
-        self._scalars = {t: ScalarCodec(*each) for t, each in plain.items() if scalars}
-        self._vibration = VibrationCodec() if scalars else None
+        self._codecs: dict[str, Codec] = {
+            FRAMES_TOPIC: self._frames,
+            BACKFILL_TOPIC: self._frames,
+            PLOT_TOPIC: self._plot,
+            OUTPUT_TOPIC: self._output,
+            EVENTS_TOPIC: event_codec(),
+            LOG_TOPIC: self._log,
+            VIBRATION_TOPIC: self._vibration,
+            **self._scalars,
+        }
         self._utc_offset_ns = utc_offset_ns
         self._samples_per_frame = samples_per_frame
         self._models = 0
@@ -155,22 +148,11 @@ class SessionWriter:
         )
         if scene is not None:
             self._writer.add_metadata(SCENE_METADATA, {"json": to_json(dict(scene))})
-        blocks = (FRAME_BLOCK, frame_schema(channels))
-        self._schemas = {
-            FRAMES_TOPIC: blocks,
-            BACKFILL_TOPIC: blocks,
-            PLOT_TOPIC: (PLOT_SAMPLE, plot_schema(channels)),
-            OUTPUT_TOPIC: (OUTPUT_BLOCK, output_schema()),
-            EVENTS_TOPIC: (EVENT, event_schema()),
-            LOG_TOPIC: (LOG, log_schema()),
-            **{topic: (each[0], scalars_schema(*each)) for topic, each in plain.items()},
-            VIBRATION_TOPIC: (VIBRATION_SAMPLE, vibration_sample_schema()),
-        }
         self._channels = {topic: self._register(topic) for topic in (FRAMES_TOPIC, PLOT_TOPIC)}
 
     def _register(self, topic: str) -> int:
-        name, schema = self._schemas[topic]
-        schema_id = self._writer.register_schema(name, SchemaEncoding.Protobuf, schema)
+        codec = self._codecs[topic]
+        schema_id = self._writer.register_schema(codec.name, SchemaEncoding.Protobuf, codec.schema)
         metadata = self._metadata.get(topic, {})
         return self._writer.register_channel(topic, MessageEncoding.Protobuf, schema_id, metadata)
 
@@ -206,14 +188,15 @@ class SessionWriter:
         log_time_ns = max(0, log_time_ns)
         data = self._output.encode(log_time_ns, mode, vibration_m_s2)
         self._add(OUTPUT_TOPIC, data, log_time_ns, log_time_ns)
-        if self._vibration is not None:
+        if self._with_scalars:
             for sample, value in enumerate(vibration_m_s2.tolist()):
                 at_ns = log_time_ns + sample * FRAME_PERIOD_NS // self._samples_per_frame
-                self._add(VIBRATION_TOPIC, self._vibration.encode(at_ns, value), at_ns, at_ns)
+                data = self._vibration.pack(time_ns=at_ns, vibration_m_s2=value)
+                self._add(VIBRATION_TOPIC, data, at_ns, at_ns)
 
     def write_event(self, event: str, log_time_ns: int) -> None:
         """Write an event, the text of a JSON object, and its sentence as a log message."""
-        self._add(EVENTS_TOPIC, encode_event(event), log_time_ns, log_time_ns)
+        self._add(EVENTS_TOPIC, event_codec().encode(event), log_time_ns, log_time_ns)
         sentence = json.loads(event).get("event")
         if isinstance(sentence, str):
             data = self._log.encode(self._utc_ns(log_time_ns), sentence)

@@ -51,31 +51,6 @@ def frame_schema(channels: Sequence[Channel]) -> bytes:
     return message_schema(FRAME_BLOCK, fields)
 
 
-def output_schema() -> bytes:
-    """Return the schema of ``mmt.OutputBlock``."""
-    return message_schema(
-        OUTPUT_BLOCK,
-        [
-            ("time_ns", Field.TYPE_SFIXED64, False),
-            ("mode", Field.TYPE_STRING, False),
-            ("vibration_m_s2", Field.TYPE_FLOAT, True),
-        ],
-    )
-
-
-def event_schema() -> bytes:
-    """Return the schema of ``mmt.Event``: the event as JSON, and fields that most events have."""
-    return message_schema(
-        EVENT,
-        [
-            ("time_s", Field.TYPE_DOUBLE, False),
-            ("event", Field.TYPE_STRING, False),
-            ("kind", Field.TYPE_STRING, False),
-            ("json", Field.TYPE_STRING, False),
-        ],
-    )
-
-
 def message_class(schema: bytes, name: str) -> Any:
     """Return the Protobuf class of a message in a serialized FileDescriptorSet.
 
@@ -98,7 +73,27 @@ def message_class(schema: bytes, name: str) -> Any:
         raise InputError(f"the schema of {name} cannot be used: {error}") from error
 
 
-class FrameCodec:
+class Codec:
+    """Encodes messages of one type.
+
+    Parameters
+    ----------
+    name
+        Name of the message.
+    schema
+        Serialized FileDescriptorSet that holds it.
+    """
+
+    def __init__(self, name: str, schema: bytes) -> None:
+        self.name, self.schema = name, schema
+        self._message = message_class(schema, name)
+
+    def pack(self, **fields: Any) -> bytes:
+        """Return a message with these fields."""
+        return bytes(self._message(**fields).SerializeToString())
+
+
+class FrameCodec(Codec):
     """Turn blocks of frames into ``mmt.FrameBlock`` messages and back.
 
     Parameters
@@ -110,7 +105,7 @@ class FrameCodec:
     """
 
     def __init__(self, schema: bytes, samples_per_frame: int = 1) -> None:
-        self._message = message_class(schema, FRAME_BLOCK)
+        super().__init__(FRAME_BLOCK, schema)
         fields = self._message.DESCRIPTOR.fields_by_name
         self.channels = tuple(c for c in ALL_CHANNELS if FIELD_OF_CHANNEL[c] in fields)
         self.samples_per_frame = samples_per_frame
@@ -123,8 +118,7 @@ class FrameCodec:
 
     def encode(self, frames: RecordArray) -> bytes:
         """Encode a block of frames (n,) as one message; about 12 us for n = 20."""
-        values = {name: frames[name].ravel().tolist() for name in self.dtype.names or ()}
-        return bytes(self._message(**values).SerializeToString())
+        return self.pack(**{name: frames[name].ravel().tolist() for name in self.dtype.names or ()})
 
     def decode(self, payloads: Sequence[bytes]) -> RecordArray:
         """Decode many messages and return their frames (n,), in order.
@@ -155,16 +149,20 @@ class FrameCodec:
         return frames
 
 
-class OutputCodec:
+class OutputCodec(Codec):
     """Turn the leader's output into ``mmt.OutputBlock`` messages and back."""
 
     def __init__(self, schema: bytes | None = None) -> None:
-        self._message = message_class(schema or output_schema(), OUTPUT_BLOCK)
+        fields = [
+            ("time_ns", Field.TYPE_SFIXED64, False),
+            ("mode", Field.TYPE_STRING, False),
+            ("vibration_m_s2", Field.TYPE_FLOAT, True),
+        ]
+        super().__init__(OUTPUT_BLOCK, schema or message_schema(OUTPUT_BLOCK, fields))
 
     def encode(self, time_ns: int, mode: str, vibration_m_s2: FloatArray) -> bytes:
         """Encode samples (n,), the first at `time_ns`, as one message."""
-        message = self._message(time_ns=time_ns, mode=mode, vibration_m_s2=vibration_m_s2.tolist())
-        return bytes(message.SerializeToString())
+        return self.pack(time_ns=time_ns, mode=mode, vibration_m_s2=vibration_m_s2.tolist())
 
     def decode(self, payload: bytes) -> tuple[str, FloatArray]:
         """Decode one message; return its mode and samples (n,).
@@ -181,33 +179,43 @@ class OutputCodec:
             raise InputError(f"the leader's output does not fit its schema: {error}") from error
 
 
-@cache
-def _event_class() -> Any:
-    return message_class(event_schema(), EVENT)
+class EventCodec(Codec):
+    """Turn events, as JSON text, into ``mmt.Event`` messages and back.
 
-
-def encode_event(text: str) -> bytes:
-    """Return an event, as JSON text, as an ``mmt.Event`` message."""
-    event = json.loads(text)
-    time_s, kind = event.get("time_s"), event.get("kind")
-    message = _event_class()(
-        time_s=float(time_s) if isinstance(time_s, int | float) else 0.0,
-        event=str(event.get("event", "")),
-        kind="" if kind is None else str(kind),
-        json=text,
-    )
-    return bytes(message.SerializeToString())
-
-
-def decode_event(payload: bytes) -> str:
-    """Return the JSON text of an event's message.
-
-    Raises
-    ------
-    InputError
-        The message does not parse.
+    A message has the event as JSON, and fields that most events have.
     """
-    try:
-        return str(_event_class().FromString(payload).json)
-    except _MISFITS as error:
-        raise InputError(f"an event does not fit its schema: {error}") from error
+
+    def __init__(self) -> None:
+        fields = [("time_s", Field.TYPE_DOUBLE, False)]
+        fields += [(name, Field.TYPE_STRING, False) for name in ("event", "kind", "json")]
+        super().__init__(EVENT, message_schema(EVENT, fields))
+
+    def encode(self, text: str) -> bytes:
+        """Encode one event."""
+        event = json.loads(text)
+        time_s, kind = event.get("time_s"), event.get("kind")
+        return self.pack(
+            time_s=float(time_s) if isinstance(time_s, int | float) else 0.0,
+            event=str(event.get("event", "")),
+            kind="" if kind is None else str(kind),
+            json=text,
+        )
+
+    def decode(self, payload: bytes) -> str:
+        """Decode one message.
+
+        Raises
+        ------
+        InputError
+            The message does not parse.
+        """
+        try:
+            return str(self._message.FromString(payload).json)
+        except _MISFITS as error:
+            raise InputError(f"an event does not fit its schema: {error}") from error
+
+
+@cache
+def event_codec() -> EventCodec:
+    """Return the codec of all events, of which a file has many."""
+    return EventCodec()

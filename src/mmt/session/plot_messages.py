@@ -12,7 +12,7 @@ from google.protobuf import descriptor_pb2, timestamp_pb2
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel, acceleration_samples, channels_of
 from mmt.session.data import FRAME_PERIOD_NS, axis_columns, sample_times
-from mmt.session.messages import Field, message_class, message_schema
+from mmt.session.messages import Codec, Field, message_schema
 
 PLOT_SAMPLE: Final = "mmt.PlotSample"
 LOG: Final = "foxglove.Log"
@@ -22,17 +22,7 @@ VIBRATION_SAMPLE: Final = "mmt.VibrationSample"
 
 _MEANS: Final[tuple[Channel, ...]] = ("position", "force")
 """Channels whose mean is in a plot sample; of acceleration it has the RMS of the vibration."""
-
-
-def plot_schema(channels: Sequence[Channel]) -> bytes:
-    """Return the schema of ``mmt.PlotSample``, whose fields are scalars for plotting tools."""
-    names = [name for channel in _MEANS if channel in channels for name in axis_columns(channel)]
-    if "acceleration" in channels:
-        names.append("vibration_rms_m_s2")
-    fields = [("time_ns", Field.TYPE_SFIXED64, False)]
-    return message_schema(
-        PLOT_SAMPLE, fields + [(name, Field.TYPE_DOUBLE, False) for name in names]
-    )
+_TIME: Final = ("time_ns", Field.TYPE_SFIXED64, False)
 
 
 def log_schema() -> bytes:
@@ -65,24 +55,15 @@ def log_schema() -> bytes:
     return bytes(files.SerializeToString())
 
 
-def scalars_schema(message: str, channels: Sequence[Channel]) -> bytes:
-    """Return the schema of a message with one sample: a field for each axis of each channel."""
-    names = [name for channel in channels for name in axis_columns(channel)]
-    fields = [("time_ns", Field.TYPE_SFIXED64, False)]
-    return message_schema(message, fields + [(name, Field.TYPE_FLOAT, False) for name in names])
-
-
-def vibration_sample_schema() -> bytes:
-    """Return the schema of ``mmt.VibrationSample``: one sample of the leader's output."""
-    fields = [("time_ns", Field.TYPE_SFIXED64, False), ("vibration_m_s2", Field.TYPE_FLOAT, False)]
-    return message_schema(VIBRATION_SAMPLE, fields)
-
-
-class PlotCodec:
-    """Condense a block of frames into one ``mmt.PlotSample``."""
+class PlotCodec(Codec):
+    """Condense a block of frames into one ``mmt.PlotSample``: scalars for plotting tools."""
 
     def __init__(self, channels: Sequence[Channel]) -> None:
-        self._message = message_class(plot_schema(channels), PLOT_SAMPLE)
+        names = [n for channel in _MEANS if channel in channels for n in axis_columns(channel)]
+        if "acceleration" in channels:
+            names.append("vibration_rms_m_s2")
+        fields = [_TIME, *((name, Field.TYPE_DOUBLE, False) for name in names)]
+        super().__init__(PLOT_SAMPLE, message_schema(PLOT_SAMPLE, fields))
 
     def encode(self, frames: RecordArray) -> bytes:
         """Encode a block's means and the RMS of its vibration, at the first frame's time.
@@ -101,14 +82,14 @@ class PlotCodec:
                 vibration = acceleration - acceleration.mean(axis=0)
                 rms = np.sqrt(np.mean(np.sum(vibration**2, axis=1)))
                 values["vibration_rms_m_s2"] = float(rms)
-        return bytes(self._message(**values).SerializeToString())
+        return self.pack(**values)
 
 
-class LogCodec:
+class LogCodec(Codec):
     """Turn sentences into ``foxglove.Log`` messages."""
 
     def __init__(self) -> None:
-        self._message = message_class(log_schema(), LOG)
+        super().__init__(LOG, log_schema())
 
     def encode(self, utc_ns: int, sentence: str) -> bytes:
         """Encode a sentence as a message of level INFO at `utc_ns`, in ns since 1970."""
@@ -117,12 +98,14 @@ class LogCodec:
         return bytes(message.SerializeToString())
 
 
-class ScalarCodec:
-    """Turn each sample of channels into a message of `scalars_schema`."""
+class ScalarCodec(Codec):
+    """Turn each sample of channels into a message with a field for each axis of each channel."""
 
     def __init__(self, message: str, channels: Sequence[Channel]) -> None:
-        self._message = message_class(scalars_schema(message, channels), message)
         self._fields = {FIELD_OF_CHANNEL[channel]: axis_columns(channel) for channel in channels}
+        names = [name for columns in self._fields.values() for name in columns]
+        fields = [_TIME, *((name, Field.TYPE_FLOAT, False) for name in names)]
+        super().__init__(message, message_schema(message, fields))
 
     def encode(self, frames: RecordArray) -> Iterator[tuple[int, int, bytes]]:
         """Yield sequence of the frame, time (ns) and message for each sample of frames (n,)."""
@@ -136,17 +119,10 @@ class ScalarCodec:
             values: dict[str, float] = {"time_ns": times_ns[place]}
             for names, vector in zip(self._fields.values(), vectors, strict=True):
                 values |= zip(names, vector, strict=True)
-            message = self._message(**values)
-            yield sequence[place // several], message.time_ns, bytes(message.SerializeToString())
+            yield sequence[place // several], times_ns[place], self.pack(**values)
 
 
-class VibrationCodec:
-    """Turn each sample of the leader's output into a ``mmt.VibrationSample`` message."""
-
-    def __init__(self) -> None:
-        self._message = message_class(vibration_sample_schema(), VIBRATION_SAMPLE)
-
-    def encode(self, time_ns: int, vibration_m_s2: float) -> bytes:
-        """Return one sample as a message."""
-        message = self._message(time_ns=time_ns, vibration_m_s2=vibration_m_s2)
-        return bytes(message.SerializeToString())
+def vibration_codec() -> Codec:
+    """Return the codec of ``mmt.VibrationSample``: one sample of the leader's output."""
+    fields = [_TIME, ("vibration_m_s2", Field.TYPE_FLOAT, False)]
+    return Codec(VIBRATION_SAMPLE, message_schema(VIBRATION_SAMPLE, fields))
