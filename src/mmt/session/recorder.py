@@ -45,11 +45,10 @@ _POLLS_PER_FLUSH = 4
 
 
 class _Record(NamedTuple):
-    kind: Literal["frames", "backfill", "output", "event", "model", "annotations"]
-    log_time_ns: int
-    data: bytes
+    write: Callable[..., None]
+    arguments: tuple[Any, ...]
     frames: int = 0
-    mode: str = ""
+    """Number of frames in it."""
 
 
 class McapRecorder:
@@ -174,7 +173,7 @@ class McapRecorder:
         now_ns = self._clock()
         if self._start_ns is None:
             self._start_ns = now_ns
-        self._record("frames", frames, now_ns)
+        self._record(self._frame_assembler, frames, now_ns)
 
     def record_backfill(self, frames: RecordArray, log_time_ns: int) -> None:
         """Record frames (n,) that arrived late, ascending, with the log time of timely arrival.
@@ -185,18 +184,16 @@ class McapRecorder:
             The frames have other channels.
         """
         if len(frames):
-            self._record("backfill", frames, log_time_ns)
+            self._record(self._backfill_assembler, frames, log_time_ns)
 
-    def _record(
-        self, kind: Literal["frames", "backfill"], frames: RecordArray, log_time_ns: int
-    ) -> None:
+    def _record(self, blocks: BlockAssembler, frames: RecordArray, log_time_ns: int) -> None:
         if frames.dtype is not self._dtype and frames.dtype != self._dtype:
             raise InputError(
                 f"recording {self.path}: frames have {_described(frames.dtype)}, "
                 f"expected {_described(self._dtype)}"
             )
         self._recorded_frames += len(frames)
-        self._put(_Record(kind, log_time_ns, frames.tobytes(), len(frames)))
+        self._put(_Record(blocks.add, (log_time_ns, frames.tobytes()), len(frames)))
 
     def record_output(
         self, time_ns: int, mode: str, vibration_m_s2: npt.ArrayLike | Sequence[float]
@@ -204,22 +201,22 @@ class McapRecorder:
         """Record samples (n,) written to the actuator, the first at `time_ns` of `clock`."""
         data = np.asarray(vibration_m_s2, dtype="<f4").tobytes()
         if data:
-            self._put(_Record("output", time_ns, data, mode=mode))
+            self._put(_Record(self._output_assembler.add, (time_ns, mode, data)))
 
     def record_event(self, event: JsonObject) -> None:
         """Record an event at its ``time_s`` (session time), or now if it has none."""
         time_s = event.get("time_s")
         timed = isinstance(time_s, int | float) and math.isfinite(time_s)
         log_time_ns = self._log_time_ns(time_s if timed else None)
-        self._put_rare(_Record("event", log_time_ns, to_json(dict(event)).encode()))
+        self._put_rare(self._writer.write_event, to_json(dict(event)), log_time_ns)
 
     def attach_model(self, data: bytes, time_s: float) -> None:
         """Attach the bytes of a texture model's ``.npz`` at a session time."""
-        self._put_rare(_Record("model", self._log_time_ns(time_s), data))
+        self._put_rare(self._writer.write_model, data, self._log_time_ns(time_s))
 
     def attach_annotations(self, data: bytes) -> None:
         """Attach the follower's annotations of the session; the last call counts."""
-        self._put_rare(_Record("annotations", self._clock(), data))
+        self._put_rare(self._writer.write_annotations, data, self._clock())
 
     def close(self, timeout_s: float = 10.0) -> None:
         """Write all queued records, finish the file and wait for the recorder's thread.
@@ -245,9 +242,9 @@ class McapRecorder:
                 self._overflowed_frames += oldest.frames
         self._stream_queue.append(record)
 
-    def _put_rare(self, record: _Record) -> None:
+    def _put_rare(self, write: Callable[..., None], *arguments: Any) -> None:
         if self.error is None:
-            self._rare_queue.append(record)
+            self._rare_queue.append(_Record(write, arguments))
 
     def _run(self) -> None:
         try:
@@ -278,22 +275,7 @@ class McapRecorder:
                     record = queue.popleft()
                 except IndexError:  # the caller dropped records to make room
                     break
-                self._write(record)
-
-    def _write(self, record: _Record) -> None:
-        match record.kind:
-            case "frames":
-                self._frame_assembler.add(record.log_time_ns, record.data)
-            case "backfill":
-                self._backfill_assembler.add(record.log_time_ns, record.data)
-            case "output":
-                self._output_assembler.add(record.log_time_ns, record.mode, record.data)
-            case "event":
-                self._writer.write_event(record.data.decode(), record.log_time_ns)
-            case "model":
-                self._writer.write_model(record.data, record.log_time_ns)
-            case "annotations":
-                self._writer.write_annotations(record.data, record.log_time_ns)
+                record.write(*record.arguments)
 
     def _write_partial(self) -> None:
         self._frame_assembler.flush()
