@@ -1,9 +1,9 @@
 """Windows of an indexed session file: each chunk is read when a window needs it."""
 
-from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, BinaryIO, Final, Self
 
@@ -77,7 +77,7 @@ class McapWindows:
         output_schema = schemas.get(OUTPUT_TOPIC)
         self._output_codec = OutputCodec(output_schema.data) if output_schema else None
         self._utc_offset_ns = utc_offset_ns(about) or 0
-        self._parts: OrderedDict[int, _Part] = OrderedDict()
+        self._part = lru_cache(_CHUNKS_KEPT)(self._read_part)
         self._start_ns = self._first_frame_ns()
         self._begins_s, self._ends_s = (
             (np.array(times_ns, dtype=np.int64) - self._start_ns) / 1e9
@@ -148,7 +148,8 @@ class McapWindows:
     def reopen(self) -> Self:
         """See `mmt.session.windows.SessionWindows.reopen`."""
         other = copy(self)
-        other._stream, other._parts = self.path.open("rb"), OrderedDict()
+        other._stream = self.path.open("rb")
+        other._part = lru_cache(_CHUNKS_KEPT)(other._read_part)
         return other
 
     def close(self) -> None:
@@ -158,16 +159,17 @@ class McapWindows:
     # ---
 
     def _first_frame_ns(self) -> int:
-        for index in self._chunks_with(FRAMES_TOPIC):
-            for message in self._messages(index):
-                if self._topics.get(message.channel_id) == FRAMES_TOPIC:
-                    return int(message.log_time)
-        raise InputError(f"session {self.path}: it holds no frames")
+        first = next(self._on_topic(FRAMES_TOPIC), None)
+        if first is None:
+            raise InputError(f"session {self.path}: it holds no frames")
+        return int(first.log_time)
 
-    def _chunks_with(self, topic: str) -> list[ChunkIndex]:
-        """Return the chunks with messages of a topic, in the order of the file."""
+    def _on_topic(self, topic: str) -> Iterator[Message]:
+        """Yield the messages of a topic, in the order of the file."""
         ids = {number for number, name in self._topics.items() if name == topic}
-        return [index for index in self._chunks if ids & index.message_index_offsets.keys()]
+        for index in self._chunks:
+            if ids & index.message_index_offsets.keys():
+                yield from (m for m in self._messages(index) if m.channel_id in ids)
 
     def _messages(self, index: ChunkIndex) -> list[Message]:
         """Return the messages of a chunk, or none if the chunk is damaged."""
@@ -177,27 +179,16 @@ class McapWindows:
             return []
 
     def _read_events(self) -> list[JsonObject]:
-        events: list[JsonObject] = []
-        for index in self._chunks_with(EVENTS_TOPIC):
-            for message in self._messages(index):
-                if self._topics.get(message.channel_id) == EVENTS_TOPIC:
-                    channel = self._mcap_channels[message.channel_id]
-                    event = recorded_event(self.path, message, channel, self._start_ns)
-                    events.append({**event, "at_s": event["time_s"]})
-        return sorted(events, key=lambda event: float(event["at_s"]))
+        events = (
+            recorded_event(self.path, m, self._mcap_channels[m.channel_id], self._start_ns)
+            for m in self._on_topic(EVENTS_TOPIC)
+        )
+        timed = [{**event, "at_s": event["time_s"]} for event in events]
+        return sorted(timed, key=lambda event: float(event["at_s"]))
 
-    def _part(self, number: int) -> _Part:
-        """Return the content of a chunk, from the cache if possible."""
-        part = self._parts.get(number)
-        if part is None:
-            part = self._decode(self._messages(self._chunks[number]))
-            while len(self._parts) >= _CHUNKS_KEPT:
-                self._parts.popitem(last=False)
-        self._parts[number] = part
-        self._parts.move_to_end(number)
-        return part
-
-    def _decode(self, messages: list[Message]) -> _Part:
+    def _read_part(self, number: int) -> _Part:
+        """Decode a chunk; `_part` does so from a cache if possible."""
+        messages = self._messages(self._chunks[number])
         live = [m for m in messages if self._topics.get(m.channel_id) == FRAMES_TOPIC]
         late = [m for m in messages if self._topics.get(m.channel_id) == BACKFILL_TOPIC]
         outputs = [m for m in messages if self._topics.get(m.channel_id) == OUTPUT_TOPIC]
