@@ -1,10 +1,9 @@
 """Recover the readable part of a session file that was cut off or damaged."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
-
-from mcap.records import Message
+from typing import BinaryIO, ParamSpec
 
 from mmt.core.errors import InputError
 from mmt.core.existing_files import replacing
@@ -12,6 +11,8 @@ from mmt.session.data import duration_s, missing_frames
 from mmt.session.mcap_reader import parse_event, parse_json, scanned_frames
 from mmt.session.mcap_scan import Scan, scan_mcap
 from mmt.session.mcap_writer import EVENTS_TOPIC, RECOVERY_METADATA, SCENE_METADATA, open_writer
+
+_P = ParamSpec("_P")
 
 
 @dataclass(frozen=True)
@@ -67,8 +68,8 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
 def _copy(scan: Scan, recovery: Recovery, stream: BinaryIO) -> None:
     writer = open_writer(stream)
     for record in scan.metadata:
-        text = record.metadata.get("json", "")
-        if record.name == SCENE_METADATA and not _is_json(scan, text, "the scene"):
+        scene = (scan.path, record.metadata.get("json", ""), "the scene")
+        if record.name == SCENE_METADATA and not _is_valid(parse_json, *scene):
             continue  # metadata has no checksum; a damaged scene must not cost the frames
         writer.add_metadata(record.name, record.metadata)
     if recovery.problem:
@@ -93,31 +94,25 @@ def _copy(scan: Scan, recovery: Recovery, stream: BinaryIO) -> None:
         for key, c in scan.channels.items()
     }
     for message in scan.messages:
-        topic = scan.channels[message.channel_id].topic if message.channel_id in channels else ""
-        if topic == EVENTS_TOPIC and not _is_event(scan, message):
-            continue  # another record with a damaged channel
-        if topic:
-            writer.add_message(
-                channels[message.channel_id],
-                message.log_time,
-                message.data,
-                message.publish_time,
-                message.sequence,
-            )
+        channel = scan.channels.get(message.channel_id)
+        if channel is None or (
+            channel.topic == EVENTS_TOPIC
+            and not _is_valid(parse_event, scan.path, message.data, channel)
+        ):
+            continue  # its channel is damaged, or it is another record with a damaged channel
+        writer.add_message(
+            channels[message.channel_id],
+            message.log_time,
+            message.data,
+            message.publish_time,
+            message.sequence,
+        )
     writer.finish()  # type: ignore[no-untyped-call]
 
 
-def _is_event(scan: Scan, message: Message) -> bool:
+def _is_valid(parse: Callable[_P, object], *args: _P.args, **kwargs: _P.kwargs) -> bool:
     try:
-        parse_event(scan.path, message.data, scan.channels[message.channel_id])
-    except InputError:
-        return False
-    return True
-
-
-def _is_json(scan: Scan, text: str | bytes, what: str) -> bool:
-    try:
-        parse_json(scan.path, text, what)
+        parse(*args, **kwargs)
     except InputError:
         return False
     return True
