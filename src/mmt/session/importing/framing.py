@@ -32,8 +32,6 @@ class _Rows(NamedTuple):
     numbers: IntArray
     time_s: FloatArray
     samples_per_frame: int
-    exported: bool
-    """Whether the numbers come from an exported session."""
 
 
 def to_frames(
@@ -56,7 +54,7 @@ def to_frames(
     """
     rows = _as_frames(samples)
     if acceleration_rate_hz is None:
-        several = rows.samples_per_frame if rows and rows.exported else 1
+        several = rows.samples_per_frame if rows and samples.sequence is not None else 1
     else:
         several = acceleration_rate_hz // round(RATE_HZ) if "acceleration" in samples.values else 1
     if rows and rows.samples_per_frame == several:
@@ -142,7 +140,7 @@ def _as_frames(samples: Samples) -> _Rows | None:
     numbers = _frame_numbers(time_s, sequence)
     if numbers is None:
         return None
-    return _Rows(numbers, time_s, several, sequence is not None)
+    return _Rows(numbers, time_s, several)
 
 
 def _frame_numbers(time_s: FloatArray, sequence: FloatArray | None) -> IntArray | None:
