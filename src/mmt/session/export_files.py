@@ -4,7 +4,6 @@ Data stored beside the frames has the same name in every format that can hold it
 """
 
 import io
-import shutil
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
@@ -170,6 +169,5 @@ def write_hdf5(path: Path, session: RecordedSession) -> None:
             file.attrs["began_utc_ns"] = session.began_utc_ns
             began = datetime.fromtimestamp(session.began_utc_ns / 1e9, UTC)
             file.attrs["began_utc"] = began.isoformat(timespec="milliseconds")
-    image.seek(0)
-    with replacing(path) as part, part.open("wb") as stream:
-        shutil.copyfileobj(image, stream)
+    with replacing(path) as part:
+        part.write_bytes(image.getbuffer())

@@ -2,7 +2,6 @@
 
 import io
 import json
-import shutil
 import struct
 from pathlib import Path
 from typing import Any, Final
@@ -63,9 +62,8 @@ def write_wav(path: Path, session: RecordedSession) -> None:
     size = sound.tell() - 8
     sound.seek(4)
     sound.write(struct.pack("<I", size))
-    sound.seek(0)
-    with replacing(path) as part, part.open("wb") as stream:
-        shutil.copyfileobj(sound, stream)
+    with replacing(path) as part:
+        part.write_bytes(sound.getbuffer())
 
 
 def read_comment(path: Path) -> dict[str, Any]:
