@@ -84,14 +84,16 @@ def test_what_stands_beside_the_columns_comes_back(form, name, truth, began):
 
 
 @pytest.mark.parametrize(
-    ("name", "values"),
+    ("name", "values", "reason"),
     [
-        ("scene_json", ("[]", "{", b"\xff", "[" * 100_000)),
-        ("events_json", ("{}", "[1]", "[{}, 1]", "")),
-        ("began_utc_ns", ("now", 2**63, [-(2**63) - 1], np.nan)),
+        ("scene_json", ("[]", "1"), "scene is not a JSON object"),
+        ("scene_json", ("{", b"\xff", "[" * 100_000), "scene is not valid JSON: "),
+        ("events_json", ("{}", "[1]", "[{}, 1]"), "events is not a list of JSON objects"),
+        ("events_json", ("",), "events is not valid JSON: "),
+        ("began_utc_ns", ("now", 2**63, [-(2**63) - 1], np.nan), "began_utc_ns is not a number of"),
     ],
 )
-def test_what_cannot_stand_beside_the_columns_is_refused_by_name(name, values):
+def test_what_cannot_stand_beside_the_columns_is_refused_by_name(name, values, reason):
     for value in values:
-        with pytest.raises(InputError, match=f"^a.h5: {name.removesuffix('_json')} is not "):
+        with pytest.raises(InputError, match=f"^a.h5: {reason}"):
             columns.beside_columns({name: value}, "a.h5")

@@ -79,30 +79,6 @@ def test_a_line_without_end_is_refused_before_it_is_taken_apart(tmp_path):
         import_session(path)
 
 
-def test_the_sentence_on_a_table_of_many_columns_is_short(tmp_path):
-    path = tmp_path / "wide.csv"
-    path.write_text(",".join(f"c{n}" for n in range(50_000)), encoding="utf-8")
-    with pytest.raises(InputError, match="the first of 50000 columns") as told:
-        import_session(path)
-    assert len(str(told.value)) < 1000
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "reason"),
-    [
-        ("scene_json", "[1]", "scene is not a JSON object"),
-        ("events_json", '{"event": "mark"}', "events is not a list of JSON objects"),
-        ("events_json", "[1]", "events is not a list of JSON objects"),
-        ("events_json", "[", "events is not valid JSON"),
-    ],
-)
-def test_scenes_and_events_of_another_form_are_explained(tmp_path, name, text, reason):
-    path = tmp_path / "odd.npz"
-    np.savez(path, time_s=np.arange(5) / 1000, force_n=np.ones((5, 3)), **{name: np.array(text)})
-    with pytest.raises(InputError, match=rf"odd\.npz: {reason}"):
-        import_session(path)
-
-
 @given(
     name=st.sampled_from(["scene", "events", "annotations"]),
     value=st.one_of(

@@ -67,14 +67,6 @@ def test_what_belongs_to_the_frames_survives(tmp_path, suffix):
     assert back.began_utc_ns is None
 
 
-def test_a_date_that_is_none_is_named(tmp_path):
-    np.savez(
-        tmp_path / "a.npz", time_s=np.arange(50) / 1e3, force_n=np.ones((50, 3)), began_utc_ns=9e99
-    )
-    with pytest.raises(InputError, match=r"a\.npz: began_utc_ns is not a number of nanoseconds"):
-        import_session(tmp_path / "a.npz")
-
-
 def test_a_sound_holds_what_is_missing_and_other_programs_may_cut_and_round_it(tmp_path):
     steps = np.ones(59, dtype=int)
     steps[9] = 11

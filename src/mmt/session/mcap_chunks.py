@@ -14,8 +14,8 @@ from mcap.records import Channel, Chunk, Message
 from mcap.stream_reader import get_chunk_data_stream
 
 from mmt.core.errors import InputError
-from mmt.session.data import JsonObject
-from mmt.session.mcap_reader import frame_codec, parse_json, recorded_event
+from mmt.session.data import JsonObject, json_object
+from mmt.session.mcap_reader import frame_codec, recorded_event
 from mmt.session.mcap_records import HEAD, RecordWalk, open_records
 from mmt.session.mcap_scan import DAMAGE, chunk_messages, most_bytes, read_index, unpacked
 from mmt.session.mcap_writer import (
@@ -68,7 +68,7 @@ def open_in_order(path: Path) -> OrderedContent | None:
                 a.data for a in reader.iter_attachments() if a.name == ANNOTATIONS_ATTACHMENT
             ]
             text = metadata.get(SCENE_METADATA, {}).get("json")
-            scene = None if text is None else parse_json(path, text, "the scene")
+            scene = None if text is None else json_object(text, f"session {path}: the scene")
             handed_over = scene is not None and "control" in scene
             events = _events(path, stream, summary) if handed_over else []
     except (*DAMAGE, OSError):

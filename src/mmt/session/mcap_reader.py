@@ -1,7 +1,6 @@
 """Decode the session in a scanned MCAP file, which may be cut off or damaged."""
 
 import itertools
-import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,6 +18,7 @@ from mmt.session.data import (
     RecordedSession,
     clock_offset_ns,
     compares_clocks,
+    json_object,
 )
 from mmt.session.mcap_scan import Scan, scan_mcap
 from mmt.session.mcap_writer import (
@@ -77,7 +77,7 @@ def scanned_session(scan: Scan) -> RecordedSession:
     ]
     return RecordedSession(
         frames=frames,
-        scene=None if scene is None else parse_json(scan.path, scene, "the scene"),
+        scene=None if scene is None else json_object(scene, f"session {scan.path}: the scene"),
         annotations=annotations[-1] if annotations else b"",
         models=[((model.log_time - start_ns) / 1e9, model.data) for model in models],
         events=events,
@@ -213,7 +213,8 @@ def parse_event(path: Path, data: bytes, channel: Channel) -> dict[str, Any]:
         The event does not parse.
     """
     json_encoded = channel.message_encoding == MessageEncoding.JSON
-    return parse_json(path, data if json_encoded else event_codec().decode(data), "an event")
+    text = data if json_encoded else event_codec().decode(data)
+    return json_object(text, f"session {path}: an event")
 
 
 def recorded_event(path: Path, message: Message, channel: Channel, start_ns: int) -> JsonObject:
@@ -228,20 +229,3 @@ def recorded_event(path: Path, message: Message, channel: Channel, start_ns: int
     """
     event = parse_event(path, message.data, channel)
     return {**event, "time_s": max(0.0, (message.log_time - start_ns) / 1e9)}
-
-
-def parse_json(path: Path, text: str | bytes, what: str) -> dict[str, Any]:
-    """Parse a JSON object from a file; `what` names it in messages.
-
-    Raises
-    ------
-    InputError
-        The text is not a JSON object.
-    """
-    try:
-        value = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"session {path}: {what} is not valid JSON: {error}") from error
-    if not isinstance(value, dict):
-        raise InputError(f"session {path}: {what} is not a JSON object")
-    return value

@@ -13,11 +13,10 @@ from mcap.records import ChunkIndex, Message
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import Channel
-from mmt.session.data import JsonObject, OutputBlock
+from mmt.session.data import JsonObject, OutputBlock, json_object
 from mmt.session.mcap_reader import (
     frame_codec,
     output_block,
-    parse_json,
     recorded_event,
     scanned_session,
     utc_offset_ns,
@@ -66,7 +65,7 @@ class McapWindows:
         metadata = {record.name: record.metadata for record in reader.iter_metadata()}
         scene = metadata.get(SCENE_METADATA, {}).get("json")
         self.scene: JsonObject | None = (
-            None if scene is None else parse_json(path, scene, "the scene")
+            None if scene is None else json_object(scene, f"session {path}: the scene")
         )
         about = metadata.get(SESSION_METADATA, {})
         self.session_id: str | None = about.get("session_id")

@@ -7,8 +7,8 @@ from typing import BinaryIO, ParamSpec
 
 from mmt.core.errors import InputError
 from mmt.core.existing_files import replacing
-from mmt.session.data import duration_s, missing_frames
-from mmt.session.mcap_reader import parse_event, parse_json, scanned_frames
+from mmt.session.data import duration_s, json_object, missing_frames
+from mmt.session.mcap_reader import parse_event, scanned_frames
 from mmt.session.mcap_scan import Scan, scan_mcap
 from mmt.session.mcap_writer import EVENTS_TOPIC, RECOVERY_METADATA, SCENE_METADATA, open_writer
 
@@ -68,8 +68,8 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
 def _copy(scan: Scan, recovery: Recovery, stream: BinaryIO) -> None:
     writer = open_writer(stream)
     for record in scan.metadata:
-        scene = (scan.path, record.metadata.get("json", ""), "the scene")
-        if record.name == SCENE_METADATA and not _is_valid(parse_json, *scene):
+        text = record.metadata.get("json", "")
+        if record.name == SCENE_METADATA and not _is_valid(json_object, text, "the scene"):
             continue  # metadata has no checksum; a damaged scene must not cost the frames
         writer.add_metadata(record.name, record.metadata)
     if recovery.problem:

@@ -3,7 +3,6 @@
 Bags that `mmt_bridges.ros.export_bag` has written also have the names of an exported session.
 """
 
-import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
@@ -15,7 +14,7 @@ import numpy as np
 from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.frames import FIELD_OF_CHANNEL, axes_of
-from mmt.session.data import JsonObject, axis_columns
+from mmt.session.data import JsonObject, axis_columns, json_object
 from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.options import ImportOptions
 from mmt_bridges.ros.bag_files import decoded_messages
@@ -106,7 +105,7 @@ class _Gathered:
         """Add the wanted fields of a message."""
         topic, message = decoded.topic, decoded.message
         if topic in self._texts and decoded.kind == EVENTS.kind:
-            self._texts[topic].append(_json_object(message.data))
+            self._texts[topic].append(json_object(message.data, "a scene or an event"))
         members = _members(message)
         header = _members(members.get("header"))
         frame = str(header.get("frame_id", members.get("frame_id", "")) or "")
@@ -194,14 +193,6 @@ def _of_several(labels: Mapping[_Source, str]) -> Iterator[str]:
         same = [label for source, label in labels.items() if source.topic == topic]
         if len(same) > 1:
             yield f"{topic} has {len(same)} sources, none was taken for another: {', '.join(same)}"
-
-
-def _json_object(text: str) -> JsonObject:
-    value = json.loads(text)
-    if not isinstance(value, dict):
-        message = "a scene or an event is not a JSON object"
-        raise TypeError(message)
-    return value
 
 
 def _members(message: Any) -> Mapping[str, Any]:

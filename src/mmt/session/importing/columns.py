@@ -1,6 +1,5 @@
 """The columns of a recording as read from its file."""
 
-import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -12,7 +11,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError, short_message
 from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, axes_of
-from mmt.session.data import JsonObject, axis_columns
+from mmt.session.data import JsonObject, axis_columns, json_object, parsed_json
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.samples import ROW_NUMBER
 
@@ -173,9 +172,7 @@ def beside_columns(stored: Mapping[str, Any], origin: str) -> dict[str, Any]:
     """
     given = {name: stored[name] for name in OF_THE_SESSION if stored.get(name) is not None}
     truth = given.get("annotations", b"")
-    scene = _parsed(text_in(given.get("scene_json", "{}")), "scene", origin)
-    if not isinstance(scene, dict):
-        raise InputError(f"{origin}: scene is not a JSON object")
+    scene = json_object(text_in(given.get("scene_json", "{}")), f"{origin}: scene")
     return {
         "scene": scene if "scene_json" in given else None,
         "events": parsed_events(text_in(given.get("events_json", "[]")), "events", origin),
@@ -198,7 +195,7 @@ def parsed_events(text: str, name: str, origin: str) -> Sequence[JsonObject]:
     InputError
         The text is not a list of JSON objects; `name` is its name in the file.
     """
-    events = _parsed(text, name, origin)
+    events = parsed_json(text, f"{origin}: {name}")
     if not isinstance(events, list) or not all(isinstance(event, dict) for event in events):
         raise InputError(f"{origin}: {name} is not a list of JSON objects")
     return events
@@ -217,10 +214,3 @@ def parsed_date(value: Any, origin: str) -> int | None:
         return int(np.int64(int(found[0]))) if len(found) else None
     except (ValueError, OverflowError) as error:
         raise InputError(f"{origin}: {BEGAN} is not a number of nanoseconds") from error
-
-
-def _parsed(text: str, name: str, origin: str) -> Any:
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{origin}: {name} is not valid JSON: {error}") from error
