@@ -16,7 +16,6 @@ from mmt.core.errors import InputError, MmtError
 from mmt.session import export_session, import_session, read_session
 from mmt.session.data import RecordedSession
 from mmt.session.info import info
-from mmt_bridges.ros.clocks import SourceStamps
 
 pytestmark = pytest.mark.usefixtures("read_here")
 
@@ -252,10 +251,3 @@ def test_a_scene_that_is_no_object_is_explained(tmp_path):
         writer.write(connection, BEGAN_NS, store.serialize_cdr(store.types[kind]("[1]"), kind))
     with pytest.raises(InputError, match="a scene or an event is not a JSON object"):
         read_session(tmp_path / "bag")
-
-
-def test_the_earliest_stamp_is_the_first_even_if_it_comes_later():
-    source = SourceStamps("/force")
-    for received_ns, header_ns in ((10, 7), (12, 5), (11, 9)):
-        source.stamp(received_ns, header_ns)
-    assert [source.first_ns(receipt=receipt) for receipt in (True, False)] == [10, 5]

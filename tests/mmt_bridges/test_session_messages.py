@@ -241,8 +241,9 @@ def test_a_bag_of_several_files_is_one_recording(tmp_path_factory, cuts, data):
     channels = [("/ft", JSON, "json", wrench(FORCES, received, [""] * ROWS))]
     for name, rows in zip(names, parts, strict=True):
         write(folder / f"{name}.mcap", channels, rows.tolist())
-    frames = import_session(folder, columns={"force": "/ft"}).frames
-    np.testing.assert_allclose(frames["force_n"][::2], FORCES, rtol=1e-6)
+    session = import_session(folder, columns={"force": "/ft"})
+    np.testing.assert_allclose(session.frames["force_n"][::2], FORCES, rtol=1e-6)
+    assert session.began_utc_ns == BEGAN_NS
 
 
 @pytest.mark.parametrize("per_s", [1, 10**3, 10**6, 10**9])

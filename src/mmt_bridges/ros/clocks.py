@@ -44,10 +44,6 @@ class SourceStamps:
         """Return the times (n,) by one of the clocks."""
         return np.array(self._received_ns if receipt else self._header_ns, dtype=np.int64)
 
-    def first_ns(self, *, receipt: bool) -> int:
-        """Return the earliest time by one of the clocks."""
-        return min(self._received_ns if receipt else self._header_ns)
-
     def behind_ns(self) -> IntArray:
         """Return the delays (n,) from header to receipt."""
         return self.times_ns(receipt=True) - self.times_ns(receipt=False)

@@ -141,7 +141,8 @@ class _Gathered:
         notes += _of_several(labels)
         used = [source for source in self._sources.values() if source.values]
         receipt, remarks = choose_clock(used, options.stamps, origin)
-        origin_ns = min((source.first_ns(receipt=receipt) for source in used), default=0)
+        starts_ns = (int(source.times_ns(receipt=receipt).min()) for source in used)
+        origin_ns = min(starts_ns, default=0)
         values, times, names = {}, {}, set()
         units: dict[str, str] = {}
         for source in self._sources.values():
