@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from session_samples import made_frames
 
 from mmt.core.errors import InputError
-from mmt.session import export_session, import_session, read_session, write_session
-from mmt.session.data import RecordedSession
+from mmt.session import import_session, read_session, write_session
 
 SHARED = Path(__file__).parents[2] / ".." / "shared" / "data" / "bilateral_1dof"
 
@@ -273,24 +271,6 @@ def test_files_of_another_kind_are_refused(tmp_path):
         import_session(tmp_path / "run.mp3")
     with pytest.raises(InputError, match="longest_gap_s is 0"):
         import_session(tmp_path / "a.npz", longest_gap_s=0)
-
-
-@pytest.mark.parametrize("kind", ["npz", "csv"])
-def test_an_exported_session_comes_back_unchanged(tmp_path, kind):
-    """Jittered times and missing frames included: nothing is resampled twice."""
-    steps = np.ones(799, dtype=int)
-    steps[[50, 400]] = [7, 120]
-    frames = made_frames(800, steps=steps)
-    frames["time_ns"] += np.random.default_rng(1).integers(0, 400_000, 800)
-    scene, events = {"session": {"name": "x"}}, [{"time_s": 0.5, "event": "mark"}]
-    path = tmp_path / f"out.{kind}"
-    export_session(RecordedSession(frames, scene, b"truth", events=events), path)
-    back = read_session(path)
-    expected = frames.copy()
-    expected["time_ns"] -= frames["time_ns"][0]
-    np.testing.assert_array_equal(back.frames, expected)
-    if kind == "npz":
-        assert (back.scene, back.annotations, back.events) == (scene, b"truth", events)
 
 
 def test_real_recordings_are_imported_and_kept(tmp_path):

@@ -5,7 +5,7 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
@@ -24,8 +24,6 @@ from mmt.session.mcap_windows import open_windows
 from mmt.session.recorder import McapRecorder
 from mmt.session.recover import recover
 from mmt.session.stream import blocks_of, open_recording
-
-KINDS = ("mcap", "parquet", "npz", "h5", "csv")
 
 
 def recorded(path, samples_per_frame, **options):
@@ -54,30 +52,6 @@ def opened(path):
             topics[channel.topic] = channel.metadata
             messages.setdefault(channel.topic, []).append((message.log_time, content))
     return about["mmt.session"], topics, messages
-
-
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(
-    st.integers(1, 10),
-    st.sets(st.sampled_from(CHANNELS), min_size=1),
-    st.lists(st.sampled_from([1, 1, 1, 4]), min_size=1, max_size=40),
-    st.integers(0, 9),
-)
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_session_comes_back_from_every_kind_of_file(
-    tmp_path_factory, kind, samples_per_frame, channels, steps, seed
-):
-    channels = tuple(channel for channel in CHANNELS if channel in channels)
-    frames = made_frames(
-        len(steps) + 1, channels, seed=seed, steps=steps, samples_per_frame=samples_per_frame
-    )
-    path = tmp_path_factory.mktemp("session") / f"session.{kind}"
-    export_session(RecordedSession(frames), path)
-    back = read_session(path).frames
-    assert back.dtype == frames.dtype
-    for name in set(frames.dtype.names) - {"time_ns"}:
-        np.testing.assert_array_equal(back[name], frames[name])
-    np.testing.assert_array_equal(np.diff(back["time_ns"]), np.diff(frames["time_ns"]))
 
 
 @pytest.mark.parametrize("samples_per_frame", [1, 3, 10])
