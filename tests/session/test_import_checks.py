@@ -166,10 +166,7 @@ CLIPPED = "force: z stands at 0.9 in {} rows, the end of its range?"
         (-FORCE_N, PULLING),
         (CONTACT_N, SIDEWAYS),
         (np.c_[0 * N, 0 * N + 2, 0.75 + N % 2 / 2], None),
-        (
-            0 * FORCE_N + 3,
-            "force: it never changes; is it the right column, and was the sensor on?",
-        ),
+        (0 * FORCE_N + 3, DEAD.format("force")),
         (changed(FORCE_N, 700, 505831.25), OUTLIER.format(505831.25)),
         (changed(FORCE_N, 700, -100), OUTLIER.format(-100)),
         (clipped(6, 1), CLIPPED.format(6)),

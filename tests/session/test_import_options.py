@@ -11,7 +11,9 @@ REFUSED = {
     "--map weight=": [{"columns": {"weight": "x"}}],
     r"--unit weight=\.\.\.: ": [{"units": {"weight": "g"}}],
     "--unit force=bar: bar is no known unit of it; known are N, mN": [{"units": {"force": "bar"}}],
-    "--unit orientation_w=deg: .*; known are none": [{"units": {"orientation_w": "deg"}}],
+    "--unit orientation(_w)?=deg: deg is no known unit of it; known are none": [
+        {"units": {name: "deg"}} for name in ("orientation", "orientation_w")
+    ],
     "--unit force_time=N": [{"units": {"force_time": "N"}}],
     "--offset b=": [
         {"offsets": {"a": "match", "b": text}} for text in ("1s", "", ".", "1e3", "--1")
@@ -19,7 +21,7 @@ REFUSED = {
     "--acceleration-rate": [
         {"acceleration_rate_hz": rate} for rate in (0, 500, 1500, 11_000, -1000)
     ],
-    "--tool-axes speed": [{"tool_axes": ("force", "speed")}],
+    "--tool-axes speed: it is force or acceleration": [{"tool_axes": ("force", "speed")}],
     "--header ": [{"header": line} for line in (0, -1)],
     "--decimal ": [{"decimal": sign} for sign in ("", ";", "..")],
     "--separator ": [{"separator": sign} for sign in ("", "dot", ",,")],

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation, Slerp
 from mmt.core.errors import InputError
 from mmt.session import import_session
 from mmt.session.data import sample_times
-from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 
 pytestmark = pytest.mark.usefixtures("read_here")
@@ -135,8 +134,3 @@ def test_turning_needs_what_turns_and_an_orientation(tmp_path):
         import_session(tmp_path / "a.npz", tool_axes=("force",))
     with pytest.raises(InputError, match=r"--tool-axes acceleration: there is no acceleration"):
         import_session(tmp_path / "a.npz", tool_axes=("acceleration",))
-    with pytest.raises(InputError, match=r"--tool-axes speed: it is force or acceleration"):
-        ImportOptions(tool_axes=("speed",))
-    assert ImportOptions(tool_axes=("force",)).arguments() == ["--tool-axes=force"]
-    with pytest.raises(InputError, match="--unit orientation=deg: deg is no known unit of it"):
-        ImportOptions(units={"orientation": "deg"})

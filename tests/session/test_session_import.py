@@ -42,22 +42,14 @@ def test_a_tone_keeps_its_values_at_any_rate(tmp_path, rate_hz):
     np.testing.assert_allclose(frames["position_mm"], tone(grid_s(frames), 20), atol=0.05)
 
 
-@pytest.mark.parametrize("frequency_hz", [520, 700, 1300, 1900, 4700])
-def test_what_is_too_fast_does_not_fold_back(tmp_path, frequency_hz):
-    time_s = np.arange(20_000) / 10_000
-    path = save(tmp_path / "fast.npz", time_s, acceleration_m_s2=tone(time_s, frequency_hz))
-    acceleration = import_session(path).frames["acceleration_m_s2"][40:-40]
-    np.testing.assert_allclose(acceleration, 5.0, atol=3e-4)
-
-
-@pytest.mark.parametrize("frequency_hz", [50, 200, 400])
-def test_what_fits_passes_unchanged(tmp_path, frequency_hz):
+@pytest.mark.parametrize("frequency_hz", [50, 200, 400, 520, 700, 1300, 1900, 4700])
+def test_what_fits_passes_unchanged_and_what_is_too_fast_does_not_fold_back(tmp_path, frequency_hz):
     time_s = np.arange(20_000) / 10_000
     path = save(tmp_path / "fast.npz", time_s, acceleration_m_s2=tone(time_s, frequency_hz))
     frames = import_session(path).frames[40:-40]
-    np.testing.assert_allclose(
-        frames["acceleration_m_s2"], tone(grid_s(frames), frequency_hz), atol=0.012
-    )
+    fits = frequency_hz < 500
+    expected, atol = (tone(grid_s(frames), frequency_hz), 0.012) if fits else (5.0, 3e-4)
+    np.testing.assert_allclose(frames["acceleration_m_s2"], expected, atol=atol)
 
 
 def test_acceleration_may_have_its_own_rate(tmp_path):
@@ -80,17 +72,6 @@ def test_acceleration_may_have_its_own_rate(tmp_path):
     np.testing.assert_allclose(inner["position_mm"], tone(grid_s(inner), 2), atol=1e-3)
     np.testing.assert_allclose(inner["force_n"], tone(grid_s(inner), 3), atol=1e-3)
     np.testing.assert_allclose(inner["acceleration_m_s2"], tone(grid_s(inner), 150), atol=2e-3)
-
-
-def test_frames_that_are_at_the_rate_are_not_touched(tmp_path):
-    rng = np.random.default_rng(3)
-    number = np.delete(np.arange(500), [100, 101, 300])
-    time_s = 4e8 + number / 1000.0 + rng.uniform(-1e-4, 1e-4, len(number))
-    force_n = rng.normal(size=(len(number), 3)).astype(np.float32)
-    frames = import_session(save(tmp_path / "at.npz", time_s, force_n=force_n)).frames
-    np.testing.assert_array_equal(frames["sequence"], number)
-    np.testing.assert_array_equal(frames["force_n"], force_n)
-    np.testing.assert_allclose(frames["time_ns"] / 1e9, time_s - time_s[0], atol=1e-9)
 
 
 @pytest.mark.parametrize(("longest_gap_s", "missing"), [(None, True), (0.3, False), (0.1, True)])
@@ -135,27 +116,6 @@ def test_a_constant_stays_constant(tmp_path_factory, rate_hz, jitter, start_s, s
     assert len(frames) == pytest.approx((time_s[-1] - time_s[0]) * 1000, abs=2 + 800 / rate_hz)
 
 
-def columns_of(time_s, values):
-    text = "time_s,position_x_mm,position_y_mm,position_z_mm,comment\n"
-    rows = [
-        f"{t:.9f},{x:.9f},{y:.9f},{z:.9f},fine" for t, (x, y, z) in zip(time_s, values, strict=True)
-    ]
-    return text + "\n".join(rows) + "\n"
-
-
-def test_text_gives_the_same_as_arrays(tmp_path):
-    time_s = np.arange(900) / 700
-    values = tone(time_s, 5)
-    (tmp_path / "a.csv").write_text("\ufeff" + columns_of(time_s, values), encoding="utf-8")
-    save(tmp_path / "a.npz", time_s, position_mm=values)
-    from_text, from_arrays = (import_session(tmp_path / f"a.{kind}") for kind in ("csv", "npz"))
-    assert from_text.channels == ("position",)
-    np.testing.assert_array_equal(from_text.frames["sequence"], from_arrays.frames["sequence"])
-    np.testing.assert_allclose(
-        from_text.frames["position_mm"], from_arrays.frames["position_mm"], atol=1e-6
-    )
-
-
 def test_text_columns_may_end_early_where_rates_differ(tmp_path):
     slow_s, fast_s = np.arange(500) / 500, np.arange(2000) / 2000
     lines = [
@@ -195,13 +155,11 @@ def wrong_value(row, axis, value):
             "1 s in row 2.*row before",
         ),
         (wrong_time(7, 1e9), "is 0.016 s in row 8.*after 1e"),
-        (wrong_value(9, 1, np.nan), "force_y is empty or NaN in row 9.*--blanks-as-gaps"),
+        (
+            wrong_value(slice(9, 12), 1, np.nan),
+            "force_y is empty or NaN in row 9, counted from 0, and 2 more rows.*--blanks-as-gaps",
+        ),
         (wrong_value(49, 2, -np.inf), "force_z is -inf in row 49"),
-        ({"time_s": np.arange(5.0)}, "holds none of position_mm, force_n, acceleration_m_s2"),
-        ({"force_n": np.ones((5, 3))}, "no column time_s.*--rate HZ; the columns are force_n"),
-        ({"time_s": np.ones((5, 2)), "force_n": np.ones((5, 3))}, r"time_s has shape \(5, 2\)"),
-        ({"time_s": np.arange(5.0), "force_n": np.ones((5, 2))}, r"must have shape \(n, 3\)"),
-        ({"time_s": np.arange(5.0), "force_n": np.ones((4, 3))}, r"4 rows, its times \(time_s\) 5"),
         ({"time_s": np.zeros(1), "force_n": np.ones((1, 3))}, "has 1 rows, at least 2"),
         ({"time_s": np.array(["a", "b"]), "force_n": np.ones((2, 3))}, "does not hold numbers"),
         ({"time_s": np.arange(5) * 1e7, "force_n": np.ones((5, 3))}, "49 days at most"),
@@ -230,15 +188,6 @@ HEADER = "time_s,force_x_n,force_y_n,force_z_n\n"
     ("text", "reason"),
     [
         ("", "the file is empty"),
-        (
-            "t,force_x_n,force_y_n,force_z_n\n0,1,1,1\n",
-            "no column time_s.*the columns are t, force_x_n",
-        ),
-        (
-            "time_s,force_x_n,force_z_n\n0,1,1\n",
-            r"force_y is missing \(the column force_y_n\).*--map force_y=0",
-        ),
-        ("time_s,position_x\n0,1\n1,1\n", "holds none of position_mm"),
         (HEADER, "force has 0 rows, at least 2"),
         (HEADER + "0,1,1,1\n0.001,1,oops,1\n", "force_y_n is 'oops' in line 3"),
         (HEADER + "0,1,1,1\n0.002,1,1,1\n0.001,1,1,1\n", "time of force is 0.001 s in line 4"),
