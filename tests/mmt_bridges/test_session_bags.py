@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from session_samples import made_frames
@@ -78,29 +78,25 @@ def test_what_was_exported_is_read_back_to_the_bit(tmp_path, session):
     assert [file.name for file in tmp_path.iterdir()] == ["bag"]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=10, phases=[Phase.generate])
 @given(
     npst.arrays(
         np.float32,
-        st.integers(1, 40),
+        (100, 9),
         elements=st.floats(width=32, allow_nan=False, allow_infinity=False),
     )
 )
-def test_millimetres_survive_metres_to_the_bit(position_mm):
-    """The two roundings of export and import, over every single-precision number."""
-    position_m = position_mm.astype(np.float64) / 1e3
-    same_bits((1e3 * position_m).astype(np.float32), position_mm)
-
-
-@pytest.mark.parametrize("scale", [1e-44, 1e-30, 1e-3, 1.0, 1e6, 3e34])
-def test_tiny_and_huge_values_survive(tmp_path, scale):
-    session = RecordedSession(made_frames(50))
-    for name in "position_mm", "force_n", "acceleration_m_s2":
-        session.frames[name] *= np.float32(scale)
-    session.frames["position_mm"][3] = -0.0
-    export_session(session, tmp_path / "bag")
-    for name in "position_mm", "force_n", "acceleration_m_s2":
-        same_bits(read_session(tmp_path / "bag").frames[name], session.frames[name])
+def test_every_finite_number_survives_to_the_bit(tmp_path_factory, values):
+    """Millimetres become metres and back, with two roundings."""
+    session = RecordedSession(made_frames(100))
+    folder = tmp_path_factory.mktemp("bag") / "bag"
+    names = ("position_mm", "force_n", "acceleration_m_s2")
+    for name, vectors in zip(names, np.split(values, 3, axis=1), strict=True):
+        session.frames[name] = vectors
+    export_session(session, folder)
+    back = read_session(folder).frames
+    for name in names:
+        same_bits(back[name], session.frames[name])
 
 
 def test_messages_are_standard_with_units_stamps_and_frames(tmp_path, session):
@@ -123,6 +119,12 @@ def test_messages_are_standard_with_units_stamps_and_frames(tmp_path, session):
         "/mmt/events": "std_msgs/msg/String",
         "/mmt/log": "rcl_interfaces/msg/Log",
     }
+    counts = {topic: len(messages) for topic, messages in found.items()}
+    assert counts == dict.fromkeys(kinds, 300) | {
+        "/mmt/scene": 1,
+        "/mmt/events": len(EVENTS),
+        "/mmt/log": 1,
+    }
     frame = session.frames[20]
     stamp_ns = BEGAN_NS + int(frame["time_ns"] - session.frames["time_ns"][0])
     messages = {}
@@ -142,36 +144,6 @@ def test_messages_are_standard_with_units_stamps_and_frames(tmp_path, session):
     assert messages["force"].header.frame_id == imu.header.frame_id == "mmt_tool"
     ((log_ns, log),) = found["/mmt/log"]
     assert (log_ns, log.msg, log.level) == (BEGAN_NS + 100_000_000, "marked", 20)
-
-
-def test_the_stock_reader_of_mcap_lists_the_bag(tmp_path, session):
-    reading = pytest.importorskip("mcap.reader")
-    export_session(session, tmp_path / "bag")
-    with (tmp_path / "bag" / "bag.mcap").open("rb") as stream:
-        summary = reading.make_reader(stream).get_summary()
-    assert summary.statistics.message_count == 4 * 300 + len(EVENTS) + 2  # a scene, a sentence
-    assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
-
-
-@pytest.mark.parametrize("channels", [("position",), ("force", "acceleration")])
-@pytest.mark.parametrize("count", [0, 1, 2])
-def test_small_and_partial_sessions_are_exported(tmp_path, channels, count):
-    frames = made_frames(count, channels)
-    export_session(RecordedSession(frames), tmp_path / "bag")
-    if count < 2:  # fewer than import takes
-        return
-    back = read_session(tmp_path / "bag")
-    assert back.channels == channels
-    np.testing.assert_array_equal(back.frames["sequence"], frames["sequence"])
-
-
-def test_topics_may_be_mapped_all_the_same(tmp_path, session):
-    export_session(session, tmp_path / "bag")
-    columns = {"force": "-/mmt/force", "position": "/mmt/position"}
-    frames = import_session(tmp_path / "bag", columns=columns).frames
-    same_bits(frames["position_mm"], session.frames["position_mm"])
-    np.testing.assert_array_equal(frames["force_n"], -session.frames["force_n"])
-    assert "acceleration_m_s2" in frames.dtype.names
 
 
 def test_an_imported_bag_keeps_its_date(tmp_path, session):

@@ -79,7 +79,7 @@ def test_hdf5_has_the_fields_and_everything_else(tmp_path, session, suffix):
         assert file["models/0001"].attrs["time_s"] == 0.5
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".npz", ".parquet", ".h5", ".mcap"])
+@pytest.mark.parametrize("suffix", [".csv", ".npz", ".parquet", ".h5", ".mcap", ""])
 @pytest.mark.parametrize("channels", [("position",), ("force", "acceleration")])
 @pytest.mark.parametrize("count", [0, 1])
 def test_small_and_partial_sessions_are_exported(tmp_path, suffix, channels, count):
