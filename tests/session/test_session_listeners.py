@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import pytest
 from typer.testing import CliRunner
 
 from mmt.cli import sessions
@@ -28,15 +29,19 @@ def recorded(path: Path, events: list[dict[str, Any]]) -> Path:
     return path
 
 
-def test_a_recording_has_who_listened(tmp_path: Path, monkeypatch: Any) -> None:
+def shown(path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    console = Terminal(markup=False, emoji=False, width=200, record=True)
+    monkeypatch.setattr(sessions, "output", console)
+    assert CliRunner().invoke(sessions.app, ["info", str(path)]).exit_code == 0
+    return console.export_text()
+
+
+def test_a_recording_has_who_listened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = recorded(tmp_path / "shared.mcap", EVENTS)
     ann, stays = info(path).listeners
     assert ann == {**ANN, **SENT, "why": "it disconnected"}
     assert stays == {"id": 2, "name": ""}
-    console = Terminal(markup=False, emoji=False, width=200, record=True)
-    monkeypatch.setattr(sessions, "output", console)
-    assert CliRunner().invoke(sessions.app, ["info", str(path)]).exit_code == 0
-    text = console.export_text()
+    text = shown(path, monkeypatch)
     line = next(line for line in text.splitlines() if "[red]ann" in line)
     assert "\\" not in line
     for cell in ("12.5", "21", "40", "it disconnected"):
@@ -46,11 +51,10 @@ def test_a_recording_has_who_listened(tmp_path: Path, monkeypatch: Any) -> None:
     assert "listener 2" in text
 
 
-def test_without_listeners_nothing_is_said_of_them(tmp_path: Path, monkeypatch: Any) -> None:
+def test_without_listeners_nothing_is_said_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = recorded(tmp_path / "alone.mcap", [])
     assert info(path).listeners == ()
-    console = Terminal(markup=False, emoji=False, width=200, record=True)
-    monkeypatch.setattr(sessions, "output", console)
-    assert CliRunner().invoke(sessions.app, ["info", str(path)]).exit_code == 0
-    titles = [line.strip() for line in console.export_text().splitlines()]
+    titles = [line.strip() for line in shown(path, monkeypatch).splitlines()]
     assert "listeners" not in titles

