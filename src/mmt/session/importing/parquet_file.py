@@ -46,7 +46,7 @@ def read_parquet(
     names, metadata, units = read_schema(path, origin)
     values = read_numbers([path], [name for name in names if wanted(name)], origin)
     stored = {n: metadata.get(f"mmt.{n.removesuffix('_json')}".encode()) for n in OF_THE_SESSION}
-    own = _OF_FRAMES & set(names) if _is_session(names) else ()
+    own = _OF_FRAMES & set(names) if {"sequence", "time_ns", "time_s"} <= set(names) else ()
     return SourceColumns(
         origin=origin,
         names=names,
@@ -153,10 +153,6 @@ def _spread(rows: npt.NDArray[Any], given: npt.NDArray[np.bool_]) -> npt.NDArray
     return spread
 
 
-def _is_session(names: Sequence[str]) -> bool:
-    return {"sequence", "time_ns", "time_s"} <= set(names)
-
-
 def _frames(columns: Mapping[str, npt.NDArray[Any]]) -> RecordArray | None:
     """Return the frames (n,) of an exported session, or None if the columns were changed."""
     counts = {
@@ -165,17 +161,16 @@ def _frames(columns: Mapping[str, npt.NDArray[Any]]) -> RecordArray | None:
         for count in _COUNTS
         if set(field_columns(c, count)) <= columns.keys()
     }
-    channels = list(counts)
-    kinds: dict[str, type[np.generic]] = {"sequence": np.uint32, "time_ns": np.int64}
-    kinds |= dict.fromkeys((n for c in channels for n in field_columns(c, counts[c])), np.float32)
-    if not channels or any(columns[name].dtype != kind for name, kind in kinds.items()):
+    if not counts:
         return None
-    dtype = frame_dtype(channels, counts.get("acceleration", 1))
+    dtype = frame_dtype(list(counts), counts.get("acceleration", 1))
     frames = np.zeros(len(columns["sequence"]), dtype=dtype)
-    frames["sequence"], frames["time_ns"] = columns["sequence"], columns["time_ns"]
-    for channel in channels:
-        names = field_columns(channel, counts[channel])
-        values = frames[FIELD_OF_CHANNEL[channel]].reshape(len(frames), len(names))
+    fields: dict[str, tuple[str, ...]] = {name: (name,) for name in ("sequence", "time_ns")}
+    fields |= {FIELD_OF_CHANNEL[c]: field_columns(c, count) for c, count in counts.items()}
+    for field, names in fields.items():
+        values = frames[field].reshape(len(frames), len(names))
+        if any(columns[name].dtype != values.dtype for name in names):
+            return None
         for place, name in enumerate(names):
             values[:, place] = columns[name]
     return frames
