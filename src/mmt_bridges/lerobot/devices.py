@@ -93,6 +93,11 @@ class _SessionDevice:
         self._used = True
 
     @property
+    def action_features(self) -> dict[str, type]:
+        """Commanded position (mm)."""
+        return dict.fromkeys(ACTION_NAMES, float)
+
+    @property
     def is_calibrated(self) -> bool:
         """Always True: leader and follower calibrate their devices at each start."""
         return True
@@ -157,11 +162,6 @@ class MmtRobot(_SessionDevice, Robot):
         """Position (mm), force (N), level of vibration (m/s2) if in the scene; cameras' shapes."""
         pictures = {name: (c.height, c.width, 3) for name, c in self.config.cameras.items()}
         return dict.fromkeys(self._names, float) | pictures
-
-    @property
-    def action_features(self) -> dict[str, type]:
-        """Commanded position (mm)."""
-        return dict.fromkeys(ACTION_NAMES, float)
 
     def connect(self, calibrate: bool = True) -> None:
         """Start the session, unless the teleoperator has started it, and the cameras.
@@ -251,11 +251,6 @@ class MmtTeleoperator(_SessionDevice, Teleoperator):
         super().__init__(config)
         self.config = config
         self._session = shared_session(config.scene)
-
-    @property
-    def action_features(self) -> dict[str, type]:
-        """Commanded position (mm)."""
-        return dict.fromkeys(ACTION_NAMES, float)
 
     @property
     def feedback_features(self) -> dict[str, type]:
