@@ -161,6 +161,9 @@ class RosProcess:
             stdout=subprocess.PIPE,
             start_new_session=sys.platform != "win32",
         )
+        assert self.process.stdin is not None  # noqa: S101 - it was asked for
+        assert self.process.stdout is not None  # noqa: S101 - it was asked for
+        self._input, self._output = self.process.stdin, self.process.stdout
         with suppress(OSError):  # it has ended already, and has written why
             self._send(settings)
         answer = self._read_line()
@@ -186,9 +189,8 @@ class RosProcess:
 
     def end(self) -> None:
         """Close the process's input; wait until it has published all it has, and ended."""
-        assert self.process.stdin is not None  # noqa: S101 - it was asked for
         with suppress(OSError):  # it has ended by itself
-            self.process.stdin.close()
+            self._input.close()
         self.process.wait()
 
     def kill(self) -> None:
@@ -198,8 +200,7 @@ class RosProcess:
 
     def release(self) -> None:
         """Close the pipes, after the process and the thread that wrote to it have ended."""
-        for pipe in (self.process.stdin, self.process.stdout):
-            assert pipe is not None  # noqa: S101 - it was asked for
+        for pipe in (self._input, self._output):
             with suppress(OSError):  # unsent bytes
                 pipe.close()
 
@@ -210,12 +211,10 @@ class RosProcess:
             raise MmtError(str(self._read_line()["problem"])) from error
 
     def _send(self, message: object) -> None:
-        assert self.process.stdin is not None  # noqa: S101 - it was asked for
-        self.process.stdin.write(msgpack.packb(message))
-        self.process.stdin.flush()
+        self._input.write(msgpack.packb(message))
+        self._input.flush()
 
     def _read_line(self) -> dict[str, Any]:
         """Return the next line that the process writes, or a problem if it has ended without."""
-        assert self.process.stdout is not None  # noqa: S101 - it was asked for
-        line = self.process.stdout.readline()
+        line = self._output.readline()
         return json.loads(line) if line else {"problem": "the process that publishes has ended"}
