@@ -1,4 +1,4 @@
-"""Write folders atomically."""
+"""Write folders atomically, and measure them."""
 
 import shutil
 import tempfile
@@ -7,6 +7,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from mmt.core.errors import InputError, MmtError
+
+
+def size_bytes(path: Path) -> int:
+    """Return the size of a file, or of all files in a folder; 0 if there is none."""
+    files = [path, *(path.rglob("*") if path.is_dir() else ())]
+    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 @contextmanager

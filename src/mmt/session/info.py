@@ -11,6 +11,7 @@ from mmt.core.frames import CHANNELS, Channel
 from mmt.core.printable import printable
 from mmt.session.data import JsonObject, RecordedSession, duration_s, missing_frames
 from mmt.session.files import read_session
+from mmt.session.folders import size_bytes
 from mmt.session.mcap_reader import scanned_session
 from mmt.session.mcap_scan import scan_mcap
 from mmt.session.operators import ControlPeriod, control_periods
@@ -78,7 +79,7 @@ def info(path: str | Path) -> SessionInfo:
     accelerates = "acceleration" in session.channels
     return SessionInfo(
         path=path,
-        size_bytes=_size_bytes(path),
+        size_bytes=size_bytes(path),
         duration_s=duration_s(frames),
         frames=len(frames),
         missing_frames=missing_frames(frames),
@@ -100,11 +101,6 @@ def info(path: str | Path) -> SessionInfo:
         listeners=_listeners(session.events),
         complete=session.complete,
     )
-
-
-def _size_bytes(path: Path) -> int:
-    files = path.rglob("*") if path.is_dir() else [path]
-    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def _faults(session: RecordedSession) -> "SignalFaults | None":

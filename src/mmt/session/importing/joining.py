@@ -11,9 +11,9 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.session.importing.options import MATCHED, ImportOptions, quantity_of
+from mmt.session.importing.resampling import RATE_HZ
 from mmt.session.importing.samples import Samples
 
-_RATE_HZ: Final = 1000.0
 _LONGEST_S: Final = 600.0
 """Length of each file that is compared."""
 _SHOCK_STEPS = 25
@@ -101,13 +101,13 @@ def _matched_s(first: Samples, second: Samples, name: str) -> float:
             f"once on what is recorded by both, or say the seconds (--offset {name}=S)"
         )
     lag = correlation_lags(len(one), len(other))[int(np.argmax(product))]
-    return begin_s - other_begin_s + float(lag) / _RATE_HZ
+    return begin_s - other_begin_s + float(lag) / RATE_HZ
 
 
 def _shocks(samples: Samples) -> tuple[float, FloatArray]:
     """Return the first time, and from there the rate of change of all channels at 1 kHz."""
     begin_s = min(float(time_s[0]) for time_s in samples.times.values())
-    grid_s = begin_s + np.arange(0.0, _LONGEST_S, 1 / _RATE_HZ)
+    grid_s = begin_s + np.arange(0.0, _LONGEST_S, 1 / RATE_HZ)
     end_s = max(float(time_s[-1]) for time_s in samples.times.values())
     total = np.zeros(int(np.searchsorted(grid_s, end_s)))
     for channel, values in samples.values.items():
@@ -115,7 +115,7 @@ def _shocks(samples: Samples) -> tuple[float, FloatArray]:
         change = np.linalg.norm(np.diff(values, axis=0), axis=1)
         spread = float(np.std(change)) or 1.0
         counts, _ = np.histogram(
-            time_s[1:] - begin_s, len(total), (0.0, len(total) / _RATE_HZ), weights=change / spread
+            time_s[1:] - begin_s, len(total), (0.0, len(total) / RATE_HZ), weights=change / spread
         )
         # smoothed, so that the middle of a shock counts, not its edges
         total += np.convolve(counts - np.mean(counts), np.hanning(_SHOCK_STEPS), mode="same")

@@ -32,6 +32,7 @@ import psutil
 from mmt.core.children import import_path, python_command
 from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import InputError, MmtError, short_message
+from mmt.session.folders import size_bytes
 from mmt.session.importing.options import ImportOptions
 
 DECODED_HERE: Final = (".csv", ".txt", ".tsv", ".dat", ".lvm", ".npy", ".npz", ".wav")
@@ -61,8 +62,7 @@ class _Limits(NamedTuple):
     @classmethod
     def of(cls, path: Path, options: ImportOptions) -> "_Limits":
         """Return the limits for a file or folder: as the options say, else by its size."""
-        files = [path, *(path.rglob("*") if path.is_dir() else ())]
-        size = sum(file.stat().st_size for file in files if file.is_file())
+        size = size_bytes(path)
         return cls(
             options.reading_memory_gb or _MEMORY_GB + _MEMORY_PER_BYTE * size / 1e9,
             options.reading_time_s or _TIME_S + _TIME_S_PER_MB * size / 1e6,
