@@ -20,32 +20,30 @@ _LARGE_BYTES: Final = 1 << 16
 Decode = Callable[[bytes], Any]
 
 
-class DecodedMessage(NamedTuple):
-    """A message; `message` consists of numbers, texts, lists, dictionaries and dataclasses."""
+class StoredMessage(NamedTuple):
+    """A message as it stands in a file."""
 
     topic: str
     source: int
     """Number of the publisher on its topic, as far as the file tells publishers apart."""
     kind: str
     """Name of the message's type."""
-    in_si_units: bool
-    """Whether the type is one of those whose positions are in metres."""
-    received_ns: int
-    message: Any
-
-
-class _Raw(NamedTuple):
-    topic: str
-    source: int
-    kind: str
     encoding: str
     definition: bytes
     received_ns: int
     data: bytes
 
+    @property
+    def in_si_units(self) -> bool:
+        """Whether the type is one of those whose positions are in metres."""
+        return self.encoding in {"cdr", "ros1"} or self.kind.startswith("foxglove.")
 
-def decoded_messages(path: Path, notes: list[str]) -> Iterator[DecodedMessage]:
-    """Yield the messages of a bag or an MCAP file; add a note for each topic with lost messages."""
+
+def decoded_messages(path: Path, notes: list[str]) -> Iterator[tuple[StoredMessage, Any]]:
+    """Yield the messages of a bag or an MCAP file; add a note for each topic with lost messages.
+
+    Each comes as it is stored and decoded: numbers, texts, lists, dictionaries and dataclasses.
+    """
     decoders: dict[tuple[int, str, str, bytes], Decode | None] = {}
     lost: dict[str, list[Any]] = {}
     for raw in _raw_messages(path, notes):
@@ -65,15 +63,14 @@ def decoded_messages(path: Path, notes: list[str]) -> Iterator[DecodedMessage]:
             why = f"type {raw.kind or 'unknown'}, {raw.encoding}: {short_message(error)}"
             lost.setdefault(raw.topic, [0, why])[0] += 1
             continue
-        si = raw.encoding in {"cdr", "ros1"} or raw.kind.startswith("foxglove.")
-        yield DecodedMessage(raw.topic, raw.source, raw.kind, si, raw.received_ns, message)
+        yield raw, message
     notes += [
         f"{count} messages of {topic} cannot be read and were left out ({why})"
         for topic, (count, why) in lost.items()
     ]
 
 
-def _raw_messages(path: Path, notes: list[str]) -> Iterator[_Raw]:
+def _raw_messages(path: Path, notes: list[str]) -> Iterator[StoredMessage]:
     inside = sorted(path.glob("[!.]*")) if path.is_dir() else [path]
     stored = [file for file in inside if file.suffix.lower() == ".mcap"]
     described = any(file.name == "metadata.yaml" for file in inside)
@@ -90,7 +87,7 @@ def _raw_messages(path: Path, notes: list[str]) -> Iterator[_Raw]:
         yield from _of_bag(each)
 
 
-def _of_mcap(path: Path, notes: list[str]) -> Iterator[_Raw]:
+def _of_mcap(path: Path, notes: list[str]) -> Iterator[StoredMessage]:
     problems: list[str] = []
     publishers: dict[str, dict[int, int]] = {}
     for schema, channel, message in iterate_mcap(path, problems):
@@ -100,7 +97,7 @@ def _of_mcap(path: Path, notes: list[str]) -> Iterator[_Raw]:
         kind = schema.name if schema is not None else ""
         of_topic = publishers.setdefault(channel.topic, {})
         source = of_topic.setdefault(channel.id, len(of_topic))
-        yield _Raw(
+        yield StoredMessage(
             *(channel.topic, source, kind, channel.message_encoding),
             *(definition, message.log_time, message.data),
         )
@@ -108,14 +105,14 @@ def _of_mcap(path: Path, notes: list[str]) -> Iterator[_Raw]:
         notes.append(f"{path.name}: {', '.join(problems)}; what is whole was read")
 
 
-def _of_bag(path: Path) -> Iterator[_Raw]:
+def _of_bag(path: Path) -> Iterator[StoredMessage]:
     from rosbags import rosbag1, rosbag2
 
     of_ros1 = path.suffix.lower() == ".bag"
     with (rosbag1.Reader if of_ros1 else rosbag2.Reader)(path) as reader:
         definitions = {each.id: each.msgdef.data.encode() for each in reader.connections}
         for connection, received_ns, data in reader.messages():
-            yield _Raw(
+            yield StoredMessage(
                 *(connection.topic, connection.id, connection.msgtype),
                 "ros1" if of_ros1 else "cdr",
                 definitions[connection.id],
@@ -123,7 +120,7 @@ def _of_bag(path: Path) -> Iterator[_Raw]:
             )
 
 
-def _decoder(raw: _Raw) -> Decode:
+def _decoder(raw: StoredMessage) -> Decode:
     """Return the decoder of a topic's messages, by the definition in the file."""
     if raw.encoding == "json":
         return json.loads

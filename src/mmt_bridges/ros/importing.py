@@ -17,7 +17,7 @@ from mmt.core.frames import FIELD_OF_CHANNEL, axes_of
 from mmt.session.data import JsonObject, axis_columns, json_object
 from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.options import ImportOptions
-from mmt_bridges.ros.bag_files import decoded_messages
+from mmt_bridges.ros.bag_files import StoredMessage, decoded_messages
 from mmt_bridges.ros.clocks import SourceStamps, choose_clock
 from mmt_bridges.ros.messages import CHANNEL_TOPICS, EVENTS, SCENE, SEQUENCE
 
@@ -67,8 +67,8 @@ def read_bag(path: Path, wanted: Callable[[str], bool], options: ImportOptions) 
     notes: list[str] = []
     gathered = _Gathered(wanted)
     with reading(origin, "a ROS bag that can be read"):
-        for decoded in decoded_messages(path, notes):
-            gathered.add(decoded)
+        for stored, message in decoded_messages(path, notes):
+            gathered.add(stored, message)
     if not gathered.names and notes:
         raise InputError(f"{origin}: this is not a ROS bag that can be read: {notes[0]}")
     return gathered.columns(origin, options, notes)
@@ -93,7 +93,7 @@ class _Gathered:
 
     def __init__(self, wanted: Callable[[str], bool]) -> None:
         self._wanted = wanted
-        self._sources: dict[tuple[str, object, str], _Source] = {}
+        self._sources: dict[tuple[str, int, str], _Source] = {}
         self._texts: dict[str, list[JsonObject]] = {SCENE.name: [], EVENTS.name: []}
 
     @property
@@ -101,17 +101,17 @@ class _Gathered:
         """Whether any field was found."""
         return any(source.names for source in self._sources.values())
 
-    def add(self, decoded: Any) -> None:
+    def add(self, stored: StoredMessage, message: Any) -> None:
         """Add the wanted fields of a message."""
-        topic, message = decoded.topic, decoded.message
-        if topic in self._texts and decoded.kind == EVENTS.kind:
+        topic = stored.topic
+        if topic in self._texts and stored.kind == EVENTS.kind:
             self._texts[topic].append(json_object(message.data, "a scene or an event"))
         members = _members(message)
         header = _members(members.get("header"))
         frame = str(header.get("frame_id", members.get("frame_id", "")) or "")
-        key = (topic, decoded.source, frame)
+        key = (topic, stored.source, frame)
         source = self._sources.get(key) or self._sources.setdefault(key, _Source(topic, frame))
-        row = source.stamp(decoded.received_ns, _stamp_ns(header) or _stamp_ns(members))
+        row = source.stamp(stored.received_ns, _stamp_ns(header) or _stamp_ns(members))
         labels = _labels_in(members)
         source.labels = source.labels or labels
         for field, value in _numbers("", message):
@@ -120,7 +120,7 @@ class _Gathered:
                     continue  # each label has its own field
                 value = value[[labels.index(label) for label in source.labels]]  # noqa: PLW2901
             source.names.add(field)
-            if decoded.in_si_units and type(value) is tuple and field.split(".")[-1] in _METRES:
+            if type(value) is tuple and field.split(".")[-1] in _METRES and stored.in_si_units:
                 source.in_metres.add(field)
             if self._keeps(source, field):
                 source.values.setdefault(field, []).append(value)
