@@ -237,8 +237,7 @@ def test_a_unit_of_something_else_is_refused_by_name_or_scaled(tmp_path, kind, t
     with pytest.raises(InputError, match=rf"{target} is mapped to .* in '{unit}' by the file"):
         import_session(path, columns=mapped)
     check(import_session(path, columns={**mapped, target: f"{mapped[target]}*2.5"}).frames)
-    said = {"time": "s", "position": "mm", "force": "N", "acceleration": "m/s2"}
-    unit_said = {target: said[target.split("_")[0]]}
+    unit_said = {target: own[target.split("_")[0]]}
     options = ImportOptions({**mapped, target: f"{mapped[target]}*2.5"}, unit_said)
     check(import_recording(path, options)[0].frames)
 
