@@ -130,11 +130,15 @@ def test_what_is_unplugged_is_lost_and_comes_back_with_its_zero(bench, running) 
     back_and_right(bench, running)
 
 
+SERIAL = (
+    "the port is gone .*; plug it in again",
+    "its serial port: there is none; plug the board in",
+)
 UNPLUGGED = {
     "ati-net-ft": (r"no record for \d+ ms; check the box's power", "does not answer"),
-    "ati-digital-ft": ("the port is gone", "its serial port: there is none; plug"),
-    "adxl335-serial": ("plug it in again", "there is none; plug the board in"),
-    "bota-serial": ("the port is gone", "its serial port: there is none; plug"),
+    "ati-digital-ft": SERIAL,
+    "adxl335-serial": SERIAL,
+    "bota-serial": SERIAL,
     "iio-accelerometer": (
         r"it captures no longer; /.* is gone; check the wires",
         "industrial I/O has no accelerometer",
@@ -152,7 +156,7 @@ def test_what_is_unplugged_is_explained_and_goes_on_in_time(bench) -> None:
     read_until_lost(sensor, gone)
     with pytest.raises(MmtError, match=absent):
         sensor.connect()
-    with pytest.raises(DeviceLost, match=r"is closed|not open"):
+    with pytest.raises(DeviceLost, match="is closed"):
         sensor.read()
     bench.device.plug()
     sensor.connect()

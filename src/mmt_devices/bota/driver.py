@@ -83,7 +83,7 @@ class BotaSerial(WrenchSensor):
     def __init__(self, options: BotaOptions) -> None:
         super().__init__(f"Bota sensor at {options.port}", options)
         self._options = options
-        self._line: BotaLine | None = None
+        self._line = BotaLine(self.name, options.port, options.baud)
         self._stream = FrameStream()
         self._clock = StampClock()
         self._heard_ns = 0  # when any bytes came
@@ -113,23 +113,22 @@ class BotaSerial(WrenchSensor):
             message says what came instead.
         """
         self.close()
-        self._line = line = BotaLine(self._options.port, self._options.baud, self.name)
+        self._line.open()
+        self._line.received.clear()
         try:
-            self._set_up(line)
-            self._await_first_frame(line)
+            self._set_up()
+            self._await_first_frame()
         except BaseException:
             self.close()
             raise
 
     def close(self) -> None:
         """Close the port; the sensor goes on sending. Calling it twice is harmless."""
-        if self._line is not None:
-            self._line.close()
-            self._line = None
+        self._line.close()
 
-    def _set_up(self, line: BotaLine) -> None:
+    def _set_up(self) -> None:
         """Set communication and filter; the sensor loses both when it is switched off."""
-        options = self._options
+        options, line = self._options, self._line
         if not options.configure:
             return
         try:
@@ -138,26 +137,24 @@ class BotaSerial(WrenchSensor):
             line.command(filter_command(options.sinc_length, fir=options.fir))
             line.command(RUN)
         except NoAnswer as error:
-            raise MmtError(f"{error}; {self._explain(line)}") from error
+            raise MmtError(f"{error}; {self._explain()}") from error
 
-    def _await_first_frame(self, line: BotaLine) -> None:
+    def _await_first_frame(self) -> None:
         self._stream.reset()
         self._clock.interrupt()
         start_s = self._options.start_s
         self._usable_ns = time.monotonic_ns() + round(1e9 * start_s)  # not judged before
         self._status = 0
-        line.received.clear()
+        self._line.received.clear()
         if self._await_record(start_s):
             return
         if self._status:
             raise MmtError(self._explain_status())
-        raise MmtError(
-            f"{self.name}: no frame could be used in {start_s:g} s; {self._explain(line)}"
-        )
+        raise MmtError(f"{self.name}: no frame could be used in {start_s:g} s; {self._explain()}")
 
-    def _explain(self, line: BotaLine) -> str:
+    def _explain(self) -> str:
         """Return what came instead of frames, and what to do."""
-        received = bytes(line.received)
+        received = bytes(self._line.received)
         if not received:
             return f"nothing comes; {self._where()}"
         if FrameStream().feed(received):
@@ -178,13 +175,10 @@ class BotaSerial(WrenchSensor):
         return "check its power, its cable, and that this is its port"
 
     def _receive(self, now_ns: int) -> list[Stamped]:
-        line = self._line
-        if line is None:
-            raise DeviceLost(f"{self.name} is closed: connect it again")
-        content = line.read()
+        content = self._line.read()
         if not content:
             return []
-        line.note(content)
+        self._line.note(content)
         self._heard_ns = now_ns
         records: list[Stamped] = []
         for status, wrench, time_us, _ in self._stream.feed(content):

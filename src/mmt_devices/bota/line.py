@@ -4,7 +4,7 @@ import time
 from typing import Final
 
 from mmt.core.errors import MmtError
-from mmt.devices.sensor_line import SensorLine
+from mmt.devices.serial_line import SerialLine
 from mmt_devices.bota.frames import ANSWER
 
 _ANSWER_S: Final = 0.5
@@ -19,11 +19,11 @@ class NoAnswer(MmtError):  # noqa: N818 - its message names what came
     """The sensor has not answered a command."""
 
 
-class BotaLine(SensorLine):
-    """Open line to a sensor; see `SensorLine`."""
+class BotaLine(SerialLine):
+    """Line to a sensor; see `SerialLine`."""
 
-    def __init__(self, port: str, baud: int, name: str) -> None:
-        super().__init__(port, baud, name)
+    def __init__(self, name: str, port: str, baud: int) -> None:
+        super().__init__(name, port, baud, write_timeout=1)
         self.received = bytearray()
         """Newest bytes received, for explaining faults."""
 
@@ -50,10 +50,10 @@ class BotaLine(SensorLine):
                 return
             if code:
                 raise MmtError(
-                    f"{self._name}: it refuses the command {command!r} (code {code}): "
+                    f"{self.name}: it refuses the command {command!r} (code {code}): "
                     "switch it off and on, or leave its settings with configure = false"
                 )
-        raise NoAnswer(f"{self._name}: it does not answer the command {command!r}")
+        raise NoAnswer(f"{self.name}: it does not answer the command {command!r}")
 
     def _send(self, command: str) -> None:
         for character in command:

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-import serial
 from serial.tools import list_ports
 
 from mmt.core.errors import DeviceLost, MmtError
@@ -15,72 +14,7 @@ from mmt.devices.adxl335.options import BAND, SerialOptions
 from mmt.devices.adxl335.sensor import Adxl335
 from mmt.devices.drivers import read_options
 from mmt.devices.protocols import SensorReading, Vector
-from mmt.devices.serial_ports import close_port, empty_port, open_port, read_waiting
-
-_AT_ONCE: Final = 16384
-
-
-class SerialBoard:
-    """Receives bytes from a microcontroller.
-
-    Parameters
-    ----------
-    port, baud_rate
-        As in `mmt.devices.adxl335.options.SerialOptions`.
-    """
-
-    def __init__(self, port: str, baud_rate: int) -> None:
-        self.name = port
-        self._baud_rate = baud_rate
-        self._port: serial.Serial | None = None
-
-    def open(self) -> None:
-        """Open the port and discard its input buffer.
-
-        Raises
-        ------
-        MmtError
-            The port is missing, in use by another program, or not permitted.
-        """
-        self.close()
-        try:
-            self._port = open_port(self.name, self._baud_rate)
-        except MmtError as error:
-            raise MmtError(f"the accelerometer's port {self.name}: {error}") from error
-        empty_port(self._port)
-
-    def read(self) -> bytes:
-        """Return the received bytes.
-
-        Raises
-        ------
-        DeviceLost
-            The port is not open, or the board was unplugged.
-        """
-        if self._port is None:
-            raise DeviceLost(f"the accelerometer's port {self.name} is not open")
-        try:
-            return read_waiting(self._port, _AT_ONCE)
-        except (serial.SerialException, OSError, TypeError) as error:
-            raise DeviceLost(
-                f"the accelerometer's board on {self.name} is gone: plug it in again, and check "
-                "that no other program reads the port"
-            ) from error
-
-    def close(self) -> None:
-        """Close the port; calling it twice is harmless."""
-        port, self._port = self._port, None
-        close_port(port)
-
-    def serial_number(self) -> str | None:
-        """Return the serial number that the board reports over USB, or None."""
-        here = os.path.realpath(self.name)
-        for info in list_ports.comports():
-            if os.path.realpath(info.device) == here:
-                number: str | None = info.serial_number
-                return number
-        return None
-
+from mmt.devices.serial_line import SerialLine
 
 NAME: Final = "adxl335-serial"
 RATES: Final = f"2000 samples a second, or what its sketch is changed to; {BAND}"
@@ -107,7 +41,10 @@ class SerialAdxl335(Adxl335):
         self._options = read_options(SerialOptions, NAME, options)
         super().__init__(self._options)
         self._volts_per_count = self._options.volts_per_count
-        self._board = SerialBoard(self._options.port, self._options.baud_rate)
+        port = self._options.port
+        self._line = SerialLine(
+            f"the accelerometer's board on {port}", port, self._options.baud_rate
+        )
         self._decoder = BoardDecoder()
         self._timeline = Timeline()
         self._earlier: Counter[str] = Counter()
@@ -128,13 +65,13 @@ class SerialAdxl335(Adxl335):
         self._timeline = Timeline()
         self._decoder = BoardDecoder()
         self._survived = 0
-        self._board.open()
+        self._line.open()
         try:
             self._wait_for_frames()
         except Exception:
-            self._board.close()
+            self._line.close()
             raise
-        self._prepare(self._board.serial_number())
+        self._prepare(_serial_number(self._options.port))
 
     def voltages(self) -> Sequence[tuple[int, Vector]]:
         """Return the new samples as (time_ns, volts along the sensor's own axes).
@@ -147,7 +84,7 @@ class SerialAdxl335(Adxl335):
         scale = self._volts_per_count
         place = self._timeline.place
         placed: list[tuple[int, Vector]] = []
-        frames = self._decoder.feed(self._board.read())
+        frames = self._decoder.feed(self._line.read())
         if frames:
             self._newest = frames[-1].samples[-1]
             self._survived = self._decoder.faults.total()
@@ -162,9 +99,8 @@ class SerialAdxl335(Adxl335):
         if broken <= 0:
             return ""
         return (
-            f"the accelerometer's board on {self._board.name} sends no good frames ({broken} were "
-            "broken): check its cable, and that the baud rate is still "
-            f"{self._options.baud_rate}"
+            f"{self._line.name} sends no good frames ({broken} were broken): check its cable, and "
+            f"that the baud rate is still {self._options.baud_rate}"
         )
 
     def read(self) -> Sequence[SensorReading]:
@@ -178,7 +114,7 @@ class SerialAdxl335(Adxl335):
 
     def close(self) -> None:
         """Close the port; calling it twice is harmless."""
-        self._board.close()
+        self._line.close()
 
     def _counters(self) -> Sequence[Mapping[str, int]]:
         now = Counter(self._earlier)
@@ -191,7 +127,7 @@ class SerialAdxl335(Adxl335):
         frames: list[BoardFrame] = []
         end = time.monotonic() + self._options.start_s
         while time.monotonic() < end:
-            got = self._board.read()
+            got = self._line.read()
             received += got
             del received[:-4096]
             frames.extend(self._decoder.feed(got))
@@ -203,7 +139,7 @@ class SerialAdxl335(Adxl335):
         raise MmtError(self._explain(bytes(received), frames))
 
     def _explain(self, received: bytes, frames: Sequence[BoardFrame]) -> str:
-        where = f"the accelerometer's board on {self._board.name}"
+        where = self._line.name
         if frames and self._stuck_at is not None:
             return (
                 f"{where} still sends one value that never changes: check the sensor's supply and "
@@ -224,3 +160,13 @@ class SerialAdxl335(Adxl335):
             f"probably not {self._options.baud_rate} (option baud_rate; the sketch says which), or "
             "another sketch runs on it"
         )
+
+
+def _serial_number(port: str) -> str | None:
+    """Return the serial number that the board at a port reports over USB, or None."""
+    here = os.path.realpath(port)
+    for info in list_ports.comports():
+        if os.path.realpath(info.device) == here:
+            number: str | None = info.serial_number
+            return number
+    return None

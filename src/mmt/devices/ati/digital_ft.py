@@ -76,7 +76,7 @@ class DigitalFt(WrenchSensor):
     def __init__(self, options: DigitalFtOptions) -> None:
         super().__init__(f"Digital F/T at {options.port}", options)
         self._options = options
-        self._line: DigitalLine | None = None
+        self._line = DigitalLine(self.name, options.port, options.baud)
         self._stream = RecordStream()
         rate_hz = record_rate_hz(options.baud)
         self._clock = CountingClock(rate_hz)
@@ -105,10 +105,10 @@ class DigitalFt(WrenchSensor):
             The port cannot be opened, or the sensor does not answer correctly.
         """
         self.close()
-        line = self._line = DigitalLine(self._options.port, self._options.baud, self.name)
+        self._line.open()
         try:
-            self._settle(line)
-            line.command(START_STREAM, "stream")
+            self._settle(self._line)
+            self._line.command(START_STREAM, "stream")
             self._await_first_record()
         except BaseException:
             self.close()
@@ -116,9 +116,7 @@ class DigitalFt(WrenchSensor):
 
     def close(self) -> None:
         """Stop the stream and close the port; calling it twice is harmless."""
-        if self._line is not None:
-            self._line.close()
-            self._line = None
+        self._line.close()
 
     def _settle(self, line: DigitalLine) -> None:
         try:
@@ -175,8 +173,6 @@ class DigitalFt(WrenchSensor):
         return "check the sensor's power and cable, and the adapter's"
 
     def _receive(self, now_ns: int) -> list[Stamped]:
-        if self._line is None:
-            raise DeviceLost(f"{self.name} is closed: connect it again")
         content = self._line.read()
         if not content:
             return []

@@ -18,7 +18,7 @@ from mmt.devices.ati.digital_wire import (
     registers_of,
     write_request,
 )
-from mmt.devices.sensor_line import SensorLine
+from mmt.devices.serial_line import SerialLine
 
 _ANSWER_S: Final = 0.15
 _ATTEMPTS: Final = 3
@@ -27,17 +27,22 @@ _QUIET_S: Final = 0.5
 """Time that the device needs to stop its stream."""
 
 
-class DigitalLine(SensorLine):
-    """An open line; see `SensorLine`."""
+class DigitalLine(SerialLine):
+    """A line to a Digital F/T; see `SerialLine`."""
 
-    def __init__(self, port: str, baud: int, name: str) -> None:
-        super().__init__(port, baud, name, parity=serial.PARITY_EVEN)
-        self._baud = baud
+    def __init__(self, name: str, port: str, baud: int) -> None:
+        super().__init__(name, port, baud, parity=serial.PARITY_EVEN, write_timeout=1)
         self._surplus = b""
         self._garbage = 0  # received bytes that were no answer
 
+    def open(self) -> None:
+        """Open the port; see `SerialLine`."""
+        super().open()
+        self._surplus = b""
+        self._garbage = 0
+
     def read(self) -> bytes:
-        """Return the received bytes without waiting; see `SensorLine`."""
+        """Return the received bytes without waiting; see `SerialLine`."""
         received, self._surplus = self._surplus + super().read(), b""
         return received
 
@@ -72,7 +77,7 @@ class DigitalLine(SensorLine):
         answer = self.ask(frame(DEVICE, function, bytes([argument])))
         if answer[0] != 1:
             raise MmtError(
-                f"{self._name}: it does not accept to {action} (answer {answer[0]}); switch it off "
+                f"{self.name}: it does not accept to {action} (answer {answer[0]}); switch it off "
                 "and on, then start again"
             )
 
@@ -94,10 +99,10 @@ class DigitalLine(SensorLine):
                 self._garbage += len(received)
                 continue
             except MmtError as error:
-                raise MmtError(f"{self._name}: {error}") from error
+                raise MmtError(f"{self.name}: {error}") from error
             self._surplus = received[answer_length(request) :]
             return content
-        raise NoFrame(f"{self._name}: {self._explain_silence()}")
+        raise NoFrame(f"{self.name}: {self._explain_silence()}")
 
     def stop_stream(self) -> None:
         """Jam the line so that the device stops streaming, and wait until it listens again."""
@@ -107,7 +112,7 @@ class DigitalLine(SensorLine):
 
     def close(self) -> None:
         """Stop the stream and close; calling it twice is harmless."""
-        if self._serial.is_open:
+        if self._port is not None:
             with contextlib.suppress(OSError, MmtError):
                 self.write(_JAM)
         super().close()
