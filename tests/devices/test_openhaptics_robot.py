@@ -107,7 +107,7 @@ def test_the_force_stays_below_the_smaller_of_both_limits(
 
 def servo_of(arm: Any) -> Any:
     """What turns in the library's thread: no call from outside can see its turns."""
-    return arm._device.servo
+    return arm.servo
 
 
 def test_the_librarys_thread_keeps_its_state_between_two_calls(robot) -> None:

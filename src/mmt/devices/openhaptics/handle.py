@@ -28,8 +28,7 @@ class OpenHapticsHandle(HdDriver[Servo]):
     """
 
     def __init__(self, **options: Any) -> None:
-        self._options = read_options(HdOptions, "openhaptics", options)
-        super().__init__(self._options)
+        super().__init__(read_options(HdOptions, "openhaptics", options))
 
     def _make_servo(
         self,
@@ -48,7 +47,7 @@ class OpenHapticsHandle(HdDriver[Servo]):
         DeviceLost
             The handle does not answer any more.
         """
-        servo = self._device.check()
+        servo = self.check()
         position = self._axes.place_in_scene(servo.position)
         velocity = self._axes.to_scene(servo.velocity)
         return InterfaceState(position, velocity, 0.0, contact=False)
@@ -63,7 +62,7 @@ class OpenHapticsHandle(HdDriver[Servo]):
         DeviceLost
             The handle does not answer any more.
         """
-        servo = self._device.check()
-        if self._is_finite(servo, force_n):
+        servo = self.check()
+        if servo.accepts(force_n):
             servo.force = self._axes.to_device(force_n)
             servo.command_ns = servo.clock()

@@ -107,7 +107,7 @@ class OpenHapticsRobot(HdDriver[PositionServo]):
     """
 
     def __init__(self, **options: Any) -> None:
-        self._options = read_options(HdRobotOptions, "openhaptics", options)
+        self._options: HdRobotOptions = read_options(HdRobotOptions, "openhaptics", options)
         super().__init__(self._options)
 
     def _make_servo(
@@ -115,14 +115,10 @@ class OpenHapticsRobot(HdDriver[PositionServo]):
     ) -> PositionServo:
         if self._options.stiffness_n_mm > stiffness_n_mm:
             raise InputError(
-                f"{self._device.name}: stiffness_n_mm is {self._options.stiffness_n_mm:g}, the "
+                f"{self.name}: stiffness_n_mm is {self._options.stiffness_n_mm:g}, the "
                 f"device displays at most {stiffness_n_mm:g}: lower it"
             )
         return PositionServo(stack.hd, stack.copies, handle, self._options, limit_n)
-
-    def await_turn(self) -> None:
-        """Return soon after the servo's next tick, when the position is fresh."""
-        self._device.await_turn()
 
     def read(self) -> Vector:
         """Return the tip's position (mm), at most a tick old.
@@ -132,7 +128,7 @@ class OpenHapticsRobot(HdDriver[PositionServo]):
         DeviceLost
             The robot does not answer any more.
         """
-        return self._axes.place_in_scene(self._device.check().position)
+        return self._axes.place_in_scene(self.check().position)
 
     def orientation(self) -> Quaternion:
         """Return the orientation (w, x, y, z) of the stylus, at most a tick old.
@@ -144,7 +140,7 @@ class OpenHapticsRobot(HdDriver[PositionServo]):
         DeviceLost
             The robot does not answer any more.
         """
-        servo = self._device.check()
+        servo = self.check()
         servo.turns = True
         a, b, c, _, d, e, f, _, g, h, i, *_ = servo.transform
         return self._axes.turn_in_scene(quaternion_of_axes((a, b, c), (d, e, f), (g, h, i)))
@@ -157,7 +153,7 @@ class OpenHapticsRobot(HdDriver[PositionServo]):
         DeviceLost
             The robot does not answer any more.
         """
-        servo = self._device.check()
-        if self._is_finite(servo, position_mm):
+        servo = self.check()
+        if servo.accepts(position_mm):
             servo.target = self._axes.place_on_device(position_mm)
             servo.command_ns = servo.clock()

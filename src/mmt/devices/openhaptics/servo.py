@@ -1,6 +1,7 @@
 """The callback that the library's thread runs a thousand times a second: state out, force in."""
 
 import ctypes
+import math
 import threading
 import time
 from collections import Counter
@@ -102,6 +103,14 @@ class Servo:
     def run_in_frame(self, function: Callable[[], object]) -> None:
         """Have a function run within the next frame; it has run once `request` is None again."""
         self.answer, self.request = None, function
+
+    def accepts(self, command: Vector) -> bool:
+        """Return whether a command is finite, and count it if it is not."""
+        x, y, z = command
+        if math.isfinite(x + y + z):
+            return True
+        self.counts["commands that are not finite"] += 1
+        return False
 
     def tick(self, _: Any) -> int:
         """Do one frame; the library calls it."""
