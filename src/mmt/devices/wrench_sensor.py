@@ -8,8 +8,8 @@ from typing import Final
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.overload import OverloadNotice
-from mmt.devices.protocols import SensorReading
-from mmt.devices.wrench import Six, WrenchConverter, WrenchOptions
+from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.wrench import Matrix, Six, WrenchConverter, WrenchOptions
 
 Stamped = tuple[int, Six]
 """The sensor's time of a record (ns), and its raw values."""
@@ -34,6 +34,7 @@ class WrenchSensor(ABC):
     def __init__(self, name: str, options: WrenchOptions) -> None:
         self.name = name
         self.latency_ns = 0
+        self._mounting = options
         self._converter: WrenchConverter | None = None
         self._counts: Counter[str] = Counter()
         self._overloads = 0
@@ -114,7 +115,12 @@ class WrenchSensor(ABC):
         if self._converter is not None:
             counts["overload"] = self._overloads + self._converter.overloads
             counts["impossible value"] = self._impossible + self._converter.impossible
+        counts.update(self._further_faults())
         return {reason: count for reason, count in counts.items() if count}
+
+    def _further_faults(self) -> Mapping[str, int]:
+        """Return the counts that the subclass keeps elsewhere."""
+        return {}
 
     def _take(self, now_ns: int) -> list[Stamped]:
         """Receive records, and note their arrival."""
@@ -138,8 +144,14 @@ class WrenchSensor(ABC):
         """Return why the received data is unusable, empty if no data comes or all is well."""
         return ""
 
-    def _set_converter(self, converter: WrenchConverter) -> None:
-        """Use this converter from now on; the bias stays."""
+    def _set_latency(self, own_ns: float) -> None:
+        """Set the latency: the driver's own figure, unless the options say another."""
+        latency_ms = self._mounting.latency_ms
+        self.latency_ns = round(own_ns if latency_ms is None else 1e6 * latency_ms)
+
+    def _set_matrix(self, matrix: Matrix, range_n: Vector, range_n_mm: Vector) -> None:
+        """Convert by this calibration from now on; the bias stays. See `WrenchConverter`."""
+        converter = WrenchConverter(matrix, range_n, range_n_mm, self._mounting)
         if self._converter is not None:
             converter.bias = self._converter.bias
             self._overloads += self._converter.overloads

@@ -8,7 +8,7 @@ from pydantic import Field
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.drivers import read_options
 from mmt.devices.record_clocks import StampClock
-from mmt.devices.wrench import Positive, WrenchConverter, WrenchOptions, diagonal
+from mmt.devices.wrench import Positive, WrenchOptions, diagonal
 from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 from mmt_devices.bota.frames import (
     CONFIGURE,
@@ -89,19 +89,10 @@ class BotaSerial(WrenchSensor):
         self._heard_ns = 0  # when any bytes came
         self._usable_ns = 0
         self._status = 0  # of the newest frame that could not be used
-        delay_ms = options.latency_ms
-        self.latency_ns = round(
-            1e9 * _FRAME_BITS / options.baud if delay_ms is None else 1e6 * delay_ms
-        )
+        self._set_latency(1e9 * _FRAME_BITS / options.baud)
         x, y, z = options.range_n_m
-        self._set_converter(
-            WrenchConverter(
-                diagonal(1.0, 1000.0),
-                options.range_n,
-                (1000.0 * x, 1000.0 * y, 1000.0 * z),
-                options,
-            )
-        )
+        range_n_mm = (1000.0 * x, 1000.0 * y, 1000.0 * z)
+        self._set_matrix(diagonal(1.0, 1000.0), options.range_n, range_n_mm)
 
     def connect(self) -> None:
         """Open the port, set the sensor up if the options say so, and await the first frame.
@@ -229,14 +220,10 @@ class BotaSerial(WrenchSensor):
         )
         return f"{self.name}: the sensor reports {words}: {advice}"
 
-    @property
-    def faults(self) -> dict[str, int]:
-        """Counts of survived faults, by kind."""
-        counts = {
-            **super().faults,
+    def _further_faults(self) -> dict[str, int]:
+        return {
             "broken frame": self._stream.broken,
             "lost frame": self._clock.lost,
             "repeated frame": self._clock.repeated,
             "restart": self._clock.restarts,
         }
-        return {reason: count for reason, count in counts.items() if count}

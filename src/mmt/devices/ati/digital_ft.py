@@ -25,7 +25,6 @@ from mmt.devices.ati.digital_registers import (
 from mmt.devices.ati.digital_wire import SIZE, Gauges, NoFrame, RecordStream
 from mmt.devices.drivers import read_options
 from mmt.devices.record_clocks import CountingClock
-from mmt.devices.wrench import WrenchConverter
 from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 
 DRIVER: Final = "ati-digital-ft"
@@ -85,14 +84,9 @@ class DigitalFt(WrenchSensor):
         self._summed = 0
         self._heard_ns = 0  # when bytes came, usable or not
         self._usable_ns = 0
-        delay_ms = options.latency_ms
-        self.latency_ns = (
-            round((self._average - 1) / 2 * self._clock.period_ns + _BITS * 1e9 / options.baud)
-            if delay_ms is None
-            else round(delay_ms * 1e6)
+        self._set_latency(
+            (self._average - 1) / 2 * self._clock.period_ns + _BITS * 1e9 / options.baud
         )
-        self.stored: StoredCalibration | None = None
-        """Calibration in use; None before the sensor is connected."""
 
     def connect(self) -> None:
         """Open the port, read and check the calibration, then start the stream.
@@ -133,13 +127,8 @@ class DigitalFt(WrenchSensor):
         stored = parse_calibration(line.read_registers(start, CALIBRATION_REGISTERS), self.name)
         check_calibration(self.name, stored.calibration, self._options)
         self._amplify(line, stored)
-        self.stored = stored
         calibration = stored.calibration
-        self._set_converter(
-            WrenchConverter(
-                stored.matrix, calibration.range_n, calibration.range_n_mm, self._options
-            )
-        )
+        self._set_matrix(stored.matrix, calibration.range_n, calibration.range_n_mm)
 
     def _amplify(self, line: DigitalLine, stored: StoredCalibration) -> None:
         """Write the calibration's gains and offsets to the sensor if its own differ."""
@@ -225,13 +214,9 @@ class DigitalFt(WrenchSensor):
         self._summed = summed
         return records
 
-    @property
-    def faults(self) -> dict[str, int]:
-        """Counts of tolerated faults, by kind."""
-        counts = {
-            **super().faults,
+    def _further_faults(self) -> dict[str, int]:
+        return {
             "wrong sum": self._stream.bad,
             "error bit": self._stream.errors,
             "lost record": self._clock.missing,
         }
-        return {reason: count for reason, count in counts.items() if count}

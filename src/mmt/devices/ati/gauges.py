@@ -9,7 +9,6 @@ from mmt.devices.ati.calibration import AtiOptions, check_calibration
 from mmt.devices.ati.calibration_file import FileCalibration, load_calibration_file
 from mmt.devices.drivers import load_device, read_options
 from mmt.devices.protocols import VoltageBoard, arrival_of
-from mmt.devices.wrench import WrenchConverter
 from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 from mmt.scene import Driver
 
@@ -59,7 +58,6 @@ class Gauges(WrenchSensor):
 
     def __init__(self, options: GaugesOptions, board: VoltageBoard) -> None:
         super().__init__(f"gauges by {options.calibration_file.name}", options)
-        self._options = options
         self._board = board
         self._open = False
         self.loaded: FileCalibration = load_calibration_file(options.calibration_file)
@@ -83,13 +81,8 @@ class Gauges(WrenchSensor):
         self._board.connect()
         self._open = True
         calibration = self.loaded.calibration
-        self._set_converter(
-            WrenchConverter(
-                self.loaded.matrix, calibration.range_n, calibration.range_n_mm, self._options
-            )
-        )
-        latency_ms = self._options.latency_ms
-        self.latency_ns = self._board.latency_ns if latency_ms is None else round(latency_ms * 1e6)
+        self._set_matrix(self.loaded.matrix, calibration.range_n, calibration.range_n_mm)
+        self._set_latency(self._board.latency_ns)
         if not self._await_record(_FIRST_S):
             self.close()
             raise MmtError(f"{self.name}: the board gives no voltages; {self._where()}")
@@ -120,8 +113,5 @@ class Gauges(WrenchSensor):
             records.append((time_ns, raw))
         return records
 
-    @property
-    def faults(self) -> Mapping[str, int]:
-        """Counts of tolerated faults by kind, including the board's."""
-        board = {f"board: {reason}": count for reason, count in self._board.faults.items()}
-        return {**super().faults, **board}
+    def _further_faults(self) -> Mapping[str, int]:
+        return {f"board: {reason}": count for reason, count in self._board.faults.items()}

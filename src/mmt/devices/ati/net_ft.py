@@ -27,7 +27,6 @@ from mmt.devices.ati.net_wire import (
 from mmt.devices.datagrams import StampedSocket
 from mmt.devices.drivers import read_options
 from mmt.devices.record_clocks import SequenceClock
-from mmt.devices.wrench import WrenchConverter
 from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 
 DRIVER: Final = "ati-net-ft"
@@ -101,15 +100,8 @@ class NetFt(WrenchSensor):
         settings = self._settle()
         self.settings = settings
         calibration = settings.calibration
-        self._set_converter(
-            WrenchConverter(
-                settings.matrix, calibration.range_n, calibration.range_n_mm, self._options
-            )
-        )
-        latency_ms = self._options.latency_ms
-        self.latency_ns = (
-            filter_delay_ns(settings.filter) if latency_ms is None else round(latency_ms * 1e6)
-        )
+        self._set_matrix(settings.matrix, calibration.range_n, calibration.range_n_mm)
+        self._set_latency(filter_delay_ns(settings.filter))
         if self._clock is None or self._clock.period_ns != 1e9 / settings.rate_hz:
             self._clock = SequenceClock(settings.rate_hz)
         else:
@@ -263,16 +255,13 @@ class NetFt(WrenchSensor):
             "transducer's cable and the box's System Information page, and switch it off and on"
         )
 
-    @property
-    def faults(self) -> dict[str, int]:
-        """Counts of tolerated faults, by kind."""
-        counts = dict(super().faults)
-        if self._clock is not None:
-            clock = self._clock
-            counts |= {
-                "lost record": clock.lost,
-                "late record": clock.late,
-                "impossible number": clock.strange,
-                "counted anew": clock.restarts,
-            }
-        return {reason: count for reason, count in counts.items() if count}
+    def _further_faults(self) -> dict[str, int]:
+        clock = self._clock
+        if clock is None:
+            return {}
+        return {
+            "lost record": clock.lost,
+            "late record": clock.late,
+            "impossible number": clock.strange,
+            "counted anew": clock.restarts,
+        }
