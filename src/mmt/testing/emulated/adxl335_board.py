@@ -1,20 +1,16 @@
 """An emulated ADXL335 behind a microcontroller, on a pseudo-terminal for its driver."""
 
 import math
-import os
 import random
-import tempfile
-import threading
 import time
-from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.devices.adxl335.framing import BoardFrame, Counts, encode_frame
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, GravityCalibration, nominal
 from mmt.devices.adxl335.options import LARGEST_BANDWIDTH_HZ
 from mmt.devices.adxl335.sensor import TYPICAL_RANGE_M_S2
-from mmt.devices.protocols import Vector
+from mmt.testing.emulated import Truth, with_flipped_bit
+from mmt.testing.emulated.serial_port import EmulatedPort
 
 if TYPE_CHECKING:
     from mmt.testing.emulated.clockwork import Clockwork
@@ -22,7 +18,6 @@ if TYPE_CHECKING:
 
 NOISE_DENSITY: Final = 150e-6 * GRAVITY_M_S2
 """m/s2 per root hertz (data sheet, X and Y)."""
-_LEAST_WAIT_S: Final = 0.0001
 
 
 class EmulatedAdxl335Board:
@@ -55,7 +50,7 @@ class EmulatedAdxl335Board:
 
     def __init__(
         self,
-        truth: Callable[[int], Vector],
+        truth: Truth,
         *,
         rate_hz: float = 1000.0,
         per_frame: int = 1,
@@ -80,22 +75,19 @@ class EmulatedAdxl335Board:
         self._speed = 1.0 + 1e-6 * clock_ppm
         self._start_us = start_us
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret
-        self._lock = threading.Lock()
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._ends: tuple[int, int] | None = None
-        self._thread: threading.Thread | None = None
-        self._stopping = threading.Event()
+        self._port = EmulatedPort(math.ceil(1e9 * per_frame / rate_hz), self._step)
         self._samples: list[Counts] = []
         self._sequence = 0
         self._begun_ns = 0
+        self._begins = True
         self._stuck: Counts | None = None
         self._stalled = self._scrambled = False
         self._garbled = self._halved = self._lost = 0
 
     @property
     def address(self) -> str:
-        """The port's name, which stays the same after `unplug`; empty before `start`."""
-        return "" if self._folder is None else str(Path(self._folder.name) / "ttyACM0")
+        """The port's name, which stays the same after `unplug`."""
+        return self._port.path
 
     @property
     def options(self) -> dict[str, Any]:
@@ -104,52 +96,24 @@ class EmulatedAdxl335Board:
 
     def start(self) -> None:
         """Plug it in; it begins to send."""
-        self._folder = tempfile.TemporaryDirectory(prefix="mmt-board-")
-        self._begun_ns = time.monotonic_ns()
-        self.plug()
-        self._stopping.clear()
-        self._thread = threading.Thread(target=self._run, name="emulated board", daemon=True)
-        self._thread.start()
+        self._port.start()
 
     def stop(self) -> None:
         """End; calling it twice is harmless."""
-        self._stopping.set()
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
-        self.unplug()
-        if self._folder is not None:
-            self._folder.cleanup()
-            self._folder = None
+        self._port.stop()
 
     def unplug(self) -> None:
         """Take the port away while it is open."""
-        with self._lock:
-            ends, self._ends = self._ends, None
-            if ends is not None:
-                Path(self.address).unlink(missing_ok=True)
-                for end in ends:
-                    os.close(end)
+        self._port.unplug()
 
     def plug(self) -> None:
         """Bring the port back under its name; meanwhile the board has gone on counting."""
-        import pty
-        import tty
-
-        with self._lock:
-            if self._ends is None:
-                board, host = pty.openpty()
-                tty.setraw(host)  # the host's end stays open here, or the line would hang up
-                os.set_blocking(board, False)
-                Path(self.address).symlink_to(os.ttyname(host))
-                self._ends = board, host
+        self._port.plug()
 
     def restart(self) -> None:
         """Count samples and time from the beginning, as after the reset button."""
-        with self._lock:
-            self._sequence, self._begun_ns = 0, time.monotonic_ns()
-            self._start_us = 0
-            self._samples.clear()
+        self._start_us = 0
+        self._begins = True
 
     def garble(self, frames: int = 1) -> None:
         """Flip a bit in each of the next frames."""
@@ -175,18 +139,14 @@ class EmulatedAdxl335Board:
         """Give one value again and again, or go on."""
         self._stuck = self._convert(time.monotonic_ns()) if stuck else None
 
-    def _run(self) -> None:
-        wait_s = 0.0
-        while not self._stopping.wait(max(wait_s, _LEAST_WAIT_S)):
-            with self._lock:
-                now_ns = time.monotonic_ns()
-                due = int((now_ns - self._begun_ns) * 1e-9 * self._rate_hz)
-                if due - self._sequence > self._rate_hz:  # held up for over a second
-                    self._sequence = due - 1
-                while self._sequence < due:
-                    self._sample()
-                next_ns = self._begun_ns + (due + 1) / self._rate_hz * 1e9
-                wait_s = (next_ns - time.monotonic_ns()) * 1e-9  # a board sends when it has sampled
+    def _step(self, due_ns: int, _received: bytes) -> None:
+        if self._begins:
+            self._begins = False
+            self._sequence, self._begun_ns = 0, due_ns
+            self._samples.clear()
+        due = round((due_ns - self._begun_ns) * 1e-9 * self._rate_hz)
+        while self._sequence < due:
+            self._sample()
 
     def _sample(self) -> None:
         self._sequence += 1
@@ -198,12 +158,7 @@ class EmulatedAdxl335Board:
         time_us = self._start_us + round(elapsed_ns * self._speed / 1000.0)
         frame = BoardFrame(self._sequence & 0xFFFFFFFF, time_us & 0xFFFFFFFF, tuple(self._samples))
         self._samples.clear()
-        wire = self._spoil(encode_frame(frame))
-        if wire and self._ends is not None:
-            try:
-                os.write(self._ends[0], wire)
-            except OSError:
-                return  # the port is not read: a board drops what its buffer cannot take
+        self._port.write(self._spoil(encode_frame(frame)))
 
     def _convert(self, time_ns: int) -> Counts:
         felt = self.truth(time_ns - self._delay_ns)
@@ -232,9 +187,7 @@ class EmulatedAdxl335Board:
             return wire[: len(wire) // 2]
         if self._garbled:
             self._garbled -= 1
-            at = self._random.randrange(len(wire) - 1)
-            flipped = wire[at] ^ (1 << self._random.randrange(8))
-            return wire[:at] + bytes((flipped,)) + wire[at + 1 :]
+            return with_flipped_bit(wire[:-1], self._random) + wire[-1:]
         return wire
 
 
