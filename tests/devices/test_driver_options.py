@@ -34,7 +34,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("franka", {"host": "arm", "axes": "x,y,-z"}, "mirrors"),
     ("franka", {"host": "arm", "stiffness_n_mm": 5.0}, "stiffness_n_mm is 5"),
     ("franka", {"host": "arm", "force_limit_n": 30.0}, "lower the first, or raise the second"),
-    ("franka", {"host": "arm", "speed": 1.0}, "not a key; allowed are host, realtime, axes"),
+    ("franka", {"host": "arm", "speed": 1.0}, "not a key; allowed are axes, host, realtime"),
     ("iio-accelerometer", {"rate_hz": 0}, "rate_hz"),
     ("iio-accelerometer", {"axes": ["x", "x", "z"]}, "must name each of x, y, z once"),
     ("iio-accelerometer", {"stamps": "own"}, "stamps"),
@@ -43,7 +43,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("openhaptics", {"stiffness_n_mm": 2.0, "damping_n_s_m": 1.0}, "oscillates at 1 kHz below 3"),
     ("openhaptics", {"axes": "x,y,y"}, "name x, y and z once each"),
     ("openhaptics", {"axes": "x,y,-z"}, "mirrors"),
-    ("openhaptics", {"stiffness": 1.0}, "stiffness is not a key; allowed are library, device"),
+    ("openhaptics", {"stiffness": 1.0}, "stiffness is not a key; allowed are axes, library"),
     ("openhaptics", {"force_limit_n": math.inf}, "force_limit_n"),
     ("ur", {}, "host"),
     ("ur", {"host": "a", "lookahead_s": 0.01}, "lookahead_s"),
@@ -89,7 +89,7 @@ def test_a_board_that_cannot_be_an_accelerometers_is_told(
 @pytest.mark.parametrize(
     ("driver", "role", "options", "words"),
     [
-        ("openhaptics", "handle", {"stiffness_n_mm": 1.0}, "is not a key; allowed are library"),
+        ("openhaptics", "handle", {"stiffness_n_mm": 1.0}, "is not a key; allowed are axes"),
         ("openhaptics", "handle", {"force_limit_n": [1.0, 0.0, 3.0]}, "force_limit_n"),
         ("ur", "force_sensor", {"host": "a", "origin_mm": [0, 0, 0]}, "origin_mm"),
         *[
@@ -98,8 +98,8 @@ def test_a_board_that_cannot_be_an_accelerometers_is_told(
             for role, options, words in (
                 ("handle", {"address": "localhost:10001"}, "address"),
                 ("handle", {"force_limit_n": 11.0}, "force_limit_n"),
-                ("handle", {"lead_limit_mm": 5.0}, "lead_limit_mm is not a key; allowed are addr"),
-                ("robot", {"force_limit_n": 2.0}, "force_limit_n is not a key; allowed are addr"),
+                ("handle", {"lead_limit_mm": 5.0}, "lead_limit_mm is not a key; allowed are axes"),
+                ("robot", {"force_limit_n": 2.0}, "force_limit_n is not a key; allowed are axes"),
                 ("robot", {"axes": "x,y,-z"}, "mirrors"),
                 ("robot", {"origin_mm": [0.0, math.nan, 0.0]}, "origin_mm"),
                 ("robot", {"commands": "2.0"}, "commands"),

@@ -2,9 +2,9 @@
 
 import re
 from collections.abc import Sequence
-from typing import Annotated, Final
+from typing import Annotated, Final, Self
 
-from pydantic import Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from mmt.core.quaternions import UNIT_VECTORS, Quaternion, product, quaternion_of_axes
 from mmt.devices.protocols import Vector
@@ -69,3 +69,17 @@ class Axes:
         """Turn a position of the scene (mm) into one of the device."""
         (x, y, z), (u, v, w) = position_mm, self._origin
         return self.to_device((x + u, y + v, z + w))
+
+
+class AxesOptions(BaseModel):
+    """Options of a device with axes of its own."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    axes: str = "x,y,z"
+    """Device axes along the scene's, see `Axes`."""
+
+    @model_validator(mode="after")
+    def _right_axes(self) -> Self:
+        Axes(self.axes)
+        return self

@@ -2,24 +2,16 @@
 
 from typing import Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from mmt.devices.axes import Axes, Millimetres
+from mmt.devices.axes import AxesOptions, Millimetres
 
 
-class ArmOptions(BaseModel):
+class ArmOptions(AxesOptions):
     """Options that robot and force sensor share: the connection, and the axes."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     host: str = Field(min_length=1, max_length=253)
     realtime: Literal["enforce", "ignore"] = "enforce"
-    axes: str = "x,y,z"
-
-    @model_validator(mode="after")
-    def _right_axes(self) -> Self:
-        Axes(self.axes)
-        return self
 
 
 class FrankaRobotOptions(ArmOptions):

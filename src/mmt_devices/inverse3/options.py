@@ -1,13 +1,13 @@
 """The options of the drivers, as a scene gives them."""
 
-from typing import Literal, Self
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field
 
-from mmt.devices.axes import Axes, Millimetres
+from mmt.devices.axes import AxesOptions, Millimetres
 
 
-class InverseOptions(BaseModel):
+class InverseOptions(AxesOptions):
     """Options that robot and handle share.
 
     The service measures in metres, in a scene's axes: +x to the right, +y forward (away from the
@@ -15,21 +15,13 @@ class InverseOptions(BaseModel):
     the middle of an Inverse3's workspace.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
     address: str = Field("ws://localhost:10001", pattern=r"^wss?://[^\s/]+\S*$")
     device: str | None = Field(None, min_length=1, max_length=63)
     commands: Literal["auto", "3.1", "3.5"] = "auto"
-    axes: str = "x,y,z"
     origin_mm: tuple[Millimetres, Millimetres, Millimetres] = (0.0, -150.0, 150.0)
     stale_ms: float = Field(50.0, ge=5, le=1000)
     timeout_ms: float = Field(100.0, ge=10, le=2000)
     calibration_s: float = Field(5.0, ge=0, le=120)
-
-    @model_validator(mode="after")
-    def _right_axes(self) -> Self:
-        Axes(self.axes)
-        return self
 
 
 class Inverse3RobotOptions(InverseOptions):

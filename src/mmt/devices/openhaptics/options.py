@@ -3,9 +3,9 @@
 from math import hypot
 from typing import Annotated, Final, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from mmt.devices.axes import Axes, Millimetres
+from mmt.devices.axes import Axes, AxesOptions, Millimetres
 from mmt.devices.protocols import Vector
 
 DEFAULT_AXES: Final = "x,-z,y"
@@ -18,10 +18,8 @@ _DELAY_TICKS: Final = 1.5
 Newtons = Annotated[float, Field(gt=0, le=40)]
 
 
-class HdOptions(BaseModel):
+class HdOptions(AxesOptions):
     """Options that robot and handle share."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     library: str = Field("libHD.so", min_length=1)
     device: str | None = Field(None, min_length=1, max_length=63)
@@ -33,11 +31,6 @@ class HdOptions(BaseModel):
     ramp_ms: float = Field(100.0, ge=5, le=2000)
     calibration_s: float = Field(5.0, ge=0, le=120)
     reset_encoders: bool = False
-
-    @model_validator(mode="after")
-    def _right_axes(self) -> Self:
-        Axes(self.axes)
-        return self
 
     @property
     def axes_limit_n(self) -> Vector | None:
