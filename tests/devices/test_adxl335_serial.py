@@ -95,17 +95,6 @@ def test_spoilt_frames_are_counted_and_survived(boards, drivers, connected) -> N
     assert sensor.faults["restarts"] == 1
 
 
-def test_a_wrong_baud_rate_is_told(boards, drivers) -> None:
-    board = boards()
-    board.scramble()
-    sensor = drivers(board, start_s=0.3)
-    with pytest.raises(MmtError, match=r"no good frames: the baud rate is probably not 500000"):
-        sensor.connect()
-    board.scramble(scrambled=False)
-    sensor.connect()
-    assert read_some(sensor, 20)
-
-
 def test_a_silent_board_is_told(boards, drivers) -> None:
     board = boards()
     board.stall()

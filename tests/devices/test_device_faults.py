@@ -29,6 +29,8 @@ from mmt_devices.bota.frames import INVALID
 from mmt_devices.iio.emulated import EmulatedIio
 
 PRESSED = (0.0, 0.0, 2.0)
+WEIGHT = (0.3, -0.2, 0.5)
+"""Force of the tool itself, which the bias takes away."""
 
 
 class Felt:
@@ -68,12 +70,17 @@ def upright(felt: Felt) -> Truth:
     return lambda t: tuple(a + b for a, b in zip(felt(t), (0, 0, GRAVITY_M_S2), strict=True))
 
 
+def weighed(felt: Felt) -> Truth:
+    """What is felt, and the tool's weight."""
+    return lambda t: tuple(a + b for a, b in zip(felt(t), WEIGHT, strict=True))
+
+
 def net_ft(felt: Felt) -> Bench:
-    return Bench(EmulatedNetFt(felt, noise_n=0.001), "ati-net-ft", felt)
+    return Bench(EmulatedNetFt(weighed(felt), noise_n=0.001), "ati-net-ft", felt)
 
 
 def digital_ft(felt: Felt) -> Bench:
-    return Bench(EmulatedDigitalFt(felt, 115_200), "ati-digital-ft", felt)
+    return Bench(EmulatedDigitalFt(weighed(felt), 115_200), "ati-digital-ft", felt)
 
 
 def adxl335(felt: Felt) -> Bench:
@@ -82,7 +89,7 @@ def adxl335(felt: Felt) -> Bench:
 
 
 def bota(felt: Felt) -> Bench:
-    return Bench(EmulatedBota(felt), "bota-serial", felt)
+    return Bench(EmulatedBota(weighed(felt)), "bota-serial", felt)
 
 
 def iio(felt: Felt) -> Bench:
@@ -182,9 +189,18 @@ def test_a_port_that_is_in_use_or_not_permitted_is_explained(bench, monkeypatch)
             bench.sensor.connect()
 
 
-NOTHING_USABLE = (
-    "status 0x80000400|no record was usable|no good frames|measurements are invalid|impossible time"
-)
+USELESS = {
+    "ati-net-ft": ("status 0x80000400", "error status"),
+    "ati-digital-ft": (r"for \d+ ms no record was usable", "error bit"),
+    "adxl335-serial": (
+        "sends no good frames|no good frames: the baud rate is probably not 500000",
+        "bad",
+    ),
+    "bota-serial": ("its measurements are invalid .*: unload it", "invalid measurements"),
+    "iio-accelerometer": ("impossible time stamps", "impossible stamp"),
+}
+"""What is told of a device that gives nothing usable, while it reads or where it is to connect, and
+how the names of what is counted begin."""
 
 
 def faulty(bench: Bench, *, bad: bool) -> None:
@@ -203,11 +219,22 @@ def faulty(bench: Bench, *, bad: bool) -> None:
 def test_a_device_that_gives_nothing_usable_is_lost_and_comes_back(bench, running) -> None:
     running.run(lambda number: number >= 50)
     faulty(bench, bad=True)
-    running.run_until_told(NOTHING_USABLE)
+    told, counted = USELESS[bench.driver]
+    running.run_until_told(told)
     bench.felt.value = PRESSED
     faulty(bench, bad=False)
     back_and_right(bench, running)
-    assert bench.sensor.faults
+    assert any(fault.startswith(counted) for fault in bench.sensor.faults)
+
+
+def test_a_device_that_gives_nothing_usable_is_refused_until_it_does(bench, connected) -> None:
+    faulty(bench, bad=True)
+    patience = {} if bench.driver.startswith("ati") else {"start_s": 0.3}
+    sensor = bench.load(**patience)
+    with pytest.raises(MmtError, match=USELESS[bench.driver][0]):
+        sensor.connect()
+    faulty(bench, bad=False)
+    assert read_some(connected(sensor))
 
 
 def test_a_stuck_device_stays_lost_until_its_value_changes(bench, running) -> None:

@@ -66,11 +66,6 @@ def test_gauges_are_amplified_as_the_calibration_wants(emulated, sensor):
     assert sensor.faults["gauge settings written"] == 1
 
 
-def test_the_bias_is_removed(sensor):
-    sensor.calibrate()
-    assert read_some(sensor)[-1].value == pytest.approx((0, 0, 0), abs=0.03)
-
-
 def test_another_sensor_than_expected_is_explained(make):
     for options, words in (
         ({"serial": "FT9"}, "its serial number is FT00018, expected is FT9"),
@@ -130,15 +125,6 @@ def test_silence_is_lost(emulated, sensor):
     read_some(sensor)
     emulated.stall()
     read_until_lost(sensor, r"no record for \d+ ms; check the sensor's power")
-
-
-def test_records_with_the_error_bit_alone_are_lost(emulated, sensor):
-    read_some(sensor)
-    emulated.error = True
-    read_until_lost(sensor, "100 ms no record was usable")
-    assert sensor.faults["error bit"] > 0
-    with pytest.raises(MmtError, match="1000 ms no record was usable"):
-        sensor.connect()
 
 
 def test_saturation_and_overload_are_counted(started, connected):

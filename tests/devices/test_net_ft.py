@@ -232,17 +232,6 @@ def test_an_overload_is_counted_and_told_once(started, connected, caplog):
     assert re.match("Net F/T at .* is overloaded: beyond the range", message)
 
 
-def test_a_box_in_error_is_lost_and_connects_again_when_it_is_mended(box, sensor):
-    box.status = 0x80000400
-    read_until_lost(sensor, "status 0x80000400")
-    assert sensor.faults["error status"] > 0
-    with pytest.raises(MmtError, match="status 0x80000400"):
-        sensor.connect()
-    box.status = 0
-    sensor.connect()
-    assert read_some(sensor)
-
-
 def test_a_short_interruption_is_bridged_without_connecting(box, make):
     sensor = make(silence_ms=5000)
     read_some(sensor)
