@@ -14,6 +14,7 @@ import usb.util
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.realtime import follow_real_time
+from mmt.devices.discovery import NO_LIBUSB
 from mmt.devices.labjack.packets import (
     CONFIG_U6,
     START_STREAM,
@@ -231,10 +232,7 @@ def find_boxes(backend: Any) -> list[Any]:
             usb.core.find(find_all=True, idVendor=VENDOR, idProduct=PRODUCT, backend=backend)
         )
     except usb.core.NoBackendError as error:
-        raise MmtError(
-            "the LabJack U6 cannot be reached: the library libusb 1.0 is not there: install it "
-            "(Debian, Ubuntu: libusb-1.0-0)"
-        ) from error
+        raise MmtError(f"the LabJack U6 cannot be reached: {NO_LIBUSB}") from error
 
 
 def check_alone(found: Sequence[Any]) -> None:
