@@ -48,7 +48,8 @@ class SensorClock:
 
     def __init__(self) -> None:
         self.jumps = 0
-        """How often the sensor's clock has jumped against the host's."""
+        """How often the sensor's clock has jumped against the host's, or has seemed to since the
+        machine was busy for long."""
         self._drift = 0.0
         self.reset()
 
@@ -71,7 +72,7 @@ class SensorClock:
         """Whether anything has arrived since the last reset."""
         return self._origin is not None
 
-    def add(self, arrival_ns: int, sensor_ns: int) -> bool:
+    def add(self, arrival_ns: int, sensor_ns: int) -> None:
         """Add the newest of the readings that have arrived together.
 
         Parameters
@@ -80,11 +81,6 @@ class SensorClock:
             Time at which it was found, by the host's clock.
         sensor_ns
             Its stamp by the sensor's clock.
-
-        Returns
-        -------
-        jumped
-            Whether the sensor's clock has jumped, or seems to since the machine was busy for long.
         """
         if self._origin is None:
             self._origin = (arrival_ns, arrival_ns - sensor_ns)
@@ -94,14 +90,14 @@ class SensorClock:
         height = difference - self._drift * time
         if height < self._height:
             if height < self._height - _JUMP_NS:
-                return self._jump(time, height)
+                self._jump(time, height)
+                return
             self._height = height
         quickest = self._quickest
         if quickest is None or height < quickest[1] - self._drift * quickest[0]:
             self._quickest = (time, difference)
         if time >= self._block_ends:
-            return self._end_block(time)
-        return False
+            self._end_block(time)
 
     def sensor_time(self, host_ns: int) -> int:
         """Return the sensor's time (ns) at a time of the host.
@@ -117,7 +113,7 @@ class SensorClock:
         origin_ns, zero_ns = self._origin
         return host_ns - zero_ns - round(self._height + self._drift * (host_ns - origin_ns))
 
-    def _jump(self, time: int, height: float) -> bool:
+    def _jump(self, time: int, height: float) -> None:
         """Start the line again at this height."""
         self.jumps += 1
         self._height = height
@@ -125,20 +121,20 @@ class SensorClock:
         self._blocks.clear()
         self._quickest = None
         self._block_ends = time + BLOCK_NS
-        return True
 
-    def _end_block(self, time: int) -> bool:
+    def _end_block(self, time: int) -> None:
         point = self._quickest
         assert point is not None  # noqa: S101 - the caller has just set it
         height = point[1] - self._drift * point[0]
         late = height > self._height + _JUMP_NS
         self._late_blocks = self._late_blocks + 1 if late else 0
         if self._late_blocks >= _WITNESSES:
-            return self._jump(time, height)
+            self._jump(time, height)
+            return
         self._quickest = None
         self._block_ends = time + BLOCK_NS
         if late:  # the line stays as it was
-            return False
+            return
         self._blocks.append(point)
         if len(self._blocks) >= _LEAST_BLOCKS:
             self._drift = _drift(list(self._blocks), self._drift)
@@ -146,7 +142,6 @@ class SensorClock:
             difference - self._drift * time
             for time, difference in islice(reversed(self._blocks), _RECENT_BLOCKS)
         )
-        return False
 
 
 def _drift(points: list[_Point], believed: float) -> float:
