@@ -133,7 +133,7 @@ def test_a_sensor_is_turned_six_ways(tmp_path: Path, monkeypatch: pytest.MonkeyP
     board.start()
     try:
         result = run(
-            *("adxl335-serial", "--set", f"port={board.address}", "--set", "serial=7"),
+            *("adxl335-serial", "--set", f"port={board.path}", "--set", "serial=7"),
             *("--duration", "0.3", "--keep", tmp_path / "kept.json"),
         )
     finally:

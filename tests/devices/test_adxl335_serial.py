@@ -43,7 +43,7 @@ def boards(started: Keep) -> Boards:
 @pytest.fixture
 def drivers(closing: Keep) -> Callable[..., SerialAdxl335]:
     def make(board: EmulatedAdxl335Board, **options) -> SerialAdxl335:
-        given = {"port": board.address, "bandwidth_hz": 500.0, "start_s": 2.0, **options}
+        given = {"port": board.path, "bandwidth_hz": 500.0, "start_s": 2.0, **options}
         return closing(load_device("adxl335-serial", given))
 
     return make

@@ -53,10 +53,7 @@ class Bench:
 
     def __post_init__(self) -> None:
         self.device.start()
-        if self.driver == "adxl335-serial":
-            self.options = {"port": self.device.address, "bandwidth_hz": 500.0}
-        else:
-            self.options = self.device.options
+        self.options = self.device.options
         self.sensor = self.load()
         self.at_rest = (0.0, 0.0, GRAVITY_M_S2 * (self.channel == "acceleration_m_s2"))
         """What frames have before anything is felt."""

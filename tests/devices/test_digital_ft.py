@@ -138,7 +138,7 @@ def test_saturation_and_overload_are_counted(started, connected):
 
 
 def test_a_wrong_baud_rate_is_explained(emulated):
-    wrong = digital_ft(port=emulated.port.path, baud=19_200)
+    wrong = digital_ft(port=emulated.path, baud=19_200)
     emulated.stream()
     with pytest.raises(MmtError, match="bytes came that make no sense: check 'baud'"):
         wrong.connect()

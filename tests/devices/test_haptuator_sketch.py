@@ -6,7 +6,6 @@ import subprocess
 import time
 from pathlib import Path
 from typing import Any
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -26,7 +25,7 @@ from mmt.devices.haptuator.framing import (
     Reset,
     encode,
 )
-from mmt.testing.emulated import haptuator_board
+from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
 
 SKETCH = FIRMWARE / "haptuator" / "haptuator.ino"
 
@@ -105,11 +104,10 @@ def messy_turns(seed: int, number: int) -> list[bytes]:
 def test_the_sketch_plays_and_reports_as_the_emulated_board(tmp_path, monkeypatch) -> None:
     program = compiled(HARNESS, tmp_path, "-I", str(SKETCH.parent), "-DFADE=0")
     wires: list[bytes] = []
-    port = Mock(write=wires.append)
-    make = Mock(return_value=port)  # the board is stepped by hand
-    monkeypatch.setattr(haptuator_board, "EmulatedPort", make)
-    board = haptuator_board.EmulatedHaptuatorBoard()
-    step = make.call_args.args[1]
+    board = EmulatedHaptuatorBoard()
+    board.stop()  # it is stepped by hand
+    monkeypatch.setattr(board, "write", wires.append)
+    step = board._step
     for _ in range(5):  # up to its first report
         step(0, b"")
     turns = messy_turns(1, 4000)

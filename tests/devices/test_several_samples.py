@@ -248,7 +248,7 @@ def board_of_4_khz(fast_hz: float) -> Iterator[SampledSensor]:
         rate_hz=4000.0, per_frame=2, bandwidth_hz=1600.0, noise_density=0.0,
     )  # fmt: skip
     board.start()
-    yield SerialAdxl335(port=board.address, bandwidth_hz=1600.0)
+    yield SerialAdxl335(port=board.path, bandwidth_hz=1600.0)
     board.stop()
 
 

@@ -176,7 +176,7 @@ def test_more_than_its_range_is_an_overload_and_much_more_is_left_out(emulated, 
 def test_a_wrong_baud_rate_is_explained(emulated, monkeypatch) -> None:
     monkeypatch.setattr("mmt_devices.bota.line._ANSWER_S", 0.1)
     for configure in (True, False):
-        options = {"port": emulated.port.path, "baud": 115_200, "sinc_length": 256}
+        options = {"port": emulated.path, "baud": 115_200, "sinc_length": 256}
         wrong = load_device("bota-serial", {**options, "configure": configure, "start_s": 0.3})
         with pytest.raises(MmtError, match="no good frames: the baud rate is probably not 115200"):
             wrong.connect()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.testing.emulated import Truth, with_flipped_bit
 from mmt.testing.emulated.clockwork import Clockwork
-from mmt.testing.emulated.serial_port import EmulatedPort
+from mmt.testing.emulated.serial_port import EmulatedSerialDevice
 from mmt_devices.bota.frames import HEADER, RAW, SIZE, BotaFrame, frame_rate_hz, pack_frame
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ _COMMAND: Final = re.compile(rb"[CRI]|c,(\d),(\d),(\d),(\d)|f,(\d+),(\d),(\d),(\
 _WARMTH_C: Final = 31.5
 
 
-class EmulatedBota:
+class EmulatedBota(EmulatedSerialDevice):
     """Answer and stream as the sensor does, with faults on demand.
 
     Parameters
@@ -52,6 +52,7 @@ class EmulatedBota:
         seed: int = 1,
         clockwork: Clockwork | None = None,
     ) -> None:
+        super().__init__(_TIMER_NS, clockwork)
         self.filter = _SHIPPED_FILTER
         """Sinc length, chop, fast, FIR disabled."""
         self.calibrated = True
@@ -84,33 +85,23 @@ class EmulatedBota:
         self._cuts: list[int] = []
         self._garbage = b""
         self._last = b""
-        self.port = EmulatedPort(_TIMER_NS, self._step, clockwork)
 
     @property
     def options(self) -> dict[str, Any]:
         """Options by which the driver finds the sensor."""
-        return {"port": self.port.path, "baud": self._baud}
-
-    def start(self) -> None:
-        """Plug the sensor in; it begins to stream."""
-        self._boot()
-        self.port.start()
-
-    def stop(self) -> None:
-        """End and remove the port."""
-        self.port.stop()
+        return {"port": self.path, "baud": self._baud}
 
     def unplug(self) -> None:
-        """Make the port vanish, and cut the power."""
-        self.port.unplug()
+        """Make the port vanish, and cut the power: only the stored factory settings stay."""
+        super().unplug()
         self._running_ns = None
-
-    def plug(self) -> None:
-        """Make the port appear again; the sensor starts with its stored factory settings."""
         self._start_us = 0
         self.filter, self.text, self.calibrated = _SHIPPED_FILTER, False, True
+
+    def plug(self) -> None:
+        """Make the port appear; the sensor starts, and begins to stream."""
         self._boot()
-        self.port.plug()
+        super().plug()
 
     def restart(self) -> None:
         """Restart the sensor's clock at 0, but keep the settings."""
@@ -146,15 +137,15 @@ class EmulatedBota:
     def _stream(self, now_ns: int) -> None:
         self._running_ns, self._sent = now_ns, 0
 
-    def _step(self, now_ns: int, received: bytes) -> None:
-        understood = self.port.baud == self._baud
+    def _step(self, due_ns: int, received: bytes) -> None:
+        understood = self.baud == self._baud
         if self._running_ns is not None:
-            self._send_due(self._running_ns, now_ns, understood=understood)
+            self._send_due(self._running_ns, due_ns, understood=understood)
         if received and understood and not self.deaf:
             self._received += received
             while command := _COMMAND.match(self._received):
                 self._received = self._received[command.end() :]
-                self._obey(command, now_ns)
+                self._obey(command, due_ns)
 
     def _obey(self, command: "re.Match[bytes]", now_ns: int) -> None:
         name = command[0][:1].decode("ascii")
@@ -168,7 +159,7 @@ class EmulatedBota:
         elif not code and name == "f":
             length, chop, fast, no_fir = (int(command[i]) for i in range(5, 9))
             self.filter = (length, chop, fast, no_fir)
-        self.port.write(f"r,0,{name},{code}\r\n".encode("ascii"))
+        self.write(f"r,0,{name},{code}\r\n".encode("ascii"))
         if name == "R" and not code:
             self._stream(now_ns)
 
@@ -183,7 +174,7 @@ class EmulatedBota:
             packet += b"".join(self._frame(running_ns + round((k + 1) / rate)) for k in numbers)
         if not understood:
             packet = self._random.randbytes(len(packet))
-        self.port.write(packet)
+        self.write(packet)
 
     def _frame(self, time_ns: int) -> bytes:
         if self._repeats and self._last:

@@ -10,7 +10,7 @@ from mmt.devices.adxl335.gravity import GRAVITY_M_S2, GravityCalibration, nomina
 from mmt.devices.adxl335.options import LARGEST_BANDWIDTH_HZ
 from mmt.devices.adxl335.sensor import TYPICAL_RANGE_M_S2
 from mmt.testing.emulated import Truth, with_flipped_bit
-from mmt.testing.emulated.serial_port import EmulatedPort
+from mmt.testing.emulated.serial_port import EmulatedSerialDevice
 
 if TYPE_CHECKING:
     from mmt.testing.emulated.clockwork import Clockwork
@@ -20,8 +20,8 @@ NOISE_DENSITY: Final = 150e-6 * GRAVITY_M_S2
 """m/s2 per root hertz (data sheet, X and Y)."""
 
 
-class EmulatedAdxl335Board:
-    """A board that sends frames until it is stopped; `address` is its port.
+class EmulatedAdxl335Board(EmulatedSerialDevice):
+    """A board that sends frames until it is stopped; while it is unplugged, it goes on counting.
 
     The sensor clips at 3.6 g along each axis. The board's filter delays the acceleration by
     1 / (2 pi f), the delay well below its corner, and attenuates nothing. Through a pseudo-terminal
@@ -48,6 +48,8 @@ class EmulatedAdxl335Board:
         Seed of the noise and the garbage.
     """
 
+    _listens = False
+
     def __init__(
         self,
         truth: Truth,
@@ -63,6 +65,7 @@ class EmulatedAdxl335Board:
         noise_density: float = NOISE_DENSITY,
         seed: int = 0,
     ) -> None:
+        super().__init__(math.ceil(1e9 * per_frame / rate_hz))
         self.truth = truth
         self._rate_hz = rate_hz
         self._per_frame = per_frame
@@ -75,7 +78,6 @@ class EmulatedAdxl335Board:
         self._speed = 1.0 + 1e-6 * clock_ppm
         self._start_us = start_us
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret
-        self._port = EmulatedPort(math.ceil(1e9 * per_frame / rate_hz), self._step)
         self._samples: list[Counts] = []
         self._sequence = 0
         self._begun_ns = 0
@@ -85,30 +87,9 @@ class EmulatedAdxl335Board:
         self._garbled = self._halved = self._lost = 0
 
     @property
-    def address(self) -> str:
-        """The port's name, which stays the same after `unplug`."""
-        return self._port.path
-
-    @property
     def options(self) -> dict[str, Any]:
         """Options by which the driver finds it."""
-        return {"port": self.address, "bandwidth_hz": self._bandwidth_hz}
-
-    def start(self) -> None:
-        """Plug it in; it begins to send."""
-        self._port.start()
-
-    def stop(self) -> None:
-        """End; calling it twice is harmless."""
-        self._port.stop()
-
-    def unplug(self) -> None:
-        """Take the port away while it is open."""
-        self._port.unplug()
-
-    def plug(self) -> None:
-        """Bring the port back under its name; meanwhile the board has gone on counting."""
-        self._port.plug()
+        return {"port": self.path, "bandwidth_hz": self._bandwidth_hz}
 
     def restart(self) -> None:
         """Count samples and time from the beginning, as after the reset button."""
@@ -158,7 +139,7 @@ class EmulatedAdxl335Board:
         time_us = self._start_us + round(elapsed_ns * self._speed / 1000.0)
         frame = BoardFrame(self._sequence & 0xFFFFFFFF, time_us & 0xFFFFFFFF, tuple(self._samples))
         self._samples.clear()
-        self._port.write(self._spoil(encode_frame(frame)))
+        self.write(self._spoil(encode_frame(frame)))
 
     def _convert(self, time_ns: int) -> Counts:
         felt = self.truth(time_ns - self._delay_ns)

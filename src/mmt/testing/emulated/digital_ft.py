@@ -24,7 +24,7 @@ from mmt.devices.ati.digital_wire import (
     pack_record,
 )
 from mmt.testing.emulated import Truth, with_flipped_bit
-from mmt.testing.emulated.serial_port import EmulatedPort
+from mmt.testing.emulated.serial_port import EmulatedSerialDevice
 
 _COUNTS: Final = 1_000_000
 _COUNTS_A_NEWTON: Final = 1000.0
@@ -37,7 +37,7 @@ _GAINS = (500, 501, 502, 503, 504, 505)
 _OFFSETS = (2000, 2001, 2002, 2003, 2004, 2005)
 
 
-class EmulatedDigitalFt:
+class EmulatedDigitalFt(EmulatedSerialDevice):
     """Answer and stream as the sensor does, with faults on demand.
 
     Parameters
@@ -64,6 +64,9 @@ class EmulatedDigitalFt:
         noise_counts: float = 2.0,
         seed: int = 1,
     ) -> None:
+        self._rate = record_rate_hz(baud) * (1.0 + 1e-6 * clock_ppm) * 1e-9
+        full_ns = round(_ADAPTER_BYTES / SIZE / self._rate)
+        super().__init__(min(full_ns, _TIMER_NS))
         self.registers: dict[int, int] = {STATUS: 0}
         """Registers by number; change them to emulate another sensor."""
         self.stuck = False
@@ -75,7 +78,6 @@ class EmulatedDigitalFt:
         self._baud = baud
         self._noise = noise_counts
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret
-        self._rate = record_rate_hz(baud) * (1.0 + 1e-6 * clock_ppm) * 1e-9
         self._on_line_ns = round(11 * SIZE * 1e9 / baud)
         self._sent = 0
         self._began_ns: int | None = None  # start of its stream; None while it listens
@@ -86,8 +88,6 @@ class EmulatedDigitalFt:
         self._garbage = b""
         self._silent = False
         self._unlocked = False
-        full_ns = round(_ADAPTER_BYTES / SIZE / self._rate)
-        self.port = EmulatedPort(min(full_ns, _TIMER_NS), self._step)
         self.store(_mixing_matrix())
 
     def store(
@@ -112,24 +112,12 @@ class EmulatedDigitalFt:
     @property
     def options(self) -> dict[str, Any]:
         """Options by which the driver finds it."""
-        return {"port": self.port.path, "baud": self._baud}
-
-    def start(self) -> None:
-        """Start the port."""
-        self.port.start()
-
-    def stop(self) -> None:
-        """End and remove the port."""
-        self.port.stop()
+        return {"port": self.path, "baud": self._baud}
 
     def unplug(self) -> None:
         """Remove the port; without power the sensor stops its stream."""
-        self.port.unplug()
+        super().unplug()
         self._began_ns = None
-
-    def plug(self) -> None:
-        """Make the port appear again."""
-        self.port.plug()
 
     def stream(self) -> None:
         """Stream as if a program had asked for it."""
@@ -151,13 +139,13 @@ class EmulatedDigitalFt:
         """Send these bytes between two records."""
         self._garbage += content
 
-    def _step(self, now_ns: int, received: bytes) -> None:
-        understood = self.port.baud == self._baud
+    def _step(self, due_ns: int, received: bytes) -> None:
+        understood = self.baud == self._baud
         if self._began_ns is not None:
             if len(received) >= _JAM:
                 self._began_ns = None
             else:
-                self._stream(self._began_ns, now_ns, understood=understood)
+                self._stream(self._began_ns, due_ns, understood=understood)
             return
         if received and not understood:
             self._received = b""
@@ -171,7 +159,7 @@ class EmulatedDigitalFt:
             if request[0] != DEVICE or checksum(request[:-2]) != request[-2:]:
                 self._received = b""
             elif not self.deaf:
-                self._answer(request, now_ns)
+                self._answer(request, due_ns)
 
     def _answer(self, request: bytes, now_ns: int) -> None:
         function = request[1]
@@ -192,7 +180,7 @@ class EmulatedDigitalFt:
             answer = b"\x01"
         else:
             function, answer = function | 0x80, b"\x01"
-        self.port.write(frame(DEVICE, function, answer))
+        self.write(frame(DEVICE, function, answer))
 
     def _stream(self, began_ns: int, now_ns: int, *, understood: bool) -> None:
         due = max(0, int((now_ns - began_ns) * self._rate))
@@ -207,7 +195,7 @@ class EmulatedDigitalFt:
             packet, self._garbage = self._garbage + packet, b""
         if not understood:
             packet = self._random.randbytes(len(packet))
-        self.port.write(packet)
+        self.write(packet)
 
     def _record(self, force: tuple[float, float, float]) -> bytes:
         if not self.stuck:

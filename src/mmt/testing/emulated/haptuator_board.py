@@ -7,7 +7,7 @@ from typing import Final
 
 from mmt.devices.haptuator.framing import BoardReport, BoardSamples, Decoder, Reset, encode
 from mmt.testing.emulated import with_flipped_bit
-from mmt.testing.emulated.serial_port import EmulatedPort
+from mmt.testing.emulated.serial_port import EmulatedSerialDevice
 
 _PERIOD_NS: Final = 1_000_000
 _REPORT_PERIODS: Final = 5
@@ -15,7 +15,7 @@ _HISTORY: Final = 400_000
 _MODULUS: Final = 0x10000
 
 
-class EmulatedHaptuatorBoard:
+class EmulatedHaptuatorBoard(EmulatedSerialDevice):
     """A board that buffers samples, plays them by its own clock and reports.
 
     While its buffer is empty it plays zero. Through a pseudo-terminal bytes arrive at once,
@@ -44,6 +44,7 @@ class EmulatedHaptuatorBoard:
         seed: int = 1,
         listener: Callable[[int], None] | None = None,
     ) -> None:
+        super().__init__(_PERIOD_NS)
         self.garbled = 0.0
         """Share of the transfers, in either direction, in which a bit is flipped."""
         self.halved = 0.0
@@ -57,7 +58,6 @@ class EmulatedHaptuatorBoard:
         self._capacity = capacity
         self._per_ns = rate_hz * 1e-9 * (1.0 + 1e-6 * clock_ppm)
         self._random = random.Random(seed)  # noqa: S311 - faults, no secret
-        self._port = EmulatedPort(_PERIOD_NS, self._step)
         self._decoder = Decoder()
         self._buffer: deque[int] = deque()
         self._played: deque[int] = deque(maxlen=_HISTORY)
@@ -65,27 +65,6 @@ class EmulatedHaptuatorBoard:
         self._last_ns: int | None = None
         self._periods = 0
         self._begin()
-
-    @property
-    def path(self) -> str:
-        """Path of the port, for the option ``port``."""
-        return self._port.path
-
-    def start(self) -> None:
-        """Plug it in and let it run."""
-        self._port.start()
-
-    def stop(self) -> None:
-        """End and remove its port."""
-        self._port.stop()
-
-    def unplug(self) -> None:
-        """Unplug the board from its port and its power."""
-        self._port.unplug()
-
-    def plug(self) -> None:
-        """Plug it in again."""
-        self._port.plug()
 
     def restart(self) -> None:
         """Restart without being unplugged, as after a dip of its supply."""
@@ -130,7 +109,7 @@ class EmulatedHaptuatorBoard:
             report = BoardReport(
                 self._rate_hz, self._capacity, fill, self._sequence, self._underruns, self._lost
             )
-            self._port.write(self._garble(encode(report)))
+            self.write(self._garble(encode(report)))
 
     def _accept(self, message: BoardSamples) -> None:
         missing = (message.sequence - self._sequence - 1) % _MODULUS

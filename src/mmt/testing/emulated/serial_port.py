@@ -1,15 +1,14 @@
-"""A serial port in software: a pseudo terminal that can be unplugged."""
+"""Devices at serial ports in software: pseudo terminals that can be unplugged."""
 
 import contextlib
 import os
 import struct
-import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from abc import ABC, abstractmethod
 from pathlib import Path
-from typing import Final
+from typing import ClassVar, Final
 
 from mmt.testing.emulated.clockwork import Clockwork
 
@@ -22,30 +21,24 @@ _SETTLED: Final = 3
 """Looks at unchanged settings before they are marked: a program sets them in two steps."""
 
 
-class EmulatedPort:
-    """The device's side of a serial line; programs open the other side by its path.
+class EmulatedSerialDevice(ABC):
+    """A device at a serial line, whose other end programs open by its path.
 
     Parameters
     ----------
     period_ns
         How often the device does something.
-    step
-        Called each period with the due time (ns, the host's monotonic) and the bytes that have
-        come; it may `write`.
     clockwork
         Clockwork whose thread runs it; None for one of its own.
     """
 
-    def __init__(
-        self,
-        period_ns: int,
-        step: Callable[[int, bytes], None],
-        clockwork: Clockwork | None = None,
-    ) -> None:
+    _listens: ClassVar = True
+    """Whether it takes what a program sends, and notes its baud rate; only on Linux."""
+
+    def __init__(self, period_ns: int, clockwork: Clockwork | None = None) -> None:
         self.dropped = 0
         """Bytes that were not read in time, as by an overrun."""
         self._period_ns = period_ns
-        self._step = step
         self._directory = tempfile.TemporaryDirectory(prefix="mmt-port-")
         self._link = Path(self._directory.name) / "port"
         self._master = -1
@@ -56,19 +49,23 @@ class EmulatedPort:
         self._due_ns = 0
         self._clockwork = clockwork or Clockwork()
 
+    @abstractmethod
+    def _step(self, due_ns: int, received: bytes) -> None:
+        """Do what is due at a time (ns, the host's monotonic), with the bytes that have come."""
+
     @property
     def path(self) -> str:
         """Path that a program opens; it stays the same after `plug`."""
         return str(self._link)
 
     def start(self) -> None:
-        """Plug it in and begin."""
+        """Plug it in; it begins to run."""
         self.plug()
         self._due_ns = time.monotonic_ns() + self._period_ns
         self._clockwork.add(self._turn)
 
     def stop(self) -> None:
-        """End and remove the port."""
+        """End and remove the port; calling it twice is harmless."""
         self._clockwork.remove(self._turn)
         self.unplug()
         self._directory.cleanup()
@@ -111,9 +108,8 @@ class EmulatedPort:
         while self._due_ns <= now_ns:
             with self._lock:
                 received = b""
-                if self._master >= 0:
-                    if sys.platform == "linux":
-                        self._watch_settings()
+                if self._listens and self._master >= 0:
+                    self._watch_settings()
                     with contextlib.suppress(OSError):  # nothing came, or it is not open
                         received = os.read(self._master, _LARGEST)
                 self._step(self._due_ns, received)
