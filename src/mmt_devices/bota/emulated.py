@@ -1,13 +1,12 @@
 """Emulated force sensor by Bota Systems, on a pseudo terminal."""
 
-import random
 import re
 import time
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
-from mmt.testing.emulated import Truth, with_flipped_bit
+from mmt.testing.emulated import Truth
 from mmt.testing.emulated.clockwork import Clockwork
-from mmt.testing.emulated.serial_port import EmulatedSerialDevice
+from mmt.testing.emulated.serial_port import EmulatedSerialSensor
 from mmt_devices.bota.frames import HEADER, RAW, SIZE, BotaFrame, frame_rate_hz, pack_frame
 
 if TYPE_CHECKING:
@@ -21,24 +20,17 @@ _COMMAND: Final = re.compile(rb"[CRI]|c,(\d),(\d),(\d),(\d)|f,(\d+),(\d),(\d),(\
 _WARMTH_C: Final = 31.5
 
 
-class EmulatedBota(EmulatedSerialDevice):
+class EmulatedBota(EmulatedSerialSensor):
     """Answer and stream as the sensor does, with faults on demand.
 
     Parameters
     ----------
-    truth
-        Gives the force (N) at a time (ns) of the host's monotonic clock.
-    baud
-        Baud rate of the sensor. A program that opens the port at another rate reads garbage, and
-        its commands are ignored.
+    truth, baud, seed, clockwork
+        As for `EmulatedSerialSensor`; the truth is the force (N).
     clock_ppm, start_us
         By how much the sensor's clock runs too fast, in ppm, and its initial time.
     noise_n
         Standard deviation of the noise on a force.
-    seed
-        Seed of the noise and the faults.
-    clockwork
-        Clockwork whose thread runs the sensor; None for one of its own.
     """
 
     def __init__(
@@ -52,7 +44,7 @@ class EmulatedBota(EmulatedSerialDevice):
         seed: int = 1,
         clockwork: Clockwork | None = None,
     ) -> None:
-        super().__init__(_TIMER_NS, clockwork)
+        super().__init__(truth, baud, seed, _TIMER_NS, clockwork)
         self.filter = _SHIPPED_FILTER
         """Sinc length, chop, fast, FIR disabled."""
         self.calibrated = True
@@ -64,32 +56,16 @@ class EmulatedBota(EmulatedSerialDevice):
         """Status bits of the frames from now on."""
         self.refusal = 0
         """Return code of answers; 0 accepts a command."""
-        self.stuck = False
-        self.deaf = False
-        """Whether commands are ignored."""
-        self.truth = truth
-        self._baud = baud
         self._speed = 1.0 + 1e-6 * clock_ppm
         self._start_us = start_us
         self._noise = noise_n
-        self._random = random.Random(seed)  # noqa: S311 - noise, no secret
         self._on_line_ns = round(10 * SIZE * 1e9 / baud)
         self._booted_ns = 0
         self._running_ns: int | None = None  # when the stream began
         self._sent = 0
-        self._received = b""
         self._values = (0.0, 0.0, 0.0)
-        self._silent = False
-        self._flips = 0
         self._repeats = 0
-        self._cuts: list[int] = []
-        self._garbage = b""
         self._last = b""
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """Options by which the driver finds the sensor."""
-        return {"port": self.path, "baud": self._baud}
 
     def unplug(self) -> None:
         """Make the port vanish, and cut the power: only the stored factory settings stay."""
@@ -108,25 +84,9 @@ class EmulatedBota(EmulatedSerialDevice):
         self._start_us = 0
         self._booted_ns = time.monotonic_ns()
 
-    def stall(self, *, silent: bool = True) -> None:
-        """Send no frames, or go on."""
-        self._silent = silent
-
-    def flip(self, frames: int = 1) -> None:
-        """Flip a bit in each of the next frames."""
-        self._flips += frames
-
     def repeat(self, frames: int = 1) -> None:
         """Send the last frame again instead of each of the next ones."""
         self._repeats += frames
-
-    def cut(self, *lengths: int) -> None:
-        """Cut the next frames to these lengths (bytes)."""
-        self._cuts.extend(lengths)
-
-    def garble(self, content: bytes) -> None:
-        """Send these bytes between two frames."""
-        self._garbage += content
 
     def _boot(self) -> None:
         self._booted_ns = time.monotonic_ns()
@@ -138,10 +98,9 @@ class EmulatedBota(EmulatedSerialDevice):
         self._running_ns, self._sent = now_ns, 0
 
     def _step(self, due_ns: int, received: bytes) -> None:
-        understood = self.baud == self._baud
         if self._running_ns is not None:
-            self._send_due(self._running_ns, due_ns, understood=understood)
-        if received and understood and not self.deaf:
+            self._send_due(self._running_ns, due_ns)
+        if received and self._understands() and not self.deaf:
             self._received += received
             while command := _COMMAND.match(self._received):
                 self._received = self._received[command.end() :]
@@ -163,7 +122,7 @@ class EmulatedBota(EmulatedSerialDevice):
         if name == "R" and not code:
             self._stream(now_ns)
 
-    def _send_due(self, running_ns: int, now_ns: int, *, understood: bool) -> None:
+    def _send_due(self, running_ns: int, now_ns: int) -> None:
         rate = frame_rate_hz(self.filter[0]) * self._speed * 1e-9
         due = max(0, int((now_ns - running_ns - self._on_line_ns) * rate))
         numbers, self._sent = range(self._sent, due), due
@@ -172,9 +131,7 @@ class EmulatedBota(EmulatedSerialDevice):
         packet, self._garbage = self._garbage, b""
         if not self._silent:
             packet += b"".join(self._frame(running_ns + round((k + 1) / rate)) for k in numbers)
-        if not understood:
-            packet = self._random.randbytes(len(packet))
-        self.write(packet)
+        self._send(packet)
 
     def _frame(self, time_ns: int) -> bytes:
         if self._repeats and self._last:
@@ -197,12 +154,6 @@ class EmulatedBota(EmulatedSerialDevice):
         whole = BotaFrame(status, wrench, time_us % 2**32, _WARMTH_C)
         self._last = self._spoil(pack_frame(whole, self.header))
         return self._last
-
-    def _spoil(self, wire: bytes) -> bytes:
-        if self._flips:
-            self._flips -= 1
-            wire = with_flipped_bit(wire, self._random)
-        return wire[: self._cuts.pop(0)] if self._cuts else wire
 
 
 def in_lab(world: "World", seed: int, clockwork: Clockwork) -> EmulatedBota:

@@ -1,6 +1,5 @@
 """A Digital F/T sensor in software, on a pseudo terminal."""
 
-import random
 import time
 from typing import Any, Final
 
@@ -23,8 +22,8 @@ from mmt.devices.ati.digital_wire import (
     frame,
     pack_record,
 )
-from mmt.testing.emulated import Truth, with_flipped_bit
-from mmt.testing.emulated.serial_port import EmulatedSerialDevice
+from mmt.testing.emulated import Truth
+from mmt.testing.emulated.serial_port import EmulatedSerialSensor
 
 _COUNTS: Final = 1_000_000
 _COUNTS_A_NEWTON: Final = 1000.0
@@ -37,22 +36,17 @@ _GAINS = (500, 501, 502, 503, 504, 505)
 _OFFSETS = (2000, 2001, 2002, 2003, 2004, 2005)
 
 
-class EmulatedDigitalFt(EmulatedSerialDevice):
+class EmulatedDigitalFt(EmulatedSerialSensor):
     """Answer and stream as the sensor does, with faults on demand.
 
     Parameters
     ----------
-    truth
-        The force (N) at a time (ns) of the host's monotonic clock.
-    baud
-        Bits a second that it is set to; a program that opens the port with another rate reads
-        garbage, and the sensor does not understand it.
+    truth, baud, seed
+        As for `EmulatedSerialSensor`; the truth is the force (N).
     clock_ppm
         How much too fast its clock runs.
     noise_counts
         Standard deviation of a gauge's noise.
-    seed
-        Seed of the noise and the faults.
     """
 
     def __init__(
@@ -66,27 +60,16 @@ class EmulatedDigitalFt(EmulatedSerialDevice):
     ) -> None:
         self._rate = record_rate_hz(baud) * (1.0 + 1e-6 * clock_ppm) * 1e-9
         full_ns = round(_ADAPTER_BYTES / SIZE / self._rate)
-        super().__init__(min(full_ns, _TIMER_NS))
+        super().__init__(truth, baud, seed, min(full_ns, _TIMER_NS))
         self.registers: dict[int, int] = {STATUS: 0}
         """Registers by number; change them to emulate another sensor."""
-        self.stuck = False
         self.error = False
         """Set the error bit of the records that follow."""
-        self.deaf = False
-        """Answer no request."""
-        self.truth = truth
-        self._baud = baud
         self._noise = noise_counts
-        self._random = random.Random(seed)  # noqa: S311 - noise, no secret
         self._on_line_ns = round(11 * SIZE * 1e9 / baud)
         self._sent = 0
         self._began_ns: int | None = None  # start of its stream; None while it listens
-        self._received = b""
         self._gauges: Gauges = (0, 0, 0, 0, 0, 0)
-        self._flips = 0
-        self._cuts: list[int] = []
-        self._garbage = b""
-        self._silent = False
         self._unlocked = False
         self.store(_mixing_matrix())
 
@@ -109,11 +92,6 @@ class EmulatedDigitalFt(EmulatedSerialDevice):
         )
         self._to_gauges = (np.linalg.inv(matrix)[:, :3] * _COUNTS).tolist()
 
-    @property
-    def options(self) -> dict[str, Any]:
-        """Options by which the driver finds it."""
-        return {"port": self.path, "baud": self._baud}
-
     def unplug(self) -> None:
         """Remove the port; without power the sensor stops its stream."""
         super().unplug()
@@ -123,31 +101,14 @@ class EmulatedDigitalFt(EmulatedSerialDevice):
         """Stream as if a program had asked for it."""
         self._sent, self._began_ns = 0, time.monotonic_ns()
 
-    def stall(self, *, silent: bool = True) -> None:
-        """Send nothing, or go on."""
-        self._silent = silent
-
-    def flip(self, records: int = 1) -> None:
-        """Flip a bit in each of the next `records`."""
-        self._flips += records
-
-    def cut(self, *lengths: int) -> None:
-        """Cut the next records to these lengths (bytes)."""
-        self._cuts.extend(lengths)
-
-    def garble(self, content: bytes) -> None:
-        """Send these bytes between two records."""
-        self._garbage += content
-
     def _step(self, due_ns: int, received: bytes) -> None:
-        understood = self.baud == self._baud
         if self._began_ns is not None:
             if len(received) >= _JAM:
                 self._began_ns = None
             else:
-                self._stream(self._began_ns, due_ns, understood=understood)
+                self._stream(self._began_ns, due_ns)
             return
-        if received and not understood:
+        if received and not self._understands():
             self._received = b""
             return
         self._received += received
@@ -182,7 +143,7 @@ class EmulatedDigitalFt(EmulatedSerialDevice):
             function, answer = function | 0x80, b"\x01"
         self.write(frame(DEVICE, function, answer))
 
-    def _stream(self, began_ns: int, now_ns: int, *, understood: bool) -> None:
+    def _stream(self, began_ns: int, now_ns: int) -> None:
         due = max(0, int((now_ns - began_ns) * self._rate))
         numbers, self._sent = range(self._sent, due), due
         if self._silent or not numbers:
@@ -193,9 +154,7 @@ class EmulatedDigitalFt(EmulatedSerialDevice):
         )
         if self._garbage:
             packet, self._garbage = self._garbage + packet, b""
-        if not understood:
-            packet = self._random.randbytes(len(packet))
-        self.write(packet)
+        self._send(packet)
 
     def _record(self, force: tuple[float, float, float]) -> bytes:
         if not self.stuck:
@@ -206,11 +165,7 @@ class EmulatedDigitalFt(EmulatedSerialDevice):
                 for p, q, r in self._to_gauges
             )
             self._gauges = (a, b, c, d, e, f)
-        record = pack_record(self._gauges, error=self.error)
-        if self._flips:
-            self._flips -= 1
-            record = with_flipped_bit(record, self._random)
-        return record[: self._cuts.pop(0)] if self._cuts else record
+        return self._spoil(pack_record(self._gauges, error=self.error))
 
 
 def _request_length(received: bytes) -> int:

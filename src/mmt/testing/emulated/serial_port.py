@@ -2,14 +2,16 @@
 
 import contextlib
 import os
+import random
 import struct
 import tempfile
 import threading
 import time
 from abc import ABC, abstractmethod
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
+from mmt.testing.emulated import Truth, with_flipped_bit
 from mmt.testing.emulated.clockwork import Clockwork
 
 _LARGEST: Final = 4096
@@ -132,3 +134,78 @@ class EmulatedSerialDevice(ABC):
         if self._unmarked >= _SETTLED:  # the program has done with its settings
             struct.pack_into("=I", settings, 0, flags | _IXANY)
             fcntl.ioctl(self._master, _TCSETS2, settings)
+
+
+class EmulatedSerialSensor(EmulatedSerialDevice):
+    """A sensor that takes commands and streams records, with faults on demand.
+
+    Parameters
+    ----------
+    truth
+        Gives what it measures at a time (ns) of the host's monotonic clock.
+    baud
+        Bits a second that it is set to. A program that opens the port at another rate reads
+        garbage, and the sensor does not understand it.
+    seed
+        Seed of the noise and the faults.
+    period_ns, clockwork
+        As for `EmulatedSerialDevice`.
+    """
+
+    def __init__(
+        self,
+        truth: Truth,
+        baud: int,
+        seed: int,
+        period_ns: int,
+        clockwork: Clockwork | None = None,
+    ) -> None:
+        super().__init__(period_ns, clockwork)
+        self.stuck = False
+        """Whether it measures the same values again and again."""
+        self.deaf = False
+        """Whether commands are ignored."""
+        self.truth = truth
+        self._baud = baud
+        self._random = random.Random(seed)  # noqa: S311 - noise, no secret
+        self._received = b""
+        self._silent = False
+        self._flips = 0
+        self._cuts: list[int] = []
+        self._garbage = b""
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options by which the driver finds it."""
+        return {"port": self.path, "baud": self._baud}
+
+    def stall(self, *, silent: bool = True) -> None:
+        """Send no records, or go on."""
+        self._silent = silent
+
+    def flip(self, records: int = 1) -> None:
+        """Flip a bit in each of the next `records`."""
+        self._flips += records
+
+    def cut(self, *lengths: int) -> None:
+        """Cut the next records to these lengths (bytes)."""
+        self._cuts.extend(lengths)
+
+    def garble(self, content: bytes) -> None:
+        """Send these bytes between two records."""
+        self._garbage += content
+
+    def _understands(self) -> bool:
+        """Return whether the program has set the sensor's rate."""
+        return self.baud == self._baud
+
+    def _send(self, packet: bytes) -> None:
+        """Send records as the program reads them at its rate."""
+        self.write(packet if self._understands() else self._random.randbytes(len(packet)))
+
+    def _spoil(self, record: bytes) -> bytes:
+        """Return a record with the faults that are due."""
+        if self._flips:
+            self._flips -= 1
+            record = with_flipped_bit(record, self._random)
+        return record[: self._cuts.pop(0)] if self._cuts else record
