@@ -45,17 +45,22 @@ class Arm:
         self.written.append(position_mm)
 
 
+@pytest.fixture
+def time(monkeypatch: pytest.MonkeyPatch) -> Time:
+    """Simulated time in the place of a source's own."""
+    made = Time()
+    monkeypatch.setattr(source_module, "time", made)
+    monkeypatch.setattr(ports_module, "time", made.still)
+    return made
+
+
 class Bench:
     """A source in simulated time, ticked by hand."""
 
-    def __init__(
-        self, monkeypatch: pytest.MonkeyPatch, on_lost: str = "hold", rate_hz: float = 2000
-    ) -> None:
-        self.time = Time()
-        monkeypatch.setattr(source_module, "time", self.time)
-        monkeypatch.setattr(ports_module, "time", self.time.still)
+    def __init__(self, time: Time, on_lost: str = "hold", rate_hz: float = 2000) -> None:
+        self.time = time
         self.arm = Arm()
-        self.sensor = SyntheticSensor(rate_hz, time=self.time)
+        self.sensor = SyntheticSensor(rate_hz, time=time)
         self.told: list[tuple[bool, str]] = []
         self.source = DeviceSource(
             self.arm,
@@ -87,8 +92,8 @@ class Bench:
 
 
 @pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    made = Bench(monkeypatch)
+def bench(time: Time) -> Iterator[Bench]:
+    made = Bench(time)
     yield made
     made.source.close()
 
@@ -105,10 +110,8 @@ def test_a_sensor_that_stops_is_seen_within_20_ms_and_frames_cease(bench: Bench)
 
 
 @pytest.mark.parametrize("rate_hz", [30.0, 2.0])
-def test_a_sensor_with_a_slow_rate_is_lost_by_its_own_period(
-    monkeypatch: pytest.MonkeyPatch, rate_hz: float
-) -> None:
-    bench = Bench(monkeypatch, rate_hz=rate_hz)
+def test_a_sensor_with_a_slow_rate_is_lost_by_its_own_period(time: Time, rate_hz: float) -> None:
+    bench = Bench(time, rate_hz=rate_hz)
     period_ms = round(1000 / rate_hz)
     assert len(bench.run(10 * period_ms)) >= 8 * period_ms
     assert bench.told == []
@@ -122,12 +125,7 @@ def test_a_sensor_with_a_slow_rate_is_lost_by_its_own_period(
     bench.source.close()
 
 
-def test_a_latency_that_is_known_once_connected_is_taken(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    time = Time()
-    monkeypatch.setattr(source_module, "time", time)
-    monkeypatch.setattr(ports_module, "time", time.still)
+def test_a_latency_that_is_known_once_connected_is_taken(time: Time, monkeypatch) -> None:
     sensor = SyntheticSensor(2000, time=time, latency_ns=0)
 
     def connect() -> None:
@@ -171,10 +169,8 @@ def test_a_sensor_that_stays_silent_is_connected_again_and_not_calibrated(bench:
     assert bench.source.summary["force_sensor"]["losses"] == 1
 
 
-def test_an_unplugged_sensor_comes_back_when_it_can_be_connected(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    bench = Bench(monkeypatch, "retract")
+def test_an_unplugged_sensor_comes_back_when_it_can_be_connected(time: Time) -> None:
+    bench = Bench(time, "retract")
     bench.run(50)
     bench.sensor.connect_error = MmtError("no such slot")
     bench.sensor.error = DeviceLost("unplugged")
@@ -202,10 +198,8 @@ def test_a_lost_robot_comes_back_too(bench: Bench) -> None:
     assert bench.arm.calls[:2] == ["connect", "calibrate"]
 
 
-def test_a_lost_device_ends_the_session_where_the_scene_says_stop(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    bench = Bench(monkeypatch, "stop")
+def test_a_lost_device_ends_the_session_where_the_scene_says_stop(time: Time) -> None:
+    bench = Bench(time, "stop")
     bench.run(50)
     bench.sensor.stalled = True
     with pytest.raises(MmtError, match=r"the force sensor \(SyntheticSensor\) failed: no reading"):
@@ -271,12 +265,7 @@ def test_a_sensor_that_knows_when_its_readings_came_is_believed() -> None:
     assert slot.lane.clock.sensor_time(sensor.arrival_ns) == 1000
 
 
-def test_a_sensor_that_gives_nothing_at_the_start_is_explained(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    time = Time()
-    monkeypatch.setattr(source_module, "time", time)
-    monkeypatch.setattr(ports_module, "time", time.still)
+def test_a_sensor_that_gives_nothing_at_the_start_is_explained(time: Time) -> None:
     sensor = SyntheticSensor(1000, time=time)
     sensor.stalled = True
     source = DeviceSource(Arm(), sensor, None, ("force",))
@@ -295,10 +284,8 @@ def test_a_sensor_that_gives_what_is_no_vector_is_named(
 
 
 def test_a_reading_that_comes_while_the_tick_is_held_up_did_not_come_before_it_was_measured(
-    monkeypatch,
-):
-    time = Time()
-    monkeypatch.setattr(ports_module, "time", time.still)
+    time: Time, monkeypatch
+) -> None:
     sensor = SyntheticSensor(1000, time=time)
 
     def read() -> list[SensorReading]:
