@@ -4,7 +4,10 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from waiting import PATIENCE_S, until_lost
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from waiting import PATIENCE_S, until, until_lost
 
 from mmt.devices.protocols import SampledSensor, SensorReading
 
@@ -42,3 +45,9 @@ def check_times_rise(readings: Sequence[SensorReading]) -> None:
     """See that no reading is as old as one before it, or older."""
     times = [reading.time_ns for reading in readings]
     assert times == sorted(set(times))
+
+
+def until_turned(robot: Any, expected: Rotation) -> None:
+    """Wait until a robot's orientation is this one."""
+    x, y, z, w = expected.as_quat()
+    until(lambda: abs(np.dot(robot.orientation(), (w, x, y, z))) == pytest.approx(1.0, abs=1e-12))

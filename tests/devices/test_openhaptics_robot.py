@@ -8,10 +8,10 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import numpy as np
 import pytest
 from emulated_arm import emulated_arm
 from scipy.spatial.transform import Rotation
+from sensor_reading import until_turned
 from waiting import until, until_lost
 
 from mmt.core.errors import InputError, MmtError
@@ -68,12 +68,7 @@ def test_the_styluss_orientation_is_in_the_scenes_axes_and_measured_when_asked_f
     to_scene = Rotation.from_euler("x", 90.0, degrees=True)  # HD's y, up, is the scene's z
     for turn in Rotation.random(3, random_state=1):
         emulated.turn(turn.as_matrix().T.ravel().tolist())
-        x, y, z, w = (to_scene * turn).as_quat()
-        until(
-            lambda expected=(w, x, y, z): (
-                abs(np.dot(robot.orientation(), expected)) == pytest.approx(1.0, abs=1e-12)
-            )
-        )
+        until_turned(robot, to_scene * turn)
     assert robot.faults == {}
 
 

@@ -10,6 +10,7 @@ import pytest
 from driver_fixtures import Keep, closed_devices, connected_devices  # noqa: F401 - fixtures
 from running_source import RunningSource
 from scipy.spatial.transform import Rotation
+from sensor_reading import until_turned
 from waiting import PATIENCE_S, until, until_lost
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
@@ -75,12 +76,7 @@ def test_the_tools_orientation_is_in_the_scenes_axes(make, connected, emulated) 
     quarter = Rotation.from_euler("z", 90.0, degrees=True)  # the scene's x is the base's -y
     for turn in Rotation.random(3, random_state=1):
         emulated.rotation = turn.as_quat()
-        x, y, z, w = (quarter * turn).as_quat()
-        until(
-            lambda expected=(w, x, y, z): (
-                abs(np.dot(robot.orientation(), expected)) == pytest.approx(1.0, abs=1e-12)
-            )
-        )
+        until_turned(robot, quarter * turn)
 
 
 def test_nothing_moves_before_the_first_command(robot, emulated) -> None:

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from typing import Any
 
-import numpy as np
 import pytest
 from running_source import RunningSource
 from scipy.spatial.transform import Rotation
+from sensor_reading import until_turned
 from waiting import children, until, until_lost
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
@@ -103,12 +103,7 @@ def test_the_tools_orientation_is_in_the_scenes_axes(lab: Lab) -> None:
     lab.robot.connect()
     for turn in (TOOL_DOWN, (0.3, -0.2, 1.4), (0.0, 0.0, 0.0)):
         lab.arm.rotation_rad = turn
-        x, y, z, w = (base_to_scene * Rotation.from_rotvec(turn)).as_quat()
-        until(
-            lambda expected=(w, x, y, z): (
-                abs(np.dot(lab.robot.orientation(), expected)) == pytest.approx(1.0, abs=1e-12)
-            )
-        )
+        until_turned(lab.robot, base_to_scene * Rotation.from_rotvec(turn))
 
 
 def test_robot_and_force_sensor_share_one_receive_interface_and_must_agree(lab: Lab) -> None:
