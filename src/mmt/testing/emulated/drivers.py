@@ -93,44 +93,6 @@ def check_options(
         raise InputError(f"{name}: {error}") from error
 
 
-class VirtualRobot:
-    """The simulated robot, by datagrams; see `LabOptions`."""
-
-    def __init__(self, **options: Any) -> None:
-        self._options = read_options(LabOptions, "virtual-robot", options)
-        self._robot: DatagramRobot | None = None
-
-    def connect(self) -> None:
-        """Start the lab, and wait for the first position."""
-        self.close()
-        port = LAB.acquire(self, *self._options.arguments)["robot"]["port"]
-        self._robot = DatagramRobot(port)
-        self._robot.connect()
-
-    def calibrate(self) -> None:
-        """Do nothing: it is calibrated."""
-
-    def read(self) -> Vector:
-        """Return the newest position (mm)."""
-        return self._connected().read()
-
-    def write(self, position_mm: Vector) -> None:
-        """Command a position (mm)."""
-        self._connected().write(position_mm)
-
-    def close(self) -> None:
-        """Leave the lab; calling it twice is harmless."""
-        if self._robot is not None:
-            self._robot.close()
-            self._robot = None
-            LAB.release(self)
-
-    def _connected(self) -> DatagramRobot:
-        if self._robot is None:
-            raise DeviceLost("the virtual robot is not connected")
-        return self._robot
-
-
 class VirtualDevice(ABC, Generic[AnyDevice]):
     """A real driver at the address of a lab's emulated device.
 
@@ -187,7 +149,10 @@ class VirtualDevice(ABC, Generic[AnyDevice]):
     def connect(self) -> None:
         """Start the lab, and connect the real driver to it."""
         address = self._enter()
-        if self._device is None or address != self._connected_to:
+        if self._device is not None and address != self._connected_to:
+            self._device.close()  # its lab has ended
+            self._device = None
+        if self._device is None:
             self._device, self._connected_to = self._made(address), address
         self._connected().connect()
 
@@ -214,6 +179,26 @@ class VirtualDevice(ABC, Generic[AnyDevice]):
         if self._device is None:
             raise DeviceLost(f"{self._name} is not connected")
         return self._device
+
+
+class VirtualRobot(VirtualDevice[DatagramRobot]):
+    """The simulated robot, by datagrams; see `LabOptions`."""
+
+    def __init__(self, **options: Any) -> None:
+        read_options(LabOptions, "virtual-robot", options)  # it has no others
+        driver = f"{DatagramRobot.__module__}:{DatagramRobot.__name__}"
+        super().__init__("virtual-robot", driver, options, port=0)
+
+    def read(self) -> Vector:
+        """Return the newest position (mm)."""
+        return self._connected().read()
+
+    def write(self, position_mm: Vector) -> None:
+        """Command a position (mm)."""
+        self._connected().write(position_mm)
+
+    def _enter(self) -> dict[str, Any]:
+        return self._lab.acquire(self, *self._lab_arguments)["robot"]
 
 
 class VirtualSensor(VirtualDevice[SampledSensor]):
