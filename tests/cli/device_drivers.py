@@ -1,8 +1,4 @@
-"""Drivers for the tests of `mmt device`, and how it is called."""
-
-from typer.testing import CliRunner, Result
-
-from mmt.cli.main import app
+"""Drivers for the tests of `mmt device`."""
 
 DRIVERS = '''
 """Devices for tests."""
@@ -115,7 +111,3 @@ class Actuator:
     def close(self):
         pass
 '''
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, ["device", *map(str, arguments)])

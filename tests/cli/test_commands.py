@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 import typer
+from command_runs import output_of, refusal
 from plugin_samples import install_package
-from typer.testing import CliRunner
 
 from mmt.cli import commands, main
 from mmt.core.errors import InputError
@@ -41,12 +41,6 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     install_package(tmp_path, monkeypatch, "added-commands", {commands.GROUP: names})
 
 
-def output_of(*arguments: str) -> str:
-    result = CliRunner().invoke(main.app, list(arguments))
-    assert result.exit_code == 0, result.output
-    return result.output
-
-
 def test_another_package_adds_a_group_and_a_command_of_a_group(package: None) -> None:
     assert output_of("another", "two") == "two\n"
     assert output_of("model", "alone", "--times", "3") == "alone alone alone \n"
@@ -66,9 +60,8 @@ def test_a_command_that_cannot_be_imported_says_so_and_leaves_the_others(package
     assert "added_commands:absent cannot be imported" in " ".join(
         output_of("--help").replace("│", " ").split()
     )
-    result = CliRunner().invoke(main.app, ["broken"])
-    assert isinstance(result.exception, InputError)
-    assert "command broken: added_commands:absent cannot be imported" in str(result.exception)
+    said = refusal("broken")
+    assert "command broken: added_commands:absent cannot be imported" in said
 
 
 @pytest.mark.parametrize("value", ["true", "no", "Off"])

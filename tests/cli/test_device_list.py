@@ -1,6 +1,5 @@
 """`mmt device list`: what there is, and what is missing."""
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -8,7 +7,7 @@ from types import SimpleNamespace
 from typing import Final
 
 import pytest
-from device_drivers import run
+from command_runs import run_json
 from plugin_samples import install_package
 
 from mmt.core.errors import MmtError
@@ -32,9 +31,7 @@ def test_the_list_has_drivers_ports_and_what_is_missing(
     labjack = SimpleNamespace(idVendor=0x0CD5, idProduct=6, bus=1, address=4)
     other = SimpleNamespace(idVendor=1, idProduct=2, bus=1, address=5)
     monkeypatch.setattr(usb.core, "find", lambda find_all: [labjack, other])
-    result = run("list", "--json", tmp_path / "l.json")
-    assert result.exit_code == 0
-    found = json.loads((tmp_path / "l.json").read_text())
+    found, result = run_json(tmp_path, "device", "list")
     states = {driver["name"]: driver["problem"] for driver in found["drivers"]}
     assert states["good"] == ""
     rates = {driver["name"]: driver["rates"] for driver in found["drivers"]}
@@ -111,9 +108,7 @@ def test_a_library_that_is_missing_is_named_with_the_drivers_that_want_it(
 
     monkeypatch.setattr("mmt.devices.haptuator.sound_library.load_sounddevice", none)
     monkeypatch.setattr("mmt.devices.openhaptics.robot.find_library", lambda name: None)
-    result = run("list", "--json", tmp_path / "l.json")
-    assert result.exit_code == 0
-    problems = json.loads((tmp_path / "l.json").read_text())["problems"]
+    problems = run_json(tmp_path, "device", "list")[0]["problems"]
     assert "haptuator-sound, sound outputs: the sound card needs PortAudio" in problems
     assert any(text.startswith("openhaptics: the vendor's library") for text in problems)
 
@@ -125,9 +120,8 @@ def test_the_list_shows_each_role_that_a_driver_can_take(
     names |= {"lab-line": "made_sensor"}
     targets = {name: f"{drivers}:{made}" for name, made in names.items()}
     install_package(tmp_path, monkeypatch, "lab-devices", {driver_table.GROUP: targets})
-    assert run("list", "--json", tmp_path / "l.json").exit_code == 0
-    found = json.loads((tmp_path / "l.json").read_text())["drivers"]
-    roles = {driver["name"]: driver["roles"] for driver in found}
+    found, _ = run_json(tmp_path, "device", "list")
+    roles = {driver["name"]: driver["roles"] for driver in found["drivers"]}
     assert roles["openhaptics"] == ["robot", "handle"]
     assert roles["labjack-u6"] == ["board"]
     assert roles["lab-arm"] == ["robot"]

@@ -1,25 +1,29 @@
 """`mmt device test`: what a device measures, and what is wrong with it."""
 
-import json
 import re
 import time
 import tomllib
 from pathlib import Path
 
 import pytest
-from device_drivers import run
+from command_runs import refusal, run, run_json
+from plugin_samples import install_package
 from typer.testing import Result
 
-from mmt.core.errors import InputError
 from mmt.devices import drivers as driver_table
 from mmt.devices.device_check import check_device
 
 
+def tried(directory: Path, what: object, *options: object) -> tuple[Result, list[dict]]:
+    """Test devices; return their figures as well."""
+    figures, result = run_json(directory, "device", "test", what, *options, code=None)
+    return result, figures["devices"]
+
+
 def figures_of(drivers: str, name: str, directory: Path, *settings: str) -> tuple[Result, dict]:
     given = [word for setting in settings for word in ("--set", setting)]
-    file = directory / "test.json"
-    result = run("test", f"{drivers}:{name}", *given, "--duration", 0.3, "--json", file)
-    return result, json.loads(file.read_text())["devices"][0]
+    result, (seen,) = tried(directory, f"{drivers}:{name}", *given, "--duration", 0.3)
+    return result, seen
 
 
 BUSY = "this machine is busy"
@@ -84,9 +88,8 @@ def test_an_accelerometer_must_feel_gravity(drivers: str, z: float, words: str) 
 
 
 def test_calibration_is_asked_for(drivers: str, tmp_path: Path) -> None:
-    file = tmp_path / "c.json"
-    run("test", f"{drivers}:Polled", "--duration", 0.1, "--calibrate", "--json", file)
-    assert json.loads(file.read_text())["devices"][0]["mean"] == [0.0, 0.0, 0.0]
+    _, (seen,) = tried(tmp_path, f"{drivers}:Polled", "--duration", 0.1, "--calibrate")
+    assert seen["mean"] == [0.0, 0.0, 0.0]
 
 
 def test_all_devices_of_a_scene_are_tested(drivers: str, tmp_path: Path) -> None:
@@ -96,8 +99,7 @@ def test_all_devices_of_a_scene_are_tested(drivers: str, tmp_path: Path) -> None
         f'[handle]\ndriver = "{drivers}:Handle"\n[playout]\n'
         f'[actuator]\ndriver = "{drivers}:Actuator"\n'
     )
-    result = run("test", scene, "--duration", 0.1, "--json", tmp_path / "s.json")
-    seen = json.loads((tmp_path / "s.json").read_text())["devices"]
+    result, seen = tried(tmp_path, scene, "--duration", 0.1)
     problems = [problem for one in seen for problem in one["problems"]]
     assert of_the_device(problems) == []
     assert result.exit_code == bool(problems), result.output
@@ -120,9 +122,7 @@ def test_an_accelerometer_must_give_what_a_frame_takes(
         f'[devices.accelerometer]\ndriver = "{drivers}:{accelerometer}"\n{options}[playout]\n'
         "[actuator]\n"
     )
-    arguments = ("--role", "accelerometer", "--duration", 0.3, "--json", tmp_path / "s.json")
-    run("test", scene, *arguments)
-    (seen,) = json.loads((tmp_path / "s.json").read_text())["devices"]
+    _, (seen,) = tried(tmp_path, scene, "--role", "accelerometer", "--duration", 0.3)
     assert seen["samples_hz"] == 5000
     told = [problem for problem in seen["problems"] if "acceleration_rate_hz" in problem]
     assert len(told) == (said is not None)
@@ -139,41 +139,27 @@ def test_an_accelerometer_must_give_what_a_frame_takes(
         (["a:B", "--set", "x"], "write KEY=VALUE"),
         (["demo"], "names no device"),
         (["demo", "--set", "x=1"], "a scene has its own"),
+        (["ati-net-ft", "--role", "handle"], "cannot be that; allowed are force_sensor"),
+        (
+            ["virtual-lab", "--role", "handle"],
+            "has no handle; it has robot, force_sensor, accelerometer",
+        ),
     ],
 )
 def test_what_cannot_be_tested_is_bad_input(arguments: list[str], sentence: str) -> None:
-    result = run("test", *arguments)
-    assert isinstance(result.exception, InputError)
-    assert sentence in str(result.exception)
+    assert sentence in refusal("device", "test", *arguments)
 
 
 def test_a_driver_is_tested_in_the_role_that_is_asked_for(drivers: str, tmp_path: Path) -> None:
-    file = tmp_path / "r.json"
-    arguments = ["--role", "accelerometer", "--duration", 0.1, "--json", file]
-    run("test", f"{drivers}:made_sensor", *arguments)
-    seen = json.loads(file.read_text())["devices"][0]
+    options = ("--role", "accelerometer", "--duration", 0.1)
+    _, (seen,) = tried(tmp_path, f"{drivers}:made_sensor", *options)
     assert seen["role"] == "accelerometer"
 
 
-@pytest.mark.parametrize(
-    ("what", "role", "sentence"),
-    [
-        ("ati-net-ft", "handle", "cannot be that; allowed are force_sensor"),
-        ("virtual-lab", "handle", "has no handle; it has robot, force_sensor, accelerometer"),
-    ],
-)
-def test_a_role_that_a_driver_cannot_take_is_bad_input(what: str, role: str, sentence: str) -> None:
-    result = run("test", what, "--role", role)
-    assert isinstance(result.exception, InputError)
-    assert sentence in str(result.exception)
-
-
 def test_an_actuator_plays_silence_and_shows_what_it_counted(tmp_path: Path) -> None:
-    file = tmp_path / "a.json"
     options = ["--set", "full_scale_v=3", "--set", "volts_per_m_s2=0.1", "--set", "buffer_ms=100"]
     driver = "mmt.testing.emulated.haptuator:emulated_haptuator"
-    run("test", driver, *options, "--duration", 0.4, "--json", file)
-    seen = json.loads(file.read_text())["devices"][0]
+    _, (seen,) = tried(tmp_path, driver, *options, "--duration", 0.4)
     assert seen["role"] == "actuator"
     assert seen["played"]["samples"] >= 100
     assert seen["played"]["peak_m_s2"] == 0.0
@@ -220,30 +206,21 @@ def test_the_documented_driver_is_found_as_a_package_of_its_own(
     entries = tomllib.loads(project[1])["project"]["entry-points"][driver_table.GROUP]
     (tmp_path / "lab").mkdir()
     (tmp_path / "lab" / "sensors.py").write_text(driver[1])
-    information = tmp_path / "lab_devices-1.0.dist-info"
-    information.mkdir()
-    (information / "METADATA").write_text(
-        "Metadata-Version: 2.1\nName: lab-devices\nVersion: 1.0\n"
-    )
-    lines = [f"[{driver_table.GROUP}]", *(f"{name} = {value}" for name, value in entries.items())]
-    (information / "entry_points.txt").write_text("\n".join(lines))
-    monkeypatch.syspath_prepend(str(tmp_path))
-    run("list", "--json", tmp_path / "l.json")
-    found = json.loads((tmp_path / "l.json").read_text())["drivers"]
-    (line,) = [each for each in found if each["name"] == "lab-line"]
+    install_package(tmp_path, monkeypatch, "lab-devices", {driver_table.GROUP: entries})
+    found, _ = run_json(tmp_path, "device", "list")
+    (line,) = [each for each in found["drivers"] if each["name"] == "lab-line"]
     assert line["package"] == "lab-devices"
     assert line["problem"] == ""
     assert line["roles"] == ["force_sensor", "accelerometer"]
-    result = run("test", "lab-line", "--role", "accelerometer", "--set", "port=/dev/none")
+    line_sensor = ("device", "test", "lab-line")
+    result = run(*line_sensor, "--role", "accelerometer", "--set", "port=/dev/none")
     assert result.exit_code == 1
     assert "line sensor at /dev/none" in result.output
-    missing = run("test", "lab-line")
-    assert isinstance(missing.exception, InputError)
-    assert "'port'; its options are port, baud=1000000" in str(missing.exception)
+    assert "'port'; its options are port, baud=1000000" in refusal(*line_sensor)
 
 
 def test_a_class_without_the_calls_of_a_device_is_not_good(drivers: str) -> None:
-    result = run("test", f"{drivers}:Useless", "--duration", "0.1")
+    result = run("device", "test", f"{drivers}:Useless", "--duration", "0.1")
     assert result.exit_code == 1
     assert "good" not in result.output
     assert "has neither read() nor write()" in result.output
@@ -259,10 +236,10 @@ def test_a_drivers_own_mistake_is_told_with_its_line(
     )
     (tmp_path / "odder_lab.py").write_text("import math\n\nmath.pie")
     monkeypatch.syspath_prepend(str(tmp_path))
-    said = "".join(run("test", "odd_lab:Odd", "--role", "force_sensor").output.split())
+    said = "".join(run("device", "test", "odd_lab:Odd", "--role", "force_sensor").output.split())
     assert "AttributeError:'Odd'objecthasnoattribute'gone'(" in said  # lines end anywhere
     assert "odd_lab.py,line3)" in said
     assert "odd_lab.py,line6)" in said
-    problem = str(run("test", "odder_lab:Odd").exception)
+    problem = str(run("device", "test", "odder_lab:Odd").exception)
     assert "odder_lab.py, line 3)" in problem
     assert "install the package" not in problem

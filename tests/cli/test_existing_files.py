@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_runs import output_of
 from frame_samples import made_frames
 from player_samples import flat_texture
-from typer.testing import CliRunner
 
 from mmt.cli.common import run_app
 from mmt.cli.emulated_pair import pair_named
@@ -49,7 +49,7 @@ def test_a_file_that_exists_is_replaced_only_with_force(tmp_path, capsys, comman
         write_session(tmp_path / f"source.{suffix}", frames)
     flat_texture(1.0).save(tmp_path / "source-model.npz")
     exported = ("model", "export", tmp_path / "source-model.npz", tmp_path / "source.xml")
-    assert CliRunner().invoke(app, [*map(str, exported)]).exit_code == 0
+    output_of(*exported)
     names = {"source": tmp_path / "source", "out": tmp_path / "out"}
     arguments = [part.format(**names) for part in command]
     (target,) = (each for each in arguments if "out." in each)

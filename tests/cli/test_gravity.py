@@ -7,11 +7,9 @@ from pathlib import Path
 
 import pytest
 import typer
-from typer.testing import CliRunner, Result
+from command_runs import output_of, refusal, run_json
 
 from mmt.cli import gravity
-from mmt.cli.main import app
-from mmt.core.errors import InputError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, UPS, GravityCalibration, rests_from
 from mmt.devices.calibrations import load_calibration
 
@@ -23,8 +21,8 @@ def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
 
 
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, ["device", "calibrate", *map(str, arguments)])
+CALIBRATE = ("device", "calibrate")
+RECORDED = (*CALIBRATE, "adxl335-serial", "--set", "port=none")
 
 
 def felt(up: str) -> tuple[float, float, float]:
@@ -47,38 +45,43 @@ def recorded(path: Path, true: GravityCalibration, **more: object) -> Path:
 
 def test_recorded_rests_are_fitted_stored_and_compared(tmp_path: Path) -> None:
     first = recorded(tmp_path / "first.json", TRUE, serial="bench-3")
-    result = run("adxl335-serial", "--set", "port=none", "--rests", first)
-    assert result.exit_code == 0, result.output
+    said = output_of(*RECORDED, "--rests", first)
     stored = load_calibration("adxl335", "bench-3")
     assert stored is not None
     assert stored["zero_v"] == pytest.approx(TRUE.zero_v)
-    assert "changed" not in result.output
+    assert "changed" not in said
     moved = recorded(tmp_path / "second.json", TRUE._replace(zero_v=(1.60, 1.80, 1.75)))
-    result = run(
-        *("adxl335-serial", "--set", "port=none", "--set", "serial=bench-3"),
-        *("--rests", moved, "--json", tmp_path / "out.json"),
+    found, result = run_json(
+        tmp_path, *RECORDED, "--set", "serial=bench-3", "--rests", moved, code=None
     )
-    (change,) = json.loads((tmp_path / "out.json").read_text())["changes"]
+    (change,) = found["changes"]
     assert change.startswith("y: zero moved by +3.64 m/s2")
     assert "changed since the last time: y" in result.output
 
 
-def test_rests_without_a_serial_number_are_refused(tmp_path: Path) -> None:
-    rests = recorded(tmp_path / "rests.json", TRUE)
-    result = run("adxl335-serial", "--set", "port=none", "--rests", rests)
-    assert isinstance(result.exception, InputError)
-    assert "no serial number: give it one" in str(result.exception)
+LAB = '[devices]\nrobot = "virtual-robot"\n\n[link]\n\n[recording]\nchannels = "needed"\n'
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
-    [("{", "not valid JSON"), ("[]", 'must hold "rests"'), ('{"rests": 1, "serial": "7"}', "list")],
+    ("name", "text", "arguments", "message"),
+    [
+        ("rests.json", "{", (*RECORDED, "--rests"), "not valid JSON"),
+        ("rests.json", "[]", (*RECORDED, "--rests"), 'must hold "rests"'),
+        ("rests.json", '{"rests": 1, "serial": "7"}', (*RECORDED, "--rests"), "list"),
+        ("rests.json", None, (*RECORDED, "--rests"), "no serial number: give it one"),
+        ("rests.json", "", (*CALIBRATE, "ati-net-ft", "--rests"), "is not calibrated by gravity"),
+        ("lab.toml", LAB, CALIBRATE, "has no accelerometer; it has robot"),
+    ],
 )
-def test_a_file_that_holds_no_rests_is_told(tmp_path: Path, text: str, message: str) -> None:
-    (tmp_path / "rests.json").write_text(text)
-    result = run("adxl335-serial", "--set", "port=none", "--rests", tmp_path / "rests.json")
-    assert isinstance(result.exception, InputError)
-    assert message in str(result.exception)
+def test_what_cannot_be_calibrated_is_told(
+    tmp_path: Path, name: str, text: str | None, arguments: tuple[str, ...], message: str
+) -> None:
+    file = tmp_path / name
+    if text is None:
+        recorded(file, TRUE)
+    else:
+        file.write_text(text)
+    assert message in refusal(*arguments, file)
 
 
 def test_rests_that_cannot_be_kept_calibrate_nevertheless(
@@ -87,26 +90,9 @@ def test_rests_that_cannot_be_kept_calibrate_nevertheless(
     rests = json.loads(recorded(tmp_path / "rests.json", TRUE).read_text())["rests"]
     monkeypatch.setattr(gravity, "_measure", lambda *_: ("7", rests_from(rests)))
     keep = tmp_path / "rests.json" / "kept.json"
-    result = run("adxl335-serial", "--set", "port=none", "--keep", keep)
-    assert isinstance(result.exception, InputError)
-    assert str(result.exception) == f"cannot write {keep}: File exists"
+    said = refusal(*RECORDED, "--keep", keep)
+    assert said == f"cannot write {keep}: File exists"
     assert load_calibration("adxl335", "7") is not None
-
-
-def test_a_scene_without_an_accelerometer_is_told(tmp_path: Path) -> None:
-    scene = tmp_path / "lab.toml"
-    scene.write_text(
-        '[devices]\nrobot = "virtual-robot"\n\n[link]\n\n[recording]\nchannels = "needed"\n'
-    )
-    result = run(scene)
-    assert isinstance(result.exception, InputError)
-    assert "has no accelerometer; it has robot" in str(result.exception)
-
-
-def test_another_device_is_told(tmp_path: Path) -> None:
-    result = run("ati-net-ft", "--rests", tmp_path / "rests.json")
-    assert isinstance(result.exception, InputError)
-    assert "is not calibrated by gravity" in str(result.exception)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
@@ -132,13 +118,12 @@ def test_a_sensor_is_turned_six_ways(tmp_path: Path, monkeypatch: pytest.MonkeyP
     board = EmulatedAdxl335Board(truth, calibration=TRUE)
     board.start()
     try:
-        result = run(
-            *("adxl335-serial", "--set", f"port={board.path}", "--set", "serial=7"),
+        output_of(
+            *(*CALIBRATE, "adxl335-serial", "--set", f"port={board.path}", "--set", "serial=7"),
             *("--duration", "0.3", "--keep", tmp_path / "kept.json"),
         )
     finally:
         board.stop()
-    assert result.exit_code == 0, (result.output, result.exception)
     ways = [f"{axis} points {way}" for axis in "xyz" for way in ("up", "down")]
     assert [text for text, _ in itertools.groupby(asked)] == ways
     assert asked.count("x points down") >= 2

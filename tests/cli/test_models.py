@@ -1,14 +1,12 @@
 """`mmt model`: the command line that builds texture models and looks at them."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from command_runs import output_of, refusal, run, run_json
 
-from mmt.cli.main import app
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import MmtError
 from mmt.core.frames import empty_frames
 from mmt.scene import Scene, Texture
 from mmt.session import write_session
@@ -33,8 +31,7 @@ def session_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, ["model", *map(str, arguments)])
+BUILD, INFO = ("model", "build"), ("model", "info")
 
 
 def test_of_several_surfaces_one_is_chosen(tmp_path: Path) -> None:
@@ -46,22 +43,16 @@ def test_of_several_surfaces_one_is_chosen(tmp_path: Path) -> None:
     write_session(session, frames, annotations=annotations)
     scene = tmp_path / "scene.toml"
     scene.write_text("[link]\n[replay]\n[texture.surfaces]\n", encoding="utf-8")
-    build = ("build", session, tmp_path / "model.npz", "--scene", scene)
-    with pytest.raises(InputError, match="over the surfaces 1, 2; choose one with --surface"):
-        raise refused(run(*build))
+    build = (*BUILD, session, tmp_path / "model.npz", "--scene", scene)
+    said = refusal(*build)
+    assert "over the surfaces 1, 2; choose one with --surface" in said
     powers = []
     for surface in (1, 2):
-        result = run(*build, "--surface", surface, "--force")
-        assert result.exit_code == 0, result.output
+        output_of(*build, "--surface", surface, "--force")
         powers.append(float(TextureModel.load(tmp_path / "model.npz").samples.power.mean()))
     assert powers[1] > 30 * powers[0]  # sandpaper's over glass's
-    with pytest.raises(InputError, match="all is one surface"):
-        raise refused(run("build", session, tmp_path / "other.npz", "--surface", 1))
-
-
-def refused(result: Result) -> BaseException:
-    assert result.exception is not None
-    return result.exception
+    without_scene = (*BUILD, session, tmp_path / "other.npz", "--surface", 1)
+    assert "all is one surface" in refusal(*without_scene)
 
 
 def test_the_model_is_the_one_that_the_live_leader_had_at_the_stop_criterion(
@@ -69,9 +60,7 @@ def test_the_model_is_the_one_that_the_live_leader_had_at_the_stop_criterion(
 ) -> None:
     from mmt.session import read_session
 
-    result = run("build", session_file, tmp_path / "wood.npz", "--json", tmp_path / "m.json")
-    assert result.exit_code == 0, result.output
-
+    figures, _ = run_json(tmp_path, *BUILD, session_file, tmp_path / "wood.npz")
     modeller = OnlineModeller()
     frames = read_session(session_file).frames
     for start in range(0, len(frames), 1000):
@@ -83,15 +72,14 @@ def test_the_model_is_the_one_that_the_live_leader_had_at_the_stop_criterion(
     saved = TextureModel.load(tmp_path / "wood.npz")
     np.testing.assert_array_equal(saved.samples.lsf, update.model.samples.lsf)
     np.testing.assert_array_equal(saved.samples.power, update.model.samples.power)
-    figures = json.loads((tmp_path / "m.json").read_text())
     assert figures["stop_s"] == update.time_s
     assert figures["samples"] == update.samples
     assert figures["distance"] == pytest.approx(update.distance, abs=1e-3)
 
 
 def test_whole_goes_on_past_the_stop_criterion(session_file: Path, tmp_path: Path) -> None:
-    assert run("build", session_file, tmp_path / "stop.npz").exit_code == 0
-    assert run("build", session_file, tmp_path / "end.npz", "--whole").exit_code == 0
+    output_of(*BUILD, session_file, tmp_path / "stop.npz")
+    output_of(*BUILD, session_file, tmp_path / "end.npz", "--whole")
     stopped = TextureModel.load(tmp_path / "stop.npz")
     whole = TextureModel.load(tmp_path / "end.npz")
     assert len(whole.samples) > len(stopped.samples)
@@ -105,12 +93,10 @@ def test_several_sessions_give_one_model(session_file: Path, tmp_path: Path) -> 
     counts = []
     for sources in ([session_file, "--whole"], [second, "--whole"], [session_file, second]):
         target = tmp_path / f"{len(counts)}.npz"
-        result = run("build", *sources, target, "--json", tmp_path / "b.json")
-        assert result.exit_code == 0, result.output
+        figures, _ = run_json(tmp_path, *BUILD, *sources, target)
         counts.append(len(TextureModel.load(target).samples))
     assert counts[2] == pytest.approx(counts[0] + counts[1], abs=4)
     assert counts[2] > max(counts[:2])
-    figures = json.loads((tmp_path / "b.json").read_text())
     assert figures["sessions"] == [str(session_file), str(second)]
 
 
@@ -135,7 +121,7 @@ def test_a_scene_says_how_to_model(session_file: Path, tmp_path: Path) -> None:
     scene.write_text(
         "[link]\n[replay]\n[texture]\norder = 9\nmethod = 'published'\n", encoding="utf-8"
     )
-    assert run("build", session_file, tmp_path / "m.npz", "--scene", scene).exit_code == 0
+    output_of(*BUILD, session_file, tmp_path / "m.npz", "--scene", scene)
     model = TextureModel.load(tmp_path / "m.npz")
     assert (model.order, model.method) == (9, "published")
     assert Texture().settings().filter_order == 16
@@ -143,10 +129,8 @@ def test_a_scene_says_how_to_model(session_file: Path, tmp_path: Path) -> None:
 
 def test_info_says_what_the_file_holds(session_file: Path, tmp_path: Path) -> None:
     target = tmp_path / "new folder" / "m.npz"
-    assert run("build", session_file, target).exit_code == 0
-    result = run("info", target, "--json", tmp_path / "i.json")
-    assert result.exit_code == 0, result.output
-    figures = json.loads((tmp_path / "i.json").read_text())
+    output_of(*BUILD, session_file, target)
+    figures, result = run_json(tmp_path, *INFO, target)
     samples = TextureModel.load(target).samples
     assert figures["samples"] == len(samples)
     assert figures["order"] == samples.lsf.shape[1]
@@ -160,38 +144,29 @@ def test_a_hand_that_never_strokes_gives_no_model(tmp_path: Path) -> None:
     frames["sequence"] = np.arange(3000)
     frames["time_ns"] = np.arange(3000) * 1_000_000
     write_session(tmp_path / "still.npz", frames)
-    result = run("build", tmp_path / "still.npz", tmp_path / "m.npz")
-    assert isinstance(result.exception, MmtError)
-    assert result.exception.exit_code == 1
-    assert "never stroked" in str(result.exception)
+    error = run(*BUILD, tmp_path / "still.npz", tmp_path / "m.npz").exception
+    assert isinstance(error, MmtError)
+    assert error.exit_code == 1
+    assert "never stroked" in str(error)
     assert not (tmp_path / "m.npz").exists()
 
 
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("build", "missing.npz", "m.npz"), "missing.npz"),
-        (("build", "missing.npz", "m.txt"), "must end in .npz"),
-        (("info", "missing.npz"), "missing.npz"),
+        ((*BUILD, "missing.npz", "m.npz"), "missing.npz"),
+        ((*BUILD, "missing.npz", "m.txt"), "must end in .npz"),
+        ((*BUILD, "{session}", "{folder}/file/m.npz"), "m.npz"),
+        ((*INFO, "missing.npz"), "missing.npz"),
+        ((*INFO, "{session}"), "format version"),
     ],
 )
-def test_a_mistake_is_explained(arguments: tuple[str, ...], sentence: str) -> None:
-    result = run(*arguments)
-    assert isinstance(result.exception, InputError)
-    assert sentence in str(result.exception)
-
-
-def test_a_target_that_cannot_be_written_is_named(session_file: Path, tmp_path: Path) -> None:
+def test_a_mistake_is_explained(
+    session_file: Path, tmp_path: Path, arguments: tuple[str, ...], sentence: str
+) -> None:
     (tmp_path / "file").write_text("in the way")
-    result = run("build", session_file, tmp_path / "file" / "m.npz")
-    assert isinstance(result.exception, InputError)
-    assert "m.npz" in str(result.exception)
-
-
-def test_a_session_is_no_model(session_file: Path) -> None:
-    result = run("info", session_file)
-    assert isinstance(result.exception, InputError)
-    assert "format version" in str(result.exception)
+    given = (each.format(session=session_file, folder=tmp_path) for each in arguments)
+    assert sentence in refusal(*given)
 
 
 def test_the_shipped_model_can_be_rendered() -> None:
@@ -209,10 +184,8 @@ def test_a_model_has_the_rate_of_its_recordings(session_file: Path, tmp_path: Pa
     frames, truth = simulate_session(scene, surface="plastic", duration_s=6.0, seed=1)
     fast = tmp_path / "fast.mcap"
     write_session(fast, frames, annotations=truth)
-    result = run("build", fast, tmp_path / "m.npz")
-    assert result.exit_code == 0, result.output
+    output_of(*BUILD, fast, tmp_path / "m.npz")
     assert TextureModel.load(tmp_path / "m.npz").rate_hz == 5000.0
-    result = run("build", fast, session_file, tmp_path / "both.npz")
-    assert isinstance(result.exception, InputError)
-    assert "at 5 kHz" in str(result.exception)
-    assert "at 1 kHz: import them at one rate" in str(result.exception)
+    said = refusal(*BUILD, fast, session_file, tmp_path / "both.npz")
+    assert "at 5 kHz" in said
+    assert "at 1 kHz: import them at one rate" in said

@@ -1,13 +1,11 @@
 """``mmt session inspect`` proposes the command that imports a stranger's file."""
 
-import json
 import shlex
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from command_runs import output_of, run, run_json
 
-from mmt.cli.main import app
 from mmt.session import read_session
 
 TIME_S = np.arange(3000) / 1000
@@ -23,8 +21,7 @@ FILES = {
 }
 
 
-def run(*arguments):
-    return CliRunner().invoke(app, ["session", *arguments])
+IMPORT, INSPECT = ("session", "import"), ("session", "inspect")
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -34,12 +31,11 @@ def test_the_proposed_command_imports_the_file(tmp_path, monkeypatch, name):
     columns = [1e3 * TIME_S, *POSITION_MM.T, 1e3 * FORCE_N, ACCELERATION_M_S2 / 9.80665]
     rows = [delimiter.join(f"{value:.6f}" for value in row) for row in np.column_stack(columns)]
     (tmp_path / name).write_text(FILES[name] + "\n".join(rows))
-    told = run("inspect", name)
+    told = run(*INSPECT, name)
     assert told.exit_code == 0, told.output
     command = shlex.split(told.stdout.splitlines()[-1])
-    assert command[:4] == ["mmt", "session", "import", name]
-    done = run(*command[2:])
-    assert done.exit_code == 0, done.output
+    assert command[:4] == ["mmt", *IMPORT, name]
+    output_of(*command[1:])
     frames = read_session(tmp_path / command[4]).frames
     np.testing.assert_allclose(frames["position_mm"][:, :2], POSITION_MM, atol=1e-3)
     np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N, atol=1e-3)
@@ -51,7 +47,7 @@ def test_the_proposed_command_has_the_unit_that_is_asked_about(tmp_path, unit, i
     values = [TIME_S, *POSITION_MM.T, FORCE_N, ACCELERATION_M_S2 / in_unit]
     rows = [",".join(f"{value:.6f}" for value in row) for row in np.column_stack(values)]
     (tmp_path / "a.csv").write_text("t,x,y,Fz,az\n" + "\n".join(rows))
-    told = run("inspect", str(tmp_path / "a.csv"))
+    told = run(*INSPECT, tmp_path / "a.csv")
     command = told.stdout.splitlines()[-1]
     assert ("is it in" in told.output) == ("--unit" in command) == bool(unit)
     assert unit is None or command.endswith(f"--unit acceleration={unit}")
@@ -59,11 +55,10 @@ def test_the_proposed_command_has_the_unit_that_is_asked_about(tmp_path, unit, i
 
 def test_a_file_of_which_nothing_is_known_is_listed(tmp_path):
     (tmp_path / "odd.csv").write_text("alpha,beta\n1,2\n2,3\n")
-    told = run("inspect", str(tmp_path / "odd.csv"))
-    assert told.exit_code == 0
-    assert "columns: alpha, beta" in told.output
-    assert "no column was found for time: --map time=NAME, or --rate HZ" in told.output
-    assert "no name tells a channel: say which columns are" in told.output
+    told = output_of(*INSPECT, tmp_path / "odd.csv")
+    assert "columns: alpha, beta" in told
+    assert "no column was found for time: --map time=NAME, or --rate HZ" in told
+    assert "no name tells a channel: say which columns are" in told
 
 
 @pytest.mark.parametrize(
@@ -75,23 +70,21 @@ def test_a_file_of_which_nothing_is_known_is_listed(tmp_path):
 )
 def test_what_a_file_holds_beside_is_told_though_it_cannot_be_imported(tmp_path, header, note):
     (tmp_path / "odd.csv").write_text(f"{header}\n1,2\n1,3\nno sensor\n1,4\n1,5\n")
-    told = run("inspect", str(tmp_path / "odd.csv"))
+    told = run(*INSPECT, tmp_path / "odd.csv")
     assert f"look: {note}" in told.output
 
 
 def test_import_prints_and_writes_what_it_found(tmp_path):
     force_n = np.column_stack([0 * TIME_S, 0 * TIME_S, -FORCE_N])
     np.savez(tmp_path / "a.npz", time_s=TIME_S, force_n=force_n)
-    files = [str(tmp_path / "a.npz"), str(tmp_path / "a.mcap")]
-    done = run("import", *files, "--json", str(tmp_path / "a.json"))
-    assert done.exit_code == 0
+    files = (tmp_path / "a.npz", tmp_path / "a.mcap")
+    found, done = run_json(tmp_path, *IMPORT, *files)
     assert "force_z_n" in done.output
     assert "--map force=-force_n" in done.output
-    found = json.loads((tmp_path / "a.json").read_text())
     assert found["frames"] == 3000
     assert found["channels"][0]["rate_hz"] == pytest.approx(1000)
     assert len(found["warnings"]) == 1
-    mended = run("import", *files, "--map", "force=-force_n", "--force")
+    mended = run(*IMPORT, *files, "--map", "force=-force_n", "--force")
     assert "--map force=" not in mended.output
 
 
@@ -105,7 +98,7 @@ def test_import_prints_and_writes_what_it_found(tmp_path):
 )
 def test_options_that_are_wrong_are_explained(tmp_path, options, reason):
     np.savez(tmp_path / "a.npz", time_s=TIME_S, force_n=np.ones((3000, 3)))
-    done = run("import", str(tmp_path / "a.npz"), str(tmp_path / "a.mcap"), *options)
+    done = run(*IMPORT, tmp_path / "a.npz", tmp_path / "a.mcap", *options)
     assert done.exit_code != 0
     assert reason in str(done.exception)
     assert not (tmp_path / "a.mcap").exists()

@@ -5,12 +5,11 @@ from pathlib import Path
 
 import aiohttp
 import pytest
+from command_runs import refusal
 from frame_samples import made_frames
 from recording_server import serving
-from typer.testing import CliRunner
 
-from mmt.cli.main import app
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import MmtError
 from mmt.session.data import RecordedSession
 from mmt.session.windows import MemoryWindows
 from mmt.web.viewing.recording import ViewedRecording
@@ -22,9 +21,7 @@ def recording() -> ViewedRecording:
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["session", "view", str(tmp_path / "none.mcap")])
-    assert isinstance(result.exception, InputError)
-    assert "none.mcap: No such file" in str(result.exception)
+    assert "none.mcap: No such file" in refusal("session", "view", tmp_path / "none.mcap")
 
 
 async def test_a_port_that_is_taken() -> None:

@@ -3,9 +3,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from command_runs import refusal
 
-from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
 from mmt_lab.bench.command import run_benches
 from mmt_lab.experiments import evaluate
@@ -67,11 +66,9 @@ def test_a_stage_that_fails_leaves_the_others_their_figures(
 
     stages = {"burg": fail, "lines": lambda: Findings("Lines", "About.")}
     monkeypatch.setattr(command, "load", stages.__getitem__)
-    report, figures = str(tmp_path / "report"), tmp_path / "figures.json"
-    arguments = ["bench", "burg", "lines", "--report", report, "--json", str(figures)]
-    ended = CliRunner().invoke(app, arguments)
-    assert isinstance(ended.exception, MmtError)
-    assert str(ended.exception) == "not measured: burg"
+    figures = tmp_path / "figures.json"
+    files = ("--report", tmp_path / "report", "--json", figures)
+    assert refusal("bench", "burg", "lines", *files, kind=MmtError) == "not measured: burg"
     assert "Lines" in (tmp_path / "report" / "report.html").read_text()
     written = json.loads(figures.read_text())
     assert written["failed"] == {"burg": "a process gave nothing"}

@@ -9,10 +9,9 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 import pytest
+from command_runs import refusal, run
 from lab_runs import run_lab
-from typer.testing import CliRunner
 
-from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
 from mmt.evaluation.document import Paragraph, ReportTable
 from mmt_lab import experiments
@@ -55,7 +54,7 @@ def made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 def test_a_new_module_is_listed_and_run_without_any_other_change(
     made_up: str, tmp_path: Path
 ) -> None:
-    listing = CliRunner().invoke(app, ["lab"])
+    listing = run("lab")
     assert made_up in listing.output
     assert "how many seeds there are" in " ".join(listing.output.split())
     report = tmp_path / "report"
@@ -107,9 +106,7 @@ def test_the_list_needs_no_numerics() -> None:
 def test_an_unknown_experiment_is_explained() -> None:
     with pytest.raises(InputError, match=r"allowed are .*felt"):
         load("nothing")
-    told = CliRunner().invoke(app, ["lab", "nothing"]).exception
-    assert isinstance(told, InputError)
-    assert "lab nothing: allowed are ablations, burg, compare" in str(told)
+    assert "lab nothing: allowed are ablations, burg, compare" in refusal("lab", "nothing")
 
 
 def test_textures_are_names_between_commas() -> None:

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_runs import run
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
-from mmt.cli.main import app
 from mmt.core.frames import frame_dtype
 from mmt.scene import Network
 from mmt.session import write_session
@@ -246,7 +245,7 @@ def test_a_long_run_that_cannot_tell_does_not_hold():
 
 @pytest.mark.parametrize(("option", "value"), [("--duration", "1"), ("--every", "0.1")])
 def test_numbers_out_of_range_are_explained(option, value):
-    refused = CliRunner().invoke(app, ["lab", "soak", option, value])
+    refused = run("lab", "soak", option, value)
     assert refused.exit_code == 2
     assert f"Invalid value for '{option}'" in refused.output
 

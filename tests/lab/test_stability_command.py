@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from command_runs import run, run_json
 
-from mmt.cli import main
 from mmt.core.errors import InputError
 from mmt_lab.experiments import stability
 from mmt_lab.experiments.stability import (
@@ -93,16 +92,13 @@ def test_a_directory_that_cannot_be_written_is_said(tmp_path: Path) -> None:
 def test_the_command_prints_families_and_says_by_its_code_whether_all_held(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    runner = CliRunner()
     few = model.cases(many=50, queries=10)[:3]
     monkeypatch.setattr(stability, "load_family", lambda _: Family("Few models", lambda: few))
-    file = tmp_path / "rows.json"
-    result = runner.invoke(main.app, ["stability", "model", "--json", str(file)])
-    assert result.exit_code == 0
+    figures, result = run_json(tmp_path, "stability", "model")
     assert "Few models" in result.output
-    assert json.loads(file.read_text(encoding="utf-8"))["cases"] == 3
+    assert figures["cases"] == 3
     few.append(Extreme("a broken thing", "holds", lambda: CaseResult("does not", held=False)))
-    result = runner.invoke(main.app, ["stability", "model", "--report", str(tmp_path / "report")])
+    result = run("stability", "model", "--report", tmp_path / "report")
     assert result.exit_code == 1
     assert "a broken thing" in result.output
     assert (tmp_path / "report" / "report.html").exists()

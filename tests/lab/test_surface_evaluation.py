@@ -1,16 +1,14 @@
 """Scores of sessions over several surfaces, with answers known beforehand."""
 
-import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_runs import run_json
 from lab_runs import run_lab
 from scipy.stats import poisson
-from typer.testing import CliRunner
 
-from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.evaluation.recorded_surfaces import part_by_surface
 from mmt.evaluation.surface_report import account, stay_table
@@ -253,11 +251,7 @@ def test_the_report_has_the_model_of_each_surface(
     scene = scene_from_tables({"link": {}, "replay": {}, "texture": {"surfaces": {}}})
     path = tmp_path / "two.mcap"
     export_session(replace(over_two, scene=scene.dump()), path)
-    result = CliRunner().invoke(
-        app, ["evaluate", str(path), "--report", str(tmp_path), "--json", str(tmp_path / "e.json")]
-    )
-    assert result.exit_code == 0, result.output
-    sessions = json.loads((tmp_path / "e.json").read_text())["sessions"]
+    sessions = run_json(tmp_path, "evaluate", path, "--report", tmp_path)[0]["sessions"]
     assert [session["session"] for session in sessions] == ["two, surface 1", "two, surface 2"]
     assert [session["surface"] for session in sessions] == ["glass", "sandpaper"]
     assert all(session["at_end"]["within_jnd"] > 0.5 for session in sessions)

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_runs import refusal, run
 from lab_runs import run_lab
-from typer.testing import CliRunner
 
-from mmt.cli import main
 from mmt.core.errors import InputError, MmtError
 from mmt.scene import Texture
 from mmt.session import RecordedSession, write_session
@@ -258,11 +257,9 @@ def test_a_failed_job_is_named_and_ends_the_command_with_1(session, tmp_path, mo
 def test_workers_and_a_cluster_exclude_each_other(session, tmp_path):
     file = tmp_path / "even.npz"
     write_session(file, session.frames)
-    options = ["--workers", "2", "--dask", "tcp://x:1"]
-    result = CliRunner().invoke(main.app, ["lab", "sweep", str(file), *options])
-    assert isinstance(result.exception, InputError)
-    result = CliRunner().invoke(main.app, ["lab", "sweep", str(file), "--workers", "0"])
-    assert result.exit_code == 2
+    both = ("--workers", 2, "--dask", "tcp://x:1")
+    assert "give one, a cluster has its own workers" in refusal("lab", "sweep", file, *both)
+    assert run("lab", "sweep", file, "--workers", 0).exit_code == 2
 
 
 def test_numbers_are_plain(session):

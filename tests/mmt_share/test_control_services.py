@@ -1,16 +1,13 @@
 """Control of a robot goes from hand to hand: leader, follower and two listeners as processes."""
 
-import json
 import signal
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from command_runs import run_json
 from service_processes import Service, scene
 from sharing_samples import LISTENS
-from typer.testing import CliRunner
 
-from mmt.cli.main import app
 from mmt.session import RecordedSession, read_session
 
 TOKEN = {"MMT_CONTROL_TOKEN": "0123456789abcdef" * 2}
@@ -134,11 +131,8 @@ def recorded(file: Path) -> None:
             assert np.median(steps[end - 40 : end]) < 0.08, (begin, end)
         after = steps[end : end + 200]
         assert after.max() < 0.6  # a hand of 300 mm/s, and what the difference shrinks by
-    written = file.with_suffix(".json")
-    result = CliRunner().invoke(app, ["session", "info", str(file), "--json", str(written)])
-    assert result.exit_code == 0, result.output
+    content, result = run_json(file.parent, "session", "info", file)
     assert "control goes to" in result.output
-    content: dict[str, Any] = json.loads(written.read_text("utf-8"))
     assert [line.partition(": ")[2] for line in content["hand_overs"]].count(
         "the leader's hand moves the robot"
     ) == 2

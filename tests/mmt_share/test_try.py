@@ -11,11 +11,11 @@ from unittest.mock import AsyncMock
 
 import numpy as np
 import pytest
+from command_runs import output_of, refusal, run
 from service_processes import LONGEST_S, Service
-from typer.testing import CliRunner
 
 import mmt
-from mmt.cli.main import app
+from mmt.core.errors import MmtError
 from mmt.scene.files import scene_from_tables
 from mmt.session import write_session
 from mmt_share.commands import trying
@@ -52,9 +52,9 @@ def test_a_table_whose_columns_tell_all_is_played(
     assert 50 < int(share) <= 100
     model = mmt.load_model(tmp_path / "mine.npz")
     assert len(model.samples) > 5
-    again = CliRunner().invoke(app, ["try", "mine.csv"])
-    assert "mine.npz" in str(again.exception)
-    assert "--force" in str(again.exception)
+    again = refusal("try", "mine.csv")
+    assert "mine.npz" in again
+    assert "--force" in again
 
 
 def test_a_session_of_mmt_is_modelled_as_it_was_recorded(
@@ -67,10 +67,9 @@ def test_a_session_of_mmt_is_modelled_as_it_was_recorded(
     )
     frames, _ = mmt.simulate_session(scene, surface="wood", duration_s=6.0)
     write_session(tmp_path / "run.mcap", frames, scene=scene.dump())
-    result = CliRunner().invoke(app, ["try", "run.mcap"])
-    assert result.exit_code == 0, result.output
+    output_of("try", "run.mcap")
     served.assert_awaited_once()
-    assert CliRunner().invoke(app, ["model", "build", "run.mcap", "built.npz"]).exit_code == 0
+    output_of("model", "build", "run.mcap", "built.npz")
     tried, built = (mmt.load_model(tmp_path / f"{name}.npz") for name in ("run", "built"))
     assert tried.method == "published"
     assert tried.to_bytes() == built.to_bytes()
@@ -115,7 +114,7 @@ def test_without_a_person_it_says_what_is_missing(
     tmp_path: Path, measured: np.ndarray, header: str, columns: list[int], said: str
 ) -> None:
     path = write(tmp_path / "odd.csv", header, measured[:, columns])
-    result = CliRunner().invoke(app, ["try", str(path)])
+    result = run("try", path)
     assert said in str(result.exception)
     assert ("look: 2 columns are called two" in result.output) == ("two" in header)
 
@@ -127,6 +126,5 @@ def test_too_few_strokes_are_said(
     still = measured[:300].copy()
     still[:, 1:7] = 0.0
     path = write(tmp_path / "still.csv", "t,px_mm,py_mm,pz_mm,fx,fy,fz,ax,ay,az", still)
-    result = CliRunner().invoke(app, ["try", str(path)])
-    assert "too few steady strokes" in str(result.exception)
+    assert "too few steady strokes" in refusal("try", path, kind=MmtError)
     assert not (tmp_path / "still.npz").exists()
