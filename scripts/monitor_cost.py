@@ -8,14 +8,12 @@ stdout, each run as it ends to stderr.
 """
 
 import asyncio
-import json
-import socket
 import statistics
 import sys
-import tempfile
-from pathlib import Path
 
 import aiohttp
+
+from mmt_lab.experiments.services import run_demo_services
 
 FIGURES = {
     "period_p50_ms": "tick period, 50th percentile (ms)",
@@ -26,58 +24,28 @@ FIGURES = {
 }
 
 
-def free_port() -> int:
-    """Return a free port."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-async def look_on(http: aiohttp.ClientSession, port: int) -> int:
+async def look_on(http: aiohttp.ClientSession, url: str) -> int:
     """Receive messages until the session ends; return their number."""
     count = 0
-    async with http.ws_connect(f"http://127.0.0.1:{port}/monitor/socket") as viewer:
+    async with http.ws_connect(f"{url}/monitor/socket") as viewer:
         await viewer.send_str('{"token": null}')
         async for _ in viewer:
             count += 1
     return count
 
 
-async def ready(http: aiohttp.ClientSession, port: int, leader: asyncio.subprocess.Process) -> None:
-    """Wait until the leader answers."""
-    while True:
-        if leader.returncode is not None:
-            raise SystemExit(f"the leader has ended with exit code {leader.returncode}")
-        try:
-            async with http.get(f"http://127.0.0.1:{port}/health"):
-                return
-        except aiohttp.ClientError:
-            await asyncio.sleep(0.2)
-
-
-async def run(seconds: float, viewers: int, folder: Path) -> dict[str, float]:
+async def run(seconds: float, viewers: int) -> dict[str, float]:
     """Run the demo's services once; return the leader's figures."""
-    port, summary = free_port(), folder / "summary.json"
-    module = (sys.executable, "-m", "mmt.cli.entry")
-    leading = ("leader", "demo", "--port", str(port), "--duration", str(seconds))
-    files = ("--json", str(summary), "--record", str(folder / "session.mcap"))
-    shown = ("--monitor",) if viewers else ()
-    quiet = asyncio.subprocess.DEVNULL
-    leader = await asyncio.create_subprocess_exec(
-        *module, *leading, *files, *shown, stdout=quiet, stderr=quiet
-    )
+    looking: list[asyncio.Task[int]] = []
     async with aiohttp.ClientSession() as http:
-        await ready(http, port, leader)
-        looking = [asyncio.create_task(look_on(http, port)) for _ in range(viewers)]
-        follower = await asyncio.create_subprocess_exec(
-            *module, "follower", "demo", "--leader", f"http://127.0.0.1:{port}",
-            stdout=quiet, stderr=quiet,
-        )  # fmt: skip
-        await leader.wait()
-        await follower.wait()
+
+        def look(url: str) -> None:
+            looking.extend(asyncio.create_task(look_on(http, url)) for _ in range(viewers))
+
+        shown = ["monitor"] if viewers else []
+        leader = (await run_demo_services(seconds, tables=shown, on_link=look)).leader
         counts = await asyncio.gather(*looking)
-    tables = json.loads(summary.read_text(encoding="utf-8"))
-    figures = {**tables["ticks"], **tables["process"]}
+    figures = {**leader["ticks"], **leader["process"]}
     figures["missed_share"] = figures["missed"] / figures["ticks"]
     return {name: figures[name] for name in FIGURES} | {"messages": sum(counts)}
 
@@ -85,13 +53,12 @@ async def run(seconds: float, viewers: int, folder: Path) -> dict[str, float]:
 async def main(rounds: int = 3, seconds: float = 18.0, viewers: int = 2) -> None:
     """Run in turns, then print the table."""
     found: dict[bool, list[dict[str, float]]] = {False: [], True: []}
-    with tempfile.TemporaryDirectory() as folder:
-        for number in range(rounds):
-            # the order alternates, so that warming up favours neither
-            for watched in (False, True) if number % 2 == 0 else (True, False):
-                figures = await run(seconds, viewers if watched else 0, Path(folder))
-                found[watched].append(figures)
-                print("with   " if watched else "without", figures, file=sys.stderr, flush=True)
+    for number in range(rounds):
+        # the order alternates, so that warming up favours neither
+        for watched in (False, True) if number % 2 == 0 else (True, False):
+            figures = await run(seconds, viewers if watched else 0)
+            found[watched].append(figures)
+            print("with   " if watched else "without", figures, file=sys.stderr, flush=True)
     messages = statistics.median(f["messages"] for f in found[True]) / viewers / seconds
     print(f"{rounds} pairs of {seconds:g} s; {viewers} viewers, {messages:.0f} messages/s each\n")
     print("| figure | without (median, range) | with (median, range) | with - without, by pair |")

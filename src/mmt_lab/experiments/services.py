@@ -9,7 +9,7 @@ import os
 import secrets
 import subprocess
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -83,11 +83,12 @@ async def run_demo_services(
     duration_s: float,
     scene_name: str = "demo",
     *,
+    tables: Sequence[str] = (),
     realtime: bool = False,
     environment: Mapping[str, str] | None = None,
     on_link: Callable[[str], None] = lambda _: None,
 ) -> DemoRun:
-    """Run both services of an example scene, which record to a temporary file."""
+    """Run both services of an example scene with more tables, and record to a temporary file."""
     scene_file = example_scenes()[scene_name]
     with tempfile.TemporaryDirectory() as directory:
         overrides: dict[str, Any] = {
@@ -96,7 +97,7 @@ async def run_demo_services(
         }
         run = await run_services(
             scene_file,
-            load_scene(scene_file, overrides),
+            load_scene(scene_file, overrides, tables=tables),
             duration_s,
             None,
             environment=environment,
