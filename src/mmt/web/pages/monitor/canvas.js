@@ -74,6 +74,29 @@ export function drawTrail(pen, colour, trail, at) {
   pen.fill();
 }
 
+/** The space of a model on a canvas, and `describe()` of it in words. */
+export class ModelPlane {
+  /** `limits`: the largest speed and force, start, stop and rises of the criterion. */
+  constructor(canvas, text, limits) {
+    Object.assign(this, { canvas, text, limits, model: null, cells: null, advice: null });
+  }
+
+  setModel(model) {
+    this.model = model;
+    this.show();
+  }
+
+  /** Take what the criterion says of each cell, and where it wants a stroke; null for neither. */
+  setCompletion(cells, advice) {
+    Object.assign(this, { cells, advice });
+    this.show();
+  }
+
+  show() {
+    this.text.textContent = this.model?.samples ? this.describe() : "No model yet.";
+  }
+}
+
 /** The newest points of the hand, each {speed, force, velocity} or null. */
 export class Trail {
   static LONGEST = 120;

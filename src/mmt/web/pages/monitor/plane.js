@@ -1,32 +1,12 @@
 // The speed-force plane: samples, triangles, nine cells, the hand and its trail.
 
-import { advise, drawAdvice, drawTrail, lack, prepare, shade, worstOf } from "./canvas.js";
+import { ModelPlane, advise, drawAdvice, drawTrail, lack, prepare, shade, worstOf } from "./canvas.js";
 
 const MARGIN = { left: 48, right: 18, top: 10, bottom: 36 };
 const CELLS = ["slow", "medium", "fast"];
 const FORCES = ["light", "medium", "strong"];
 
-export class Plane {
-  /** `limits`: the largest speed and force, start, stop and rises of the criterion. */
-  constructor(canvas, text, limits) {
-    Object.assign(this, { canvas, text, limits, model: null, cells: null, advice: null });
-  }
-
-  setModel(model) {
-    this.model = model;
-    this.#describe();
-  }
-
-  /** Take what the criterion says of each cell, and where it wants a stroke; null for neither. */
-  setCompletion(cells, advice) {
-    Object.assign(this, { cells, advice });
-    this.#describe();
-  }
-
-  #describe() {
-    this.text.textContent = describe(this);
-  }
-
+export class Plane extends ModelPlane {
   draw(trail) {
     const { pen, width, height, colour } = prepare(this.canvas);
     this.colour = colour;
@@ -113,14 +93,14 @@ export class Plane {
       pen.fill();
     }
   }
-}
 
-/** Say in words which stroke gains most; without advice, where the model lacks most. */
-function describe({ model, cells, advice, limits }) {
-  if (!model || model.samples === 0) return "No model yet.";
-  const count = `${model.samples} samples, order ${model.order}.`;
-  if (advice) return count + advise(advice);
-  if (!cells) return count;
-  const worst = worstOf(cells, limits);
-  return `${count} Lacks most: ${CELLS[worst % 3]} strokes with ${FORCES[Math.floor(worst / 3)]} force.`;
+  /** Say in words which stroke gains most; without advice, where the model lacks most. */
+  describe() {
+    const { model, cells, advice, limits } = this;
+    const count = `${model.samples} samples, order ${model.order}.`;
+    if (advice) return count + advise(advice);
+    if (!cells) return count;
+    const worst = worstOf(cells, limits);
+    return `${count} Lacks most: ${CELLS[worst % 3]} strokes with ${FORCES[Math.floor(worst / 3)]} force.`;
+  }
 }

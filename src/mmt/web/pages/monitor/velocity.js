@@ -1,28 +1,19 @@
 // The space of velocity and force, seen along the force: heading and speed, one force band at a time.
 
-import { advise, drawAdvice, drawTrail, headingOf, lack, prepare, shade, worstOf } from "./canvas.js";
+import { ModelPlane, advise, drawAdvice, drawTrail, headingOf, lack, prepare, shade, worstOf } from "./canvas.js";
 
 const BANDS = ["light", "medium", "strong"];
 const DIVISIONS = 3;
 const MARGIN = 30;
 const LABELS_AT = -Math.PI / 8;
 
-export class VelocityPlane {
-  /** `limits`: the largest speed and force, start, stop and rises of the criterion. */
-  constructor(canvas, text, limits) {
-    Object.assign(this, { canvas, text, limits, model: null, cells: null, advice: null, band: null, slices: new Map() });
-  }
+export class VelocityPlane extends ModelPlane {
+  band = null;
+  slices = new Map();
 
   setModel(model) {
-    this.model = model;
     this.slices.clear();
-    this.#describe();
-  }
-
-  /** Take what the criterion says of each cell, and where it wants a stroke; null for neither. */
-  setCompletion(cells, advice) {
-    Object.assign(this, { cells, advice });
-    this.#describe();
+    super.setModel(model);
   }
 
   draw(trail) {
@@ -47,7 +38,7 @@ export class VelocityPlane {
     const band = Math.min(Math.floor((hand.force / this.limits.force) * BANDS.length), BANDS.length - 1);
     if (band === this.band) return;
     this.band = band;
-    this.#describe();
+    this.show();
   }
 
   /** The band of the hand; before it has pressed, the one that lacks most. */
@@ -180,16 +171,11 @@ export class VelocityPlane {
   }
 
   /** Say in words what is shown, and which stroke gains most; without advice, where the model lacks most. */
-  #describe() {
-    const model = this.model;
-    if (!model || model.samples === 0) {
-      this.text.textContent = "No model yet.";
-      return;
-    }
-    const shown = this.#shown();
+  describe() {
+    const { model } = this, shown = this.#shown();
     const forces = model.arrays.points.filter((_, i) => i % 3 === 2);
     const here = forces.filter((force) => bandOf(force) === shown).length;
-    this.text.textContent = `${model.samples} samples, order ${model.order}; ${here} with ${BANDS[shown]} force `
+    return `${model.samples} samples, order ${model.order}; ${here} with ${BANDS[shown]} force `
       + `(${this.#range(shown)}), which is shown.${this.advice ? advise(this.advice) : lacking(this.cells, this.limits)}`;
   }
 }
