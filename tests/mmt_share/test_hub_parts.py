@@ -16,8 +16,8 @@ from mmt.core.printable import without_secrets
 from mmt.link.rate_limit import PeriodLimit
 from mmt.scene.files import load_scene
 from mmt_share.client import ListenerClient
+from mmt_share.commands.hub import make_room
 from mmt_share.hub.copy import HubCopy
-from mmt_share.hub.descriptors import make_room
 from mmt_share.hub.manager import HubManager
 from mmt_share.hub.peers import FIRST_S, LOST_S, Heartbeat, Peers
 from mmt_share.hub.scene import load_hub_scene

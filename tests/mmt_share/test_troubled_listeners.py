@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sharing_samples import listening, shared, until
 
-from mmt_lab.sharing.memory import Memory
+from mmt_lab.sharing.long_session import Memory
 from mmt_lab.sharing.troubled import STEADY, TroubledListeners
 
 

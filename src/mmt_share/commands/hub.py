@@ -22,8 +22,8 @@ from mmt.cli.common import (
 from mmt.core.extras import require
 from mmt.core.logs import Logs
 from mmt.core.queued_output import queue_output
+from mmt.link.listening import descriptors
 from mmt_share.commands.visitors_page import reachable_url
-from mmt_share.hub.descriptors import make_room
 from mmt_share.hub.scene import HubScene, load_hub_scene
 
 if TYPE_CHECKING:
@@ -37,6 +37,9 @@ _OPTIONS: Final = {
 }
 _SPACING_S: Final = 5.0
 """Time between two lines that say how many are listening."""
+_FILES: Final = 8
+"""Files per listener: a server admits two connections for each listener, and uses a quarter of its
+files for them; see `mmt.link.accepting.Acceptor`."""
 
 
 def hub(
@@ -130,3 +133,30 @@ async def _count(hub: "Hub", say: Callable[[str], None]) -> None:
         if hub.listeners != reported:
             reported = hub.listeners
             say(f"{reported} listening")
+
+
+def make_room(listeners: int, say: Callable[[str], None]) -> None:
+    """Raise this process's limit of open files as far as possible, and say if it is too low.
+
+    Parameters
+    ----------
+    listeners
+        Number of listeners to serve at once.
+    say
+        Called with a sentence if the limit is too low.
+    """
+    try:
+        import resource
+    except ImportError:
+        return  # Windows has no such limit
+    needed = _FILES * listeners
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == resource.RLIM_INFINITY or soft >= needed:
+        return
+    raised = needed if hard == resource.RLIM_INFINITY else min(needed, hard)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (raised, hard))
+    if descriptors() < needed:
+        say(
+            f"{raised} files may be open, which is room for {raised // _FILES} listeners and not "
+            f"for {listeners}: raise the limit before the start (`ulimit -n {needed}`)"
+        )
