@@ -4,6 +4,7 @@ import asyncio
 import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -22,6 +23,16 @@ LEAST_TARGET_PX = 40
 """Of what a finger is to meet."""
 OVERFLOW = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 
+PICTURES = (
+    "#plane",
+    "#completion canvas",
+    "#vibration canvas",
+    "#spectra canvas",
+    "#force-plot canvas",
+    "#position canvas",
+)
+"""Of the monitor and of a recording."""
+
 api.expect.set_options(timeout=LONGEST_MS)  # of a busy machine
 
 
@@ -37,19 +48,34 @@ async def browser() -> AsyncIterator[Any]:
 
 @asynccontextmanager
 async def a_page(
-    browser: Any, size: tuple[int, int] = DESKTOP, scheme: str = "light", *, touch: bool = False
-) -> AsyncIterator[tuple[Any, list[str]]]:
-    """A page of that size, and what it complains of."""
+    browser: Any, size: tuple[int, int] = DESKTOP, scheme: str = "light", **options: Any
+) -> AsyncIterator[Any]:
+    """A page of that size, in which no error may go unhandled; options are those of `new_page`."""
     page = await browser.new_page(
-        viewport={"width": size[0], "height": size[1]}, color_scheme=scheme, has_touch=touch
+        viewport={"width": size[0], "height": size[1]}, color_scheme=scheme, **options
     )
     page.set_default_timeout(LONGEST_MS)
     problems: list[str] = []
     page.on("pageerror", lambda error: problems.append(str(error)))
     try:
-        yield page, problems
+        yield page
+        assert problems == []
     finally:
         await page.close()
+
+
+@asynccontextmanager
+async def a_file(browser: Any, path: Path, *how: Any, may_warn: bool = False) -> AsyncIterator[Any]:
+    """A page from disk without a network, that asks for nothing and complains of nothing."""
+    asked: list[str] = []
+    said: list[tuple[str, str]] = []
+    async with a_page(browser, *how, offline=True) as page:
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("console", lambda message: said.append((message.type, message.text)))
+        await page.goto(path.as_uri())
+        yield page
+        assert [url for url in asked if not url.startswith("data:")] == [path.as_uri()]
+        assert [text for kind, text in said if kind == "error" or not may_warn] == []
 
 
 async def until(page: Any, condition: str) -> None:

@@ -16,6 +16,7 @@ from page_browser import (
     DESKTOP,
     MARKS,
     PHONE,
+    a_file,
     a_page,
     api,
     browser,
@@ -40,19 +41,20 @@ PLAYED = "document.querySelector('#played-title').textContent"
 LEVEL = f"Number.parseFloat(/level ([\\d.]+)/.exec({PLAYED})?.[1] ?? '0')"
 
 
-@asynccontextmanager
-async def a_file(
-    browser: Any, folder: Path, models: dict[str, TextureModel], *how: Any, **more: Any
-) -> AsyncIterator[tuple[Any, list[str]]]:
-    """The page of models, from disk, and what it complains of or requests."""
+def written(folder: Path, models: dict[str, TextureModel]) -> Path:
     path = folder / "page.html"
     path.write_bytes(texture_page([model_json(made, name) for name, made in models.items()]))
-    async with a_page(browser, *how, **more) as (page, problems):
-        page.on("console", lambda said: said.type == "error" and problems.append(said.text))
-        page.on("request", lambda sent: sent.url[:4] == "http" and problems.append(sent.url))
-        await page.goto(path.as_uri())
+    return path
+
+
+@asynccontextmanager
+async def of_models(
+    browser: Any, folder: Path, models: dict[str, TextureModel], *how: Any
+) -> AsyncIterator[Any]:
+    """The page of models, from disk."""
+    async with a_file(browser, written(folder, models), *how, may_warn=True) as page:
         await until(page, "window.mmtTexture !== undefined")
-        yield page, problems
+        yield page
 
 
 async def stroke(page: Any) -> None:
@@ -86,16 +88,15 @@ async def renders_as_python(page: Any, made: TextureModel) -> None:
 @pytest.mark.parametrize("name", ["oak", "felt"])
 async def test_the_page_gives_the_samples_that_python_gives(browser, tmp_path, name) -> None:
     made = load_model(name)
-    async with a_file(browser, tmp_path, {name: made}) as (page, problems):
+    async with of_models(browser, tmp_path, {name: made}) as page:
         await renders_as_python(page, made)
-        assert problems == []
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", [DESKTOP, PHONE])
 async def test_a_stroke_is_heard_shown_and_ends(browser, tmp_path, size, scheme) -> None:
     models = {"one": model(), "two": directed()}
-    async with a_file(browser, tmp_path, models, size, scheme) as (page, problems):
+    async with of_models(browser, tmp_path, models, size, scheme) as page:
         await fits(page, scheme)
         for name in models:
             await page.click(f"#choice button:text-is('{name}')")
@@ -109,25 +110,22 @@ async def test_a_stroke_is_heard_shown_and_ends(browser, tmp_path, size, scheme)
         assert figures["by"] == "worklet"
         assert 7.0 < figures["conversion"] < 9.0
         await shows(page, "#scale-text", "an amplitude of 1 is 150 m/s²")
-        assert problems == []
 
 
 async def test_keys_stroke_it(browser, tmp_path) -> None:
-    async with a_file(browser, tmp_path, {"one": model()}) as (page, problems):
+    async with of_models(browser, tmp_path, {"one": model()}) as page:
         await page.focus("#surface")
         await page.keyboard.down("ArrowRight")
         await until(page, f"{LEVEL} > 0.05")
         await page.keyboard.up("ArrowRight")
         await until(page, f"{LEVEL} === 0")
-        assert problems == []
 
 
 async def test_without_a_worklet_the_same_module_plays(browser, tmp_path) -> None:
-    async with a_file(browser, tmp_path, {"one": model()}) as (page, problems):
+    async with of_models(browser, tmp_path, {"one": model()}) as page:
         await page.evaluate("delete BaseAudioContext.prototype.audioWorklet")
         await stroke(page)
         assert (await page.evaluate("window.mmtTexture.figures()"))["by"] == "script"
-        assert problems == []
 
 
 async def test_what_is_no_model_is_refused_in_the_page(browser, tmp_path) -> None:
@@ -137,7 +135,7 @@ async def test_what_is_no_model_is_refused_in_the_page(browser, tmp_path) -> Non
     good.write_text(json.dumps({**form, "name": "</script><img src=x onerror=alert(1)>"}))
     large = tmp_path / "large.json"
     large.write_bytes(b" " * 10**7)
-    async with a_file(browser, tmp_path, {"one": model()}) as (page, problems):
+    async with of_models(browser, tmp_path, {"one": model()}) as page:
         await page.set_input_files("#open", bad)
         await shows(page, "#problem", "its order must be 1 to 64")
         await page.set_input_files("#open", large)
@@ -145,12 +143,14 @@ async def test_what_is_no_model_is_refused_in_the_page(browser, tmp_path) -> Non
         await page.set_input_files("#open", good)
         await shows(page, "#name", "<img src=x")
         await api.expect(page.locator("#problem")).to_be_hidden()
-        assert problems == []
 
 
 async def test_nothing_from_outside_and_no_other_script_runs(browser, tmp_path) -> None:
     name = "</script><script>window.evil = 1</script>"
-    async with a_file(browser, tmp_path, {name: stiff(1)}) as (page, problems):
+    said: list[str] = []
+    async with a_page(browser) as page:
+        page.on("console", lambda message: said.append(message.text))
+        await page.goto(written(tmp_path, {name: stiff(1)}).as_uri())
         await shows(page, "#name", name)
         refused = await page.evaluate(
             """async () => {
@@ -161,7 +161,7 @@ async def test_nothing_from_outside_and_no_other_script_runs(browser, tmp_path) 
             }"""
         )
         assert refused is None
-        assert any("Content Security Policy" in each for each in problems)
+        assert any("Content Security Policy" in each for each in said)
 
 
 async def test_the_element_plays_in_anothers_page(browser) -> None:
@@ -176,7 +176,7 @@ async def test_the_element_plays_in_anothers_page(browser) -> None:
     application = web.Application()
     files = {name: PageFile(text.encode(), kind) for name, (kind, text) in texts.items()}
     add_page(application, "/page", files)
-    async with TestServer(application) as server, a_page(browser) as (page, problems):
+    async with TestServer(application) as server, a_page(browser) as page:
         await page.goto(str(server.make_url("/page/")))
         bad = page.locator("mmt-texture").nth(1)
         await api.expect(bad).to_contain_text("its version is 7, this page reads 1")
@@ -200,7 +200,6 @@ async def test_the_element_plays_in_anothers_page(browser) -> None:
         await page.evaluate(f"void (window.context = {sound}.context)")
         await page.evaluate("document.querySelector('mmt-texture').remove()")
         await until(page, "window.context.state === 'closed'")
-        assert problems == []
 
 
 FOLLOW = """async ([source, strokes]) => {
@@ -232,7 +231,7 @@ async def test_what_velocity_and_force_a_pointer_is_taken_to_have(browser, tmp_p
     least, largest = [0.0, -1e4, -1e4, 0.0], [1e6, 1e4, 1e4, 100.0]
     wild = random.uniform(least, largest, (200, 20, 4)).tolist()
     close = [(1.0, 0.0, 0.0, 1.0), (1.0, 50.0, 0.0, 1.0), (1.02, 50.0, 0.0, 1.0)]
-    async with a_file(browser, tmp_path, {"one": model()}) as (page, problems):
+    async with of_models(browser, tmp_path, {"one": model()}) as page:
         for told in await followed(page, *steady):
             vx, vy, force, touches, _, held, left = told[-1]
             assert (vx, vy) == pytest.approx((150.0, -150.0), rel=1e-3)
@@ -249,11 +248,10 @@ async def test_what_velocity_and_force_a_pointer_is_taken_to_have(browser, tmp_p
                 assert 0.0 <= force <= 100.0 * (1 + 1e-9)
                 assert touches
                 assert 20.0 <= hold_ms <= 50.0
-        assert problems == []
 
 
 async def test_keys_stroke_to_and_fro_within_the_surface(browser, tmp_path) -> None:
-    async with a_file(browser, tmp_path, {"one": model()}, PHONE) as (page, problems):
+    async with of_models(browser, tmp_path, {"one": model()}, PHONE) as page:
         await page.fill("#speed", "300")
         await page.focus("#surface")
         await page.keyboard.down("ArrowRight")
@@ -273,7 +271,6 @@ async def test_keys_stroke_to_and_fro_within_the_surface(browser, tmp_path) -> N
         await until(page, "Math.min(...window.places) < 0.1")
         await page.keyboard.up("ArrowRight")
         assert await page.evaluate("window.places.every((place) => place > 0 && place < 1)")
-        assert problems == []
 
 
 async def test_a_page_is_small_or_refused() -> None:
