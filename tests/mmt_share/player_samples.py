@@ -1,6 +1,7 @@
 """Textures and a server for the player's tests, and a page without a screen."""
 
 import asyncio
+import csv
 import itertools
 import json
 from collections.abc import AsyncIterator
@@ -37,6 +38,11 @@ def flat_texture(rms_m_s2: float, lowest: float = 0.3, *, rate_hz: float = 1000.
 
 def textures() -> list[TextureModel]:
     return [flat_texture(rms, 0.2 + 0.1 * number) for number, rms in enumerate(RMS_M_S2)]
+
+
+def rows_of(results: Path) -> list[dict[str, str]]:
+    with results.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
 
 
 @asynccontextmanager

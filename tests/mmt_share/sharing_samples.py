@@ -2,18 +2,20 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
+from mmt.core.errors import MmtError
 from mmt.link.protocol import encode_event
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.space.inputs import ISOTROPIC
+from mmt.texture.space.inputs import ISOTROPIC, InputSpace
 from mmt.texture.space.samples import TextureSamples
 from mmt_share.client import ListenerClient
 from mmt_share.messages import CHANGE, MODEL, STATE, STATE_DTYPE, ModelDescription
@@ -32,21 +34,25 @@ ENDED = "the shared session has ended: completed: the last state stays"
 WELCOME = {"session_id": "abc", "name": "a table", "rate_hz": 1000}
 
 
-def model_of(count: int, order: int = 6) -> TextureModel:
-    """A model whose first samples are those of a smaller one."""
-    table = np.array([np.random.default_rng(n).uniform(-0.8, 0.8, order + 3) for n in range(count)])
+def samples_of(
+    numbers: Iterable[int], order: int = 6, space: InputSpace = ISOTROPIC
+) -> TextureSamples:
+    """Samples, each of which depends on its number alone."""
+    table = np.array([np.random.default_rng(n).uniform(-0.8, 0.8, order + 3) for n in numbers])
     reflection = np.ascontiguousarray(table[:, :order])
     variance = 1.0 + table[:, order] ** 2
-    inputs = np.column_stack([150.0 + 150.0 * table[:, -2], 1.5 + table[:, -1]])
-    return TextureModel(
-        TextureSamples(
-            inputs,
-            reflection_to_lsf(reflection),
-            variance,
-            output_power(variance, reflection),
-            ISOTROPIC,
-        )
+    speed_mm_s, heading_rad = 150.0 + 150.0 * table[:, -2], np.pi * table[:, order]
+    inputs = space.from_motion(
+        speed_mm_s * np.cos(heading_rad), speed_mm_s * np.sin(heading_rad), 1.5 + table[:, -1]
     )
+    return TextureSamples(
+        inputs, reflection_to_lsf(reflection), variance, output_power(variance, reflection), space
+    )
+
+
+def model_of(count: int) -> TextureModel:
+    """A model whose first samples are those of a smaller one."""
+    return TextureModel(samples_of(range(count)))
 
 
 def about(samples: int, *, ready: bool = True) -> ModelDescription:
@@ -173,3 +179,12 @@ async def listening(
         yield Heard(client, said, models, states)
     finally:
         await client.close()
+
+
+async def refused(
+    words: str, url: str, operator: OperatorClient | None = None, **settings: object
+) -> None:
+    """Nobody can listen there, for a reason in these words."""
+    with pytest.raises(MmtError, match=words):
+        async with listening(url, operator, **settings):
+            pass

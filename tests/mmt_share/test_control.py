@@ -10,10 +10,10 @@ import pytest
 import socketio
 from hypothesis import given
 from hypothesis import strategies as st
-from sharing_samples import Heard, Shared, listening, shared, until
+from sharing_samples import Heard, Shared, listening, refused, shared, until
 
 from mmt.contact.estimation import ContactModel
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError
 from mmt.link.access import Access
 from mmt.link.protocol import encode_event
 from mmt_share.control_messages import (
@@ -103,9 +103,8 @@ async def test_operators_of_one_name_or_none_are_told_apart() -> None:
 async def test_who_has_no_right_or_no_token_does_not_operate() -> None:
     async with controlled() as (sharing, told):
         for access in (Access("0123456789abcdef" * 3), Access()):
-            with pytest.raises(MmtError, match="no control is given to this listener"):
-                async with listening(sharing.url, OperatorClient(access, NOTHING)):
-                    pass
+            operator = OperatorClient(access, NOTHING)
+            await refused("no control is given to this listener", sharing.url, operator)
         stranger = socketio.AsyncClient(serializer="msgpack", reconnection=False)
         auth = {"sharing": 1, "role": "listener", "control_token": TOKEN.token}
         await stranger.connect(sharing.url, auth=auth, transports=["websocket"])
@@ -116,9 +115,7 @@ async def test_who_has_no_right_or_no_token_does_not_operate() -> None:
         await stranger.disconnect()
         assert told == []
     async with shared() as sharing:
-        with pytest.raises(MmtError, match=r"needs \[control\]"):
-            async with listening(sharing.url, OperatorClient(TOKEN, NOTHING)):
-                pass
+        await refused(r"needs \[control\]", sharing.url, OperatorClient(TOKEN, NOTHING))
 
 
 async def test_only_the_motion_of_the_admitted_operator_is_handed_on() -> None:

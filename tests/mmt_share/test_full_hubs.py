@@ -6,9 +6,8 @@ from typing import Any
 
 import pytest
 import socketio
-from sharing_samples import listening, shared, until
+from sharing_samples import listening, refused, shared, until
 
-from mmt.core.errors import MmtError
 from mmt_share.messages import SHARING_VERSION
 
 
@@ -31,9 +30,7 @@ async def test_where_all_are_full_the_first_ones_refusal_is_told_at_once() -> No
             await one.server.send_hubs([another.url])
             await stack.enter_async_context(listening(one.url))
         async with asyncio.timeout(4.0):  # each is asked once
-            with pytest.raises(MmtError, match=f"{hubs[0].url} refused: 1 are listening already"):
-                async with listening(hubs[0].url):
-                    pass
+            await refused(f"{hubs[0].url} refused: 1 are listening already", hubs[0].url)
 
 
 async def test_a_listener_that_comes_back_to_a_full_hub_turns_to_another() -> None:
@@ -73,6 +70,4 @@ async def test_a_stock_client_is_told_the_others_if_it_shows_the_token(
 
 async def test_a_full_leader_names_nobody() -> None:
     async with shared(most=1) as full, listening(full.url):
-        with pytest.raises(MmtError, match="raise most of"):
-            async with listening(full.url):
-                pass
+        await refused("raise most of", full.url)

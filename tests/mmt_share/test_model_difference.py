@@ -1,5 +1,6 @@
 """What has changed of a model: applied, it gives the new state to the bit, or is refused."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -8,32 +9,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sharing_samples import samples_of
 
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.model.file import arrays_of, contents_of
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
-from mmt.texture.space.samples import TextureSamples
 from mmt_share.difference import apply, difference
 
 SPACES = pytest.mark.parametrize("space", [ISOTROPIC, ANISOTROPIC], ids=lambda space: space.name)
 
 
-def samples_of(space: InputSpace, numbers: list[int], order: int = 6) -> TextureSamples:
-    """Samples, each of which depends on its number alone."""
-    rows = [np.random.default_rng(number).uniform(-0.8, 0.8, order + 3) for number in numbers]
-    table = np.array(rows)
-    reflection = np.ascontiguousarray(table[:, :order])
-    variance = 1.0 + table[:, order] ** 2
-    inputs = space.from_motion(200 * table[:, order], 200 * table[:, order + 1], 1.5 + table[:, -1])
-    return TextureSamples(
-        inputs, reflection_to_lsf(reflection), variance, output_power(variance, reflection), space
-    )
-
-
-def model_of(space: InputSpace, numbers: list[int]) -> TextureModel:
-    return TextureModel(samples_of(space, numbers))
+def model_of(space: InputSpace, numbers: Iterable[int]) -> TextureModel:
+    return TextureModel(samples_of(numbers, space=space))
 
 
 def over_the_wire(before: dict[str, Any], after: dict[str, Any]) -> Any:
@@ -64,7 +52,7 @@ def test_any_state_of_a_model_follows_from_any_other(
 
 @SPACES
 def test_a_model_that_was_brought_over_renders_the_same_to_the_bit(space: InputSpace) -> None:
-    before = arrays_of(model_of(space, list(range(12))).contents)
+    before = arrays_of(model_of(space, range(12)).contents)
     model = model_of(space, [*range(3), *range(4, 15)])
     arrays = apply(before, over_the_wire(before, arrays_of(model.contents)))
     same = TextureModel.from_contents(contents_of(arrays))
@@ -74,7 +62,7 @@ def test_a_model_that_was_brought_over_renders_the_same_to_the_bit(space: InputS
 
 
 def test_only_what_is_new_is_held() -> None:
-    before = arrays_of(model_of(ISOTROPIC, list(range(200))).contents)
+    before = arrays_of(model_of(ISOTROPIC, range(200)).contents)
     after = arrays_of(model_of(ISOTROPIC, [*range(50), *range(51, 202)]).contents)
     change = difference(before, after)
     (rows,) = change["rows"]
@@ -85,18 +73,18 @@ def test_only_what_is_new_is_held() -> None:
 
 
 def test_another_order_or_space_brings_all_rows() -> None:
-    before = arrays_of(model_of(ISOTROPIC, list(range(9))).contents)
+    before = arrays_of(model_of(ISOTROPIC, range(9)).contents)
     for model in (
-        TextureModel(samples_of(ISOTROPIC, list(range(9)), order=8)),
-        model_of(ANISOTROPIC, list(range(9))),
+        TextureModel(samples_of(range(9), order=8)),
+        model_of(ANISOTROPIC, range(9)),
     ):
         after = arrays_of(model.contents)
         assert_same(apply(before, over_the_wire(before, after)), after)
 
 
 def test_a_change_of_another_state_is_refused() -> None:
-    before, after = (arrays_of(model_of(ISOTROPIC, list(range(n))).contents) for n in (9, 11))
-    other = arrays_of(model_of(ISOTROPIC, list(range(20, 29))).contents)
+    before, after = (arrays_of(model_of(ISOTROPIC, range(n)).contents) for n in (9, 11))
+    other = arrays_of(model_of(ISOTROPIC, range(20, 29)).contents)
     with pytest.raises(InputError, match="belongs to another state"):
         apply(other, over_the_wire(before, after))
 
@@ -131,24 +119,22 @@ def spoiled(change: dict[str, Any]) -> dict[str, Any]:
 
 @pytest.mark.parametrize("wrong", list(spoiled({"rows": [{}], "arrays": {"variance": "abc"}})))
 def test_a_malformed_change_is_refused(wrong: str) -> None:
-    before, after = (arrays_of(model_of(ISOTROPIC, list(range(n))).contents) for n in (9, 11))
+    before, after = (arrays_of(model_of(ISOTROPIC, range(n)).contents) for n in (9, 11))
     change = spoiled(over_the_wire(before, after))[wrong]
     with pytest.raises(InputError, match="the change of a model"):
         apply(before, change)
 
 
 def test_a_change_leaves_the_earlier_state_as_it_was() -> None:
-    before, after = (arrays_of(model_of(ISOTROPIC, list(range(n))).contents) for n in (9, 11))
+    before, after = (arrays_of(model_of(ISOTROPIC, range(n)).contents) for n in (9, 11))
     kept = {name: np.array(array) for name, array in before.items()}
     apply(before, over_the_wire(before, after))
     assert_same(before, kept)
 
 
 def test_noise_power_that_appears_and_goes() -> None:
-    with_noise = arrays_of(
-        TextureModel(replace(samples_of(ISOTROPIC, list(range(9))), noise_power=0.01)).contents
-    )
-    without = arrays_of(model_of(ISOTROPIC, list(range(9))).contents)
+    with_noise = arrays_of(TextureModel(replace(samples_of(range(9)), noise_power=0.01)).contents)
+    without = arrays_of(model_of(ISOTROPIC, range(9)).contents)
     assert with_noise.keys() != without.keys()
     for before, after in ((with_noise, without), (without, with_noise)):
         assert_same(apply(before, over_the_wire(before, after)), after)

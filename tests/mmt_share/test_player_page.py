@@ -1,7 +1,6 @@
 """The texture player in a real browser: what a person strokes, hears, and says of it."""
 
 import asyncio
-import csv
 import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -23,7 +22,7 @@ from page_browser import (
     shows,
     until,
 )
-from player_samples import NAMES, RMS_M_S2, address, flat_texture, playing, textures
+from player_samples import NAMES, RMS_M_S2, address, flat_texture, playing, rows_of, textures
 
 from mmt.session import read_session
 from mmt.session.data import missing_frames
@@ -93,11 +92,6 @@ async def hears(page: Any, least: float, most: float) -> None:
 async def stroke(page: Any, tile: int) -> None:
     await page.keyboard.press("abc"[tile])
     await page.keyboard.down("ArrowRight")
-
-
-def rows(directory: Path) -> list[dict[str, str]]:
-    with (directory / "results.csv").open(newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 async def test_arrow_keys_stroke_each_texture_at_its_level(browser: Any, tmp_path: Path) -> None:
@@ -197,7 +191,7 @@ async def test_exploration_from_begin_to_the_last_rating(browser: Any, tmp_path:
             await page.keyboard.up("ArrowRight")
             await page.keyboard.press(str(trial + 1))
         await shows(page, "#prompt", "All 3 textures are rated")
-        written = rows(tmp_path)
+        written = rows_of(tmp_path / "results.csv")
         assert [row["event"] for row in written] == ["begin", "rating", "rating", "rating"]
         assert [row["rating"] for row in written[1:]] == ["1", "2", "3"]
         assert [row["sample"] for row in written[1:]] == [NAMES[texture] for texture in study.order]
@@ -231,7 +225,7 @@ async def test_matching_from_begin_to_the_count(browser: Any, tmp_path: Path) ->
         assert NAMES[0] in await page.locator("#grid").inner_text()
         await page.locator("#rating-buttons button").nth(4).click()
         await shows(page, "#prompt", "Thank you")
-        written = rows(tmp_path)
+        written = rows_of(tmp_path / "results.csv")
         assert [row["event"] for row in written] == ["begin", *["answer"] * 3, "finish", "rating"]
         assert [row["correct"] for row in written] == ["", "1", "1", "1", "3", ""]
         assert written[-1]["rating"] == "5"

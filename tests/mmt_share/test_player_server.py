@@ -1,7 +1,6 @@
 """The player's server, with pages that have no screen."""
 
 import asyncio
-import csv
 import json
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from player_samples import (
     address,
     flat_texture,
     playing,
+    rows_of,
     textures,
     visiting,
 )
@@ -137,8 +137,8 @@ async def test_a_scenario_outlasts_its_page(tmp_path: Path) -> None:
         async with visiting(server) as page:
             state = await page.until("study")
             assert (state["trial"], state["participant"]) == (2, "P7")
-    with (tmp_path / "results.csv").open(newline="") as stream:
-        assert [row["event"] for row in csv.DictReader(stream)] == ["begin", "rating", "leave"]
+    written = rows_of(tmp_path / "results.csv")
+    assert [row["event"] for row in written] == ["begin", "rating", "leave"]
 
 
 async def test_touches_are_recorded_as_sessions_that_can_be_evaluated(tmp_path: Path) -> None:

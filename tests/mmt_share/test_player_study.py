@@ -1,9 +1,9 @@
 """The two scenarios: orders, answers, rows."""
 
-import csv
 from pathlib import Path
 
 import pytest
+from player_samples import rows_of
 
 from mmt.core.errors import InputError, MmtError
 from mmt_share.player.results import COLUMNS, ResultsFile
@@ -19,11 +19,6 @@ class Clock:
     def __call__(self) -> float:
         self.now_s += 1.5
         return self.now_s
-
-
-def rows(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 def a(scenario: type[Study], path: Path, participant: str = "P1", seed: int = 1) -> Study:
@@ -58,7 +53,7 @@ def test_exploration_rates_one_pair_after_the_other(tmp_path: Path) -> None:
     assert study.done
     with pytest.raises(InputError, match="all pairs"):
         study.rate(1)
-    written = [row for row in rows(tmp_path / "r.csv") if row["event"] == "rating"]
+    written = [row for row in rows_of(tmp_path / "r.csv") if row["event"] == "rating"]
     assert [int(row["trial"]) for row in written] == list(range(1, 10))
     assert [row["sample"] for row in written] == [NAMES[texture] for texture in study.order]
     assert [int(row["rating"]) for row in written] == [1, 2, 3, 4, 5, 6, 7, 1, 2]
@@ -87,7 +82,7 @@ def test_matching_counts_the_matches_and_hides_until_then(tmp_path: Path) -> Non
         study.answer(1, right[1])
     study.rate(6)
     assert study.done
-    written = rows(tmp_path / "r.csv")
+    written = rows_of(tmp_path / "r.csv")
     events = ["begin", *["answer"] * 11, "finish", "rating"]
     assert [row["event"] for row in written] == events
     assert [row["correct"] for row in written[1:13]] == ["1"] * 9 + ["0", "0", "7"]
@@ -97,14 +92,14 @@ def test_matching_counts_the_matches_and_hides_until_then(tmp_path: Path) -> Non
 def test_a_scenario_that_is_left_says_so(tmp_path: Path) -> None:
     study = a(Exploration, tmp_path / "r.csv")
     study.leave()
-    assert [row["event"] for row in rows(tmp_path / "r.csv")] == ["begin", "leave"]
+    assert [row["event"] for row in rows_of(tmp_path / "r.csv")] == ["begin", "leave"]
 
 
 def test_rows_are_added_to_what_there_is(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "r.csv"
     a(Exploration, path, "P1")
     a(Matching, path, 'P "2", x')
-    assert [row["participant"] for row in rows(path)] == ["P1", 'P "2", x']
+    assert [row["participant"] for row in rows_of(path)] == ["P1", 'P "2", x']
     assert path.read_text().count("time_utc") == 1
     assert path.read_text().splitlines()[0] == ",".join(COLUMNS)
 

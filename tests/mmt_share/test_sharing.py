@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 import socketio
-from sharing_samples import ENDED, LONGEST_S, about, listening, model_of, shared, until
+from sharing_samples import ENDED, LONGEST_S, about, listening, model_of, refused, shared, until
 
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError
 from mmt.leader.part import Session
 from mmt.link.protocol import encode_event
 from mmt.link.socket_client import SocketClient
@@ -285,9 +285,7 @@ async def test_without_the_token_nobody_listens(
     monkeypatch.setenv("MMT_SHARING_TOKEN", TOKEN)
     async with shared() as sharing:
         monkeypatch.setenv("MMT_SHARING_TOKEN", given or "")
-        with pytest.raises(MmtError, match="give the listener the leader's token"):
-            async with listening(sharing.url):
-                pass
+        await refused("give the listener the leader's token", sharing.url)
         monkeypatch.setenv("MMT_SHARING_TOKEN", TOKEN)
         sharing.publish(10)
         async with listening(sharing.url) as heard:
@@ -297,9 +295,7 @@ async def test_without_the_token_nobody_listens(
 
 async def test_no_more_listen_than_the_scene_allows() -> None:
     async with shared(most=1) as sharing, listening(sharing.url):
-        with pytest.raises(MmtError, match="1 are listening already: raise most"):
-            async with listening(sharing.url):
-                pass
+        await refused("1 are listening already: raise most", sharing.url)
 
 
 async def test_everyone_is_let_in_only_where_the_scene_says_so() -> None:
@@ -375,9 +371,8 @@ async def test_who_is_connected_stays_so_though_the_last_of_it_took_too_long(
 
 
 async def test_nobody_there_is_said() -> None:
-    with pytest.raises(MmtError, match=r"no leader answered at http://127\.0\.0\.1:9"):
-        async with listening("http://127.0.0.1:9", patience_s=0.5):
-            pass
+    url = "http://127.0.0.1:9"
+    await refused(f"no leader answered at {url}", url, patience_s=0.5)
 
 
 @pytest.mark.parametrize(("store", "imported"), [(False, ""), (True, "numba scipy")])
