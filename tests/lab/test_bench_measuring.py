@@ -6,9 +6,7 @@ import sys
 import time
 
 import numpy as np
-import pytest
 
-from mmt.evaluation.report import machine_table
 from mmt_lab.bench import peers
 from mmt_lab.bench.measuring import interleave, spread
 from mmt_lab.harness.experiment import listed, load
@@ -47,26 +45,6 @@ def test_spread_is_median_and_quartiles():
     assert Spread(4.0, 3.0, 5.0).relative == 0.25
     assert Spread(4.0, 3.0, 5.0).times(2.0) == Spread(8.0, 6.0, 10.0)
     assert Spread.exact(0.0).relative == 0.0
-
-
-def test_the_machine_is_named():
-    about = machine_table()
-    assert about["processor"]
-    assert {"python", "numpy", "numba", "machine"} <= set(about)
-
-
-@pytest.mark.parametrize(
-    ("measured", "side", "bound", "met"),
-    [
-        (4.0, "at least", 4.0, True),
-        (3.9, "at least", 4.0, False),
-        (15.0, "at most", 15.0, True),
-        (15.1, "at most", 15.0, False),
-        (None, "at least", 1.0, None),
-    ],
-)
-def test_a_target_knows_whether_it_is_met(measured, side, bound, met):
-    assert Target("x", measured, side, bound).met is met
 
 
 def test_what_is_not_finite_is_a_failure_and_no_point():

@@ -27,6 +27,7 @@ def test_the_evaluation_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found["times_real_time_6_s_2_khz"] == pytest.approx(6.0 / found["median_6_s_2_khz"])
     assert [target["met"] for target in figures["evaluate"]["targets"]] == [True, False]
     assert figures["machine"]["processor"]
+    assert {"python", "numpy", "numba", "machine"} <= set(figures["machine"])
 
 
 def test_the_link_is_measured_beside_a_bare_websocket() -> None:

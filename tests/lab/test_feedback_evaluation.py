@@ -106,14 +106,9 @@ def test_a_file_that_is_none_is_named(tmp_path: Path, content: dict | None, prob
 
 def test_a_folder_without_recordings_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no recording there"):
-        find_runs([tmp_path])
+        run([tmp_path])
     with pytest.raises(InputError, match="no recording there"):
         find_runs([tmp_path / "none.npz"])
-
-
-def test_the_experiment_reads_what_it_is_given(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no recording there"):
-        run([tmp_path])
 
 
 @pytest.mark.skipif(not RECORDED.is_dir(), reason="the recorded data is not in ../shared/data")

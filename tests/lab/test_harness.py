@@ -1,6 +1,7 @@
 """The harness of the laboratory: experiments are found, run, printed and reported."""
 
 import json
+import math
 import subprocess
 import sys
 import textwrap
@@ -142,15 +143,26 @@ def test_a_report_shows_blocks_in_place_of_tables_and_the_definitions(tmp_path: 
 
 
 @pytest.mark.parametrize(
-    ("measured", "met"),
-    [(None, None), (4.4, True), (4.6, False), (3.6, True), (3.4, False), (float("nan"), False)],
+    ("side", "measured", "met"),
+    [
+        ("at least", 4.0, True),
+        ("at least", 3.9, False),
+        ("at most", 4.0, True),
+        ("at most", 4.1, False),
+        ("about", 4.4, True),
+        ("about", 4.6, False),
+        ("about", 3.6, True),
+        ("about", 3.4, False),
+        ("about", math.nan, False),
+        ("about", None, None),
+    ],
 )
-def test_a_target_may_be_about_a_figure_and_says_why_it_is_not_met(measured, met):
-    target = Target("sum", measured, "about", 4.0, tolerance=0.5, reason="another hand")
+def test_a_target_knows_whether_it_is_met_and_says_why_not(side, measured, met):
+    target = Target("sum", measured, side, 4.0, tolerance=0.5, reason="another hand")
     assert target.met is met
     found = Findings("Sums", targets=(target, Target("other", 1.0, "at most", 0.0)))
     (row, _) = targets_table([found]).rows
-    assert row[3] == "about 4 ± 0.5"
+    assert row[3] == f"{side} 4 ± 0.5"
     expected = [] if met else ["not met: sum: another hand"]
     assert missed_because([found]) == expected
 

@@ -1,6 +1,7 @@
 """`mmt lab sharing`: what it makes of a session and of what the listeners have found."""
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -23,9 +24,14 @@ def leader(tick_ms: float) -> dict[str, Any]:
     }
 
 
-def sessions(monkeypatch: pytest.MonkeyPatch, crowd: list[ListenerCounts]) -> None:
+def sessions(
+    monkeypatch: pytest.MonkeyPatch, crowd: list[ListenerCounts], ticks_ms: Sequence[float]
+) -> None:
+    """Let sessions end with these ticks, in turn with one listener and with the crowd."""
+    waiting_ms = iter(ticks_ms)
+
     async def session(_: float, command: tuple[Any, int], first: int) -> tuple[Any, Any]:
-        return leader(1.0 if command[1] == 1 else 1.25), crowd[: command[1]]
+        return leader(next(waiting_ms)), crowd[: command[1]]
 
     monkeypatch.setattr(sharing, "run_with_listeners", session)
 
@@ -33,7 +39,7 @@ def sessions(monkeypatch: pytest.MonkeyPatch, crowd: list[ListenerCounts]) -> No
 def test_the_figures_are_those_of_the_crowd_and_fit_into_json(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    sessions(monkeypatch, [found(0.1, [10.0, 20.0]), found(0.3, [30.0])])
+    sessions(monkeypatch, [found(0.1, [10.0, 20.0]), found(0.3, [30.0])], (1.0, 1.25))
     findings = sharing.run(18.0, listeners=2, pairs=1)
     figures = json.loads(json.dumps(findings.as_dict()))["figures"]
     assert figures["tick_p99_ratio"] == 1.25
@@ -48,12 +54,7 @@ def test_the_figures_are_those_of_the_crowd_and_fit_into_json(
 def test_the_ticks_are_compared_within_pairs_and_over_them_by_the_median(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    ticks_ms = iter([1.0, 1.5, 2.0, 2.2, 1.0, 1.2])
-
-    async def session(_: float, command: tuple[Any, int], first: int) -> tuple[Any, Any]:
-        return leader(next(ticks_ms)), [found(0.1, [10.0])] * command[1]
-
-    monkeypatch.setattr(sharing, "run_with_listeners", session)
+    sessions(monkeypatch, [found(0.1, [10.0])] * 2, (1.0, 1.5, 2.0, 2.2, 1.0, 1.2))
     figures = sharing.run(18.0, listeners=2, pairs=3).figures
     names = ("tick_p99_ratio_least", "tick_p99_ratio", "tick_p99_ratio_most")
     assert [figures[name] for name in names] == pytest.approx([1.1, 1.2, 1.5])
@@ -76,6 +77,7 @@ def test_an_option_of_another_form_is_refused(options: dict[str, Any], refusal: 
 
 
 def test_a_crowd_without_a_model_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
-    sessions(monkeypatch, [found(None, [], "the session ended before its model was ready")] * 2)
+    ended = found(None, [], "the session ended before its model was ready")
+    sessions(monkeypatch, [ended] * 2, (1.0, 1.0))
     with pytest.raises(MmtError, match=r"no listener had a model .*: the session ended before"):
         sharing.run(18.0, listeners=2, pairs=1)

@@ -114,34 +114,26 @@ def test_models_of_any_samples_hold() -> None:
     assert growth.run().figures["building_ratio"] > 0.0
 
 
-def test_a_plane_with_a_hole_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    build = model.build
+@pytest.mark.parametrize(
+    ("family", "words"), [(model, "3 samples"), (anisotropic, "60 of one heading")]
+)
+def test_inputs_with_a_hole_do_not_hold(
+    family: Any, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    build = family.build
 
-    def with_a_hole(points: np.ndarray) -> object:
-        model = build(points)
-        model.triangulation.triangles[0] = model.triangulation.triangles[1]
-        return model
+    def with_a_hole(*arguments: object) -> TextureModel:
+        built: TextureModel = build(*arguments)
+        built.triangulation.triangles[0] = built.triangulation.triangles[1]
+        return built
 
-    cases = model.cases(many=100, queries=100)
-    monkeypatch.setattr(model, "build", with_a_hole)
-    assert not case_of(cases, "3 samples").run().held
+    case = case_of(family.cases(many=100, queries=100), words)
+    monkeypatch.setattr(family, "build", with_a_hole)
+    assert not case.run().held
 
 
 def test_models_of_velocity_hold() -> None:
     assert those_that_do_not_hold("anisotropic", anisotropic.cases(many=200, queries=200)) == []
-
-
-def test_a_space_with_a_hole_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    build = anisotropic.build
-
-    def with_a_hole(*arguments: object) -> TextureModel:
-        model = build(*arguments)  # type: ignore[arg-type] # handed through
-        model.triangulation.triangles[0] = model.triangulation.triangles[1]
-        return model
-
-    case = case_of(anisotropic.cases(many=100, queries=100), "60 of one heading")
-    monkeypatch.setattr(anisotropic, "build", with_a_hole)
-    assert not case.run().held
 
 
 def test_a_vibration_at_rest_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:

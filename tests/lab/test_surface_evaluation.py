@@ -49,32 +49,26 @@ def scored(places: list[int], found: list[FoundChange]) -> SurfaceScore:
     return score(truth, always, always, found)
 
 
-def test_what_is_found_at_once_has_its_delay() -> None:
-    result = scored([0, 1, 0], [change(2.3), change(4.4)])
-    assert [stay.delay_s for stay in result.stays] == [0.3, 0.4]
-    assert result.false_alarms == 0
-
-
-def test_nothing_found_is_missed_and_a_change_without_one_is_a_false_alarm() -> None:
-    result = scored([0, 1], [change(1.0)])
-    assert result.false_alarms == 1
-    assert result.stays[0].delay_s is None
-    twice = scored([0, 1], [change(2.3), change(3.3)])
-    assert (twice.false_alarms, twice.stays[0].delay_s) == (1, 0.3)
-
-
-def test_what_is_found_just_after_the_tool_has_left_again_is_no_false_alarm() -> None:
-    result = scored([0, 1, 0], [change(4.12, from_s=3.8), change(4.4)])
-    assert result.false_alarms == 0
-    assert [stay.delay_s for stay in result.stays] == [2.12, 0.4]
-
-
-def test_what_is_dated_too_early_is_found_if_the_tool_had_left_by_then() -> None:
-    result = scored([0, 1, 0], [change(2.3, from_s=1.0), change(4.4)])
-    assert result.false_alarms == 0
-    assert [stay.delay_s for stay in result.stays] == [0.3, 0.4]
-    too_soon = scored([0, 1, 0], [change(2.05, from_s=1.0)])
-    assert too_soon.false_alarms == 1  # no whole block of the next one
+@pytest.mark.parametrize(
+    ("places", "found", "delays_s", "false_alarms"),
+    [
+        ([0, 1, 0], [change(2.3), change(4.4)], [0.3, 0.4], 0),
+        ([0, 1], [change(1.0)], [None], 1),  # nothing had changed
+        ([0, 1], [change(2.3), change(3.3)], [0.3], 1),  # found twice
+        ([0, 1, 0], [change(4.12, from_s=3.8), change(4.4)], [2.12, 0.4], 0),  # just after it left
+        ([0, 1, 0], [change(2.3, from_s=1.0), change(4.4)], [0.3, 0.4], 0),  # dated too early
+        ([0, 1, 0], [change(2.05, from_s=1.0)], [None, None], 1),  # no whole block of the next one
+    ],
+)
+def test_what_is_found_has_its_delay_or_is_a_false_alarm(
+    places: list[int],
+    found: list[FoundChange],
+    delays_s: list[float | None],
+    false_alarms: int,
+) -> None:
+    result = scored(places, found)
+    assert [stay.delay_s for stay in result.stays] == delays_s
+    assert result.false_alarms == false_alarms
 
 
 def test_the_delay_counts_from_contact_and_stays_without_stroking_do_not_count() -> None:
