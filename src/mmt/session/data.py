@@ -280,21 +280,22 @@ def json_object(text: str | bytes, what: str) -> dict[str, Any]:
 
 
 def to_json(value: object) -> str:
-    """Return a value as standard JSON text.
+    """Return a value as standard JSON text, see `json_value`."""
+    return json.dumps(json_value(value), allow_nan=False)
+
+
+def json_value(value: object) -> Any:
+    """Return a value as standard JSON can hold it.
 
     NumPy scalars become numbers, arrays, sets and tuples become lists, NaN and infinity become
-    null, and any other object becomes its `str`.
+    None, and any other object becomes its `str`.
     """
-    return json.dumps(_plain(value), allow_nan=False)
-
-
-def _plain(value: object) -> object:
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, Mapping):
+        return {str(key): json_value(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
-        return [_plain(item) for item in value]
+        return [json_value(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value if value is None or isinstance(value, str | int | float) else str(value)

@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mmt.session.data import json_value
+
 
 def pack(kind: str, header: Mapping[str, Any], arrays: Mapping[str, npt.ArrayLike]) -> bytes:
     """Encode one message.
@@ -36,23 +38,12 @@ def pack(kind: str, header: Mapping[str, Any], arrays: Mapping[str, npt.ArrayLik
     try:
         text = json.dumps(table, separators=(",", ":"), allow_nan=False)
     except ValueError:
-        text = json.dumps(_finite(table), separators=(",", ":"), allow_nan=False)
+        text = json.dumps(json_value(table), separators=(",", ":"), allow_nan=False)
     encoded = text.encode()
     encoded += b" " * (-len(encoded) % 4)
     return b"".join(
         [struct.pack("<I", len(encoded)), encoded, *(v.tobytes() for v in packed.values())]
     )
-
-
-def _finite(value: Any) -> Any:
-    """Replace numbers that are not finite, which JSON lacks, by None."""
-    if isinstance(value, float):
-        return value if np.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {name: _finite(item) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return value
 
 
 def header_of(message: bytes) -> Any:

@@ -5,9 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final, Literal, Self
 
-import numpy as np
-
 from mmt.evaluation.document import Block, ReportTable
+from mmt.session.data import json_value
 
 Cell = str | float | int | bool | None
 """One value of a record."""
@@ -236,7 +235,8 @@ class Findings:
         }
         if self.data is not None:
             content = {**self.data, **({"judged": targets} if targets else {})}
-        return {key: _plain(value) for key, value in content.items()}
+        plain: dict[str, Any] = json_value(content)
+        return plain
 
 
 TIME_US: Final = Axis("time (µs)", "µs")
@@ -245,15 +245,3 @@ MICROSECONDS: Final = 1e6
 
 def _spread(value: Spread | float) -> Spread:
     return value if isinstance(value, Spread) else Spread.exact(float(value))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
