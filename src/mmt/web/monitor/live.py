@@ -7,12 +7,10 @@ import numpy as np
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.frames import acceleration_samples
 from mmt.scene import Scene, Texture
-from mmt.texture.signals.biquad import BiquadFilter, butterworth_high_pass
+from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ, BiquadFilter, butterworth_high_pass
 from mmt.web.binary_messages import pack
 from mmt.web.monitor.tap import MonitorTap
 
-_AXES: Final = {"x": 0, "y": 1, "z": 2}
-_HIGH_PASS_HZ: Final = 10.0
 MOST_SAMPLES: Final = 512
 """Most samples of vibration in a message, as many as the page shows, also in a fast replay."""
 
@@ -35,11 +33,11 @@ class LiveMessages:
         texture = scene.texture or Texture()
         self._tap = tap
         self._rate_hz = float(scene.session.rate_hz)
-        self._normal = _AXES[texture.normal]
+        self._normal = "xyz".index(texture.normal)
         self._tangential = [axis for axis in range(3) if axis != self._normal]
-        self._axis = _AXES[texture.normal if texture.axis == "dft321" else texture.axis]
+        self._axis = "xyz".index(texture.normal if texture.axis == "dft321" else texture.axis)
         vibration_hz = float(scene.session.acceleration_rate_hz)
-        self._filter = BiquadFilter(butterworth_high_pass(_HIGH_PASS_HZ, vibration_hz))
+        self._filter = BiquadFilter(butterworth_high_pass(VIBRATION_CUTOFF_HZ, vibration_hz))
         self._measured = 0
         self._played = 0
 

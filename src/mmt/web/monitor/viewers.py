@@ -25,13 +25,9 @@ class Viewer:
         self._waiting: dict[str, bytes] = {}
         self._news = asyncio.Event()
         self._closing = False
-        self.skipped = 0
-        """Number of messages that were replaced by newer ones."""
 
     def offer(self, kind: str, message: bytes) -> None:
         """Queue a message, replacing an older one of its kind; never blocks."""
-        if kind in self._waiting:
-            self.skipped += 1
         self._waiting[kind] = message
         self._news.set()
 

@@ -15,7 +15,7 @@ from mmt.session.data import OutputBlock
 from mmt.session.windows import Window
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.biquad import BiquadFilter, butterworth_high_pass
+from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ, BiquadFilter, butterworth_high_pass
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
@@ -29,13 +29,11 @@ _GAP: Final = 40
 _STEP: Final = 40
 """Frames between two points of a trail: 25 points a second, as in the live monitor."""
 _TRAIL: Final = 120
-_HIGH_PASS_HZ: Final = 10.0
 _SETTLING: Final = 200
 _LATE_S: Final = 0.05
 """Largest offset between the end of a block and the beginning of one that continues it."""
 _BLOCK: Final = 1000
 """Rendering begins at a multiple of so many frames, so that overlapping moments agree."""
-_AXES: Final = {"x": 0, "y": 1, "z": 2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +56,8 @@ def measured(window: Window, end_s: float, settings: ModellingSettings) -> Float
     several = samples_per_frame(window.frames.dtype)
     newest = slice(-(-(-SHOWN // several) + _SETTLING), None)
     frames, time_s = window.frames[newest], window.time_s[newest]
-    axis = _AXES[settings.normal if settings.axis == "dft321" else settings.axis]
-    high_pass = BiquadFilter(butterworth_high_pass(_HIGH_PASS_HZ, settings.rate_hz * several))
+    axis = "xyz".index(settings.normal if settings.axis == "dft321" else settings.axis)
+    high_pass = BiquadFilter(butterworth_high_pass(VIBRATION_CUTOFF_HZ, settings.rate_hz * several))
     values = high_pass.steps(acceleration_samples(frames)[:, axis].tolist())
     last = _last_number(frames, time_s, end_s)
     return _placed(np.array(values), numbers(frames), last, several)
@@ -143,7 +141,7 @@ def motion_trace(window: Window, settings: ModellingSettings) -> FloatArray:
     if count < 1:
         return np.zeros((0, 3))
     frames = frames[len(frames) - 1 - count * _STEP :]
-    normal = _AXES[settings.normal]
+    normal = "xyz".index(settings.normal)
     tangential = [axis for axis in range(3) if axis != normal]
     steps = np.diff(numbers(frames[::_STEP])) / settings.rate_hz
     moved = np.diff(frames["position_mm"][::_STEP][:, tangential].astype(np.float64), axis=0)
