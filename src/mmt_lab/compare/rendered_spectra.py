@@ -18,6 +18,7 @@ from mmt.evaluation.levels import LOWEST_HZ, band_errors_db, bounded_error_db
 from mmt.evaluation.truth import KnownTexture
 from mmt.texture.signals.amplitude_spectra import amplitude_spectra, expected_amplitude
 from mmt.texture.signals.metrics import within_jnd
+from mmt.texture.space.inputs import ANISOTROPIC
 from mmt_lab.compare.time_limit import time_limit
 from mmt_methods.generators.guarded import GuardedGenerator
 
@@ -67,13 +68,7 @@ def motion_of(strokes: Strokes, *, directed: bool) -> FloatArray:
     """Return the inputs of a generator at k strokes, shape (d, k), d 2 or 3."""
     if not directed:
         return np.array([strokes.speed_mm_s, strokes.force_n])
-    return np.array(
-        [
-            strokes.speed_mm_s * np.cos(strokes.heading_rad),
-            strokes.speed_mm_s * np.sin(strokes.heading_rad),
-            strokes.force_n,
-        ]
-    )
+    return strokes.inputs(ANISOTROPIC).T
 
 
 def render_strokes(

@@ -6,7 +6,7 @@ C's own tables are made by `mmt lab paper-c`.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -50,17 +50,8 @@ DEFINITIONS: Final = {
     "same_when_shuffled": "whether the same points are kept in another order",
 }
 
-_FIGURES: Final = (
-    "detected",
-    "false_alarms",
-    "false_alarms_without",
-    "compression",
-    "gfc",
-    "gfc_change",
-    "power_error_db",
-    "power_change_db",
-    "same_when_shuffled",
-    "seconds",
+_FIGURES: Final = tuple(
+    each.name for each in fields(SelectionResult) if each.name not in {"texture", "method", "seed"}
 )
 
 
