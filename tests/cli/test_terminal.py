@@ -19,7 +19,7 @@ def test_no_control_character_is_printed(capsys: pytest.CaptureFixture[str]) -> 
     table = Table(EVIL)
     table.add_row(EVIL)
     output.print(f"a\nb\tc{EVIL}", table)
-    messages.print(EVIL, highlight=False)
+    messages.print(EVIL)
     print_error(EVIL)
     print_report(EVIL, ImportReport((), None, (EVIL,)))
     told = capsys.readouterr()

@@ -57,10 +57,10 @@ class Terminal(Console):
         return super().render_str(printable(text, keep=_KEPT), **options)
 
 
-output = Terminal(markup=False, emoji=False)
+output = Terminal(markup=False, emoji=False, highlight=False)
 """Standard output, for results; brackets in a text, such as a table's name, are not markup."""
 
-messages = Terminal(stderr=True, markup=False, emoji=False)
+messages = Terminal(stderr=True, markup=False, emoji=False, highlight=False)
 """Standard error, for progress, notes and errors."""
 messages.soft_wrap = not messages.is_terminal  # programs read unwrapped lines
 
@@ -135,7 +135,7 @@ def raise_problems(problems: list[Exception]) -> None:
 def version(wanted: bool) -> None:
     """Print the version and exit, if the eager option ``--version`` is given."""
     if wanted:
-        output.print(f"mmt-haptics {__version__}", highlight=False)
+        output.print(f"mmt-haptics {__version__}")
         raise typer.Exit
 
 
@@ -210,7 +210,7 @@ def measure_when_still(prompt: str, measure: Callable[[], Measured]) -> Measured
         try:
             return measure()
         except InputError as error:
-            messages.print(str(error), highlight=False)
+            messages.print(str(error))
 
 
 def print_parts(scene: Scene, service: Service) -> None:
@@ -218,11 +218,11 @@ def print_parts(scene: Scene, service: Service) -> None:
     parts = scene.parts(service)
     running = [name for name, runs in parts.items() if runs]
     left_out = [name for name, runs in parts.items() if not runs]
-    messages.print(f"runs:     {', '.join(running) or 'nothing'}", highlight=False)
-    messages.print(f"left out: {', '.join(left_out) or 'nothing'}", highlight=False)
+    messages.print(f"runs:     {', '.join(running) or 'nothing'}")
+    messages.print(f"left out: {', '.join(left_out) or 'nothing'}")
     hand_force = scene.describe_hand_force()
     if service == "leader" and hand_force is not None:
-        messages.print(f"the hand's force: {hand_force}", highlight=False)
+        messages.print(f"the hand's force: {hand_force}")
 
 
 def stop_on_signals(stop: Callable[[], None]) -> None:

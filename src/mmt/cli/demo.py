@@ -123,7 +123,7 @@ def demo(
         for service in side_services if not run.interrupted else ():
             if service.after_session is not None:
                 with suppress(KeyboardInterrupt):
-                    messages.print(f"until Ctrl-C {service.after_session}", highlight=False)
+                    messages.print(f"until Ctrl-C {service.after_session}")
                     service.wait()
     finally:
         for service in side_services:
@@ -187,7 +187,7 @@ def _report(
     if run.leader or run.follower:
         print_ending("mmt demo", run.tables(), content.get("evaluation"), report)
     if play and model is not None and "play" in offered(COMMANDS):
-        output.print(f"stroke it yourself:  {command_text('mmt', 'play', model)}", highlight=False)
+        output.print(f"stroke it yourself:  {command_text('mmt', 'play', model)}")
     with noting(problems):
         write_json(json_file, content)
     raise_problems([*problems, *map(MmtError, run.errors)])
@@ -212,8 +212,7 @@ def _coil(run: DemoRun, pair: SceneFiles) -> dict[str, Any]:
         output.print(
             "at the coil: vibration begins {begin_ms:+.1f} ms and ends {end_ms:+.1f} ms after the "
             "hand's own contact, beyond the output's {output_latency_ms:.1f} ms; level "
-            "{level_error_db:+.1f} dB".format_map(figures),
-            highlight=False,
+            "{level_error_db:+.1f} dB".format_map(figures)
         )
     return figures
 

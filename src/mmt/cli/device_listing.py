@@ -22,7 +22,7 @@ def list_all(json_file: Path | None) -> None:
     output.print(_driver_table(drivers))
     for driver in drivers:
         if driver.rates:
-            output.print(f"{driver.name}: {driver.rates}", highlight=False)
+            output.print(f"{driver.name}: {driver.rates}")
     found: dict[str, list[discovery.FoundPort]] = {}
     for title, find in discovery.find_all().items():
         try:
@@ -30,7 +30,7 @@ def list_all(json_file: Path | None) -> None:
         except MmtError as error:
             found[title] = []
             wanting.setdefault(str(error), []).append(title)
-            output.print(f"{title}: not known, see below", highlight=False)
+            output.print(f"{title}: not known, see below")
         else:
             _print_ports(title, found[title])
             for port in found[title]:
@@ -38,9 +38,9 @@ def list_all(json_file: Path | None) -> None:
                     wanting.setdefault(port.problem, []).append(port.address)
     problems = [f"{', '.join(names)}: {problem}" for problem, names in wanting.items()]
     if problems:
-        output.print("what is missing; install what you need:", highlight=False)
+        output.print("what is missing; install what you need:")
     for problem in problems:
-        output.print(f"- {problem}", highlight=False)
+        output.print(f"- {problem}")
     write_json(
         json_file,
         {

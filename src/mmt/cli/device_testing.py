@@ -36,7 +36,7 @@ def observe_all(
     seen = []
     for named in devices:
         device = load_device(named.driver, named.options, role=named.role)
-        messages.print(f"{named.title}: {duration_s:g} s", highlight=False)
+        messages.print(f"{named.title}: {duration_s:g} s")
         one = check_device(
             named.role or "device",
             named.driver,
@@ -47,11 +47,11 @@ def observe_all(
             show=_show,
         )
         seen.append(one)
-        output.print(f"{named.title}: {_state(one)}", highlight=False)
+        output.print(f"{named.title}: {_state(one)}")
         for name, text in _figures(one):
-            output.print(f"  {name:<10} {text}", highlight=False)
+            output.print(f"  {name:<10} {text}")
         for problem in one.problems:
-            output.print(f"  - {problem}", highlight=False)
+            output.print(f"  - {problem}")
     write_json(json_file, {"devices": [asdict(one) for one in seen]})
     return not any(one.problems for one in seen)
 
@@ -127,7 +127,7 @@ def _show(seen: DeviceCheck) -> None:
         values = _numbers(seen.newest, seen.unit)
     else:
         values = "playing silence" if seen.played else "no reading yet"
-    messages.print(f"  {seen.duration_s:4.0f} s  {values}{rate}", highlight=False)
+    messages.print(f"  {seen.duration_s:4.0f} s  {values}{rate}")
 
 
 def _figures(seen: DeviceCheck) -> Iterator[tuple[str, str]]:

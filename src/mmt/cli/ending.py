@@ -38,7 +38,7 @@ def print_ending(
 
     found, leader = run_verdict(summaries, evaluation), summaries.get("leader", {})
     for line in ending_lines(program, found, leader, report, output.width):
-        output.print(line, highlight=False, soft_wrap=True)
+        output.print(line, soft_wrap=True)
 
 
 def ending_lines(

@@ -87,11 +87,10 @@ def equalise(what: str | None, fit: EqualiserFit, live: Live) -> None:
     output.print(
         f"Haptuator {serial}: {fitted.volts_per_m_s2:.4g} V for 1 m/s2; uneven by "
         f"{fitted.unevenness_db:.1f} dB from {fitted.low_hz:.0f} to {fit.high_hz:g} Hz, evened out "
-        f"to {fitted.remaining_db:.1f} dB; coherence {fitted.coherence:.3f}",
-        highlight=False,
+        f"to {fitted.remaining_db:.1f} dB; coherence {fitted.coherence:.3f}"
     )
-    output.print(f"stored in {path}", highlight=False, soft_wrap=True)
-    output.print(f'the drivers take it by: serial = "{serial}"', highlight=False)
+    output.print(f"stored in {path}", soft_wrap=True)
+    output.print(f'the drivers take it by: serial = "{serial}"')
     write_json(fit.json_file, {**asdict(fitted), "serial": serial, "file": str(path), **played})
     raise_problems(problems)
 
@@ -131,7 +130,7 @@ def _record(scene: str | None, fit: EqualiserFit, live: Live) -> tuple[str, Swee
             largest_m_s2=live.largest_m_s2,
             level_v=live.level_v,
         ),
-        lambda sentence: messages.print(sentence, highlight=False),
+        messages.print,
     )
     return str(serial), recording
 

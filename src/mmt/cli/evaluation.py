@@ -63,7 +63,7 @@ def evaluate(
         names = [evaluation.name for evaluation in evaluations]
         shown = scenes[0] if one else dict(zip(names, scenes, strict=True))
         write_report(report, evaluations, title="Evaluation", scene=shown, more=more)
-        messages.print(f"report: {report / 'report.html'}", highlight=False)
+        messages.print(f"report: {report / 'report.html'}")
 
 
 def _show(evaluations: "list[Evaluation]") -> None:
@@ -78,8 +78,7 @@ def _show(evaluations: "list[Evaluation]") -> None:
     for evaluation in evaluations:
         output.print(
             f"{evaluation.name}: {evaluation.remark} Evaluated "
-            f"{evaluation.times_real_time:.0f} times faster than real time.",
-            highlight=False,
+            f"{evaluation.times_real_time:.0f} times faster than real time."
         )
 
 
@@ -108,7 +107,7 @@ def compare(
     for table in found.answers:
         output.print(as_rich(table))
     for sentence in [*found.missing_parts, f"{found.verdict} --report DIR shows them all."]:
-        output.print(sentence, highlight=False)
+        output.print(sentence)
     write_json(json_file, found.as_dict())
     if report is not None:
-        messages.print(f"report: {write_comparison(found, report)}", highlight=False)
+        messages.print(f"report: {write_comparison(found, report)}")

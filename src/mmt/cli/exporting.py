@@ -53,7 +53,7 @@ def export_file(
     require_absent(target, force=force)
     session = read_session(sources[0])
     export_session(session, target, scalars=scalars)
-    messages.print(f"{len(session.frames)} frames written to {target}", highlight=False)
+    messages.print(f"{len(session.frames)} frames written to {target}")
 
 
 def _export_data_set(
@@ -66,4 +66,4 @@ def _export_data_set(
     given = {name: value for name, value in options.items() if value is not None}
     rows = join(map(read_session, sources), target, replace=force, **given)
     episodes = f"{len(sources)} episode{'s' if len(sources) > 1 else ''}"
-    messages.print(f"{rows} rows in {episodes} written to {target}", highlight=False)
+    messages.print(f"{rows} rows in {episodes} written to {target}")

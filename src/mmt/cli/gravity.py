@@ -78,8 +78,8 @@ def calibrate_by_gravity(device: Any, driver: str, duration_s: float, files: Fil
     path = save_calibration(CALIBRATED_AS, serial, made.as_dict())
     output.print(summary_table(f"ADXL335 {serial}", {"calibration": made.as_dict()}))
     for sentence in moved:
-        output.print(f"- changed since the last time: {sentence}", highlight=False)
-    messages.print(f"stored: {path}", highlight=False)
+        output.print(f"- changed since the last time: {sentence}")
+    messages.print(f"stored: {path}")
     figures = {"serial": serial, "file": str(path), **made.as_dict(), "changes": moved}
     write_json(files.json, {**figures, "rests": [rest._asdict() for rest in rests]})
     raise_problems(problems)
@@ -92,8 +92,7 @@ def _measure(sensor: Adxl335, duration_s: float) -> tuple[str, list[Rest]]:
         calibration_file(CALIBRATED_AS, sensor.serial_number)  # raises if there is no serial number
         messages.print(
             "Put the sensor against something upright in six ways. Enter measures, s skips; "
-            "each axis is needed once, all six are best.",
-            highlight=False,
+            "each axis is needed once, all six are best."
         )
         found = [
             measure_when_still(

@@ -131,23 +131,23 @@ def inspect_file(
     proposal = propose(source, _options(locals()))
     names = ", ".join(proposal.names[:_SHOWN_NAMES]) or "none"
     more = len(proposal.names) - _SHOWN_NAMES
-    output.print(f"columns: {names}{f' and {more} more' if more > 0 else ''}", highlight=False)
+    output.print(f"columns: {names}{f' and {more} more' if more > 0 else ''}")
     for target in proposal.lacking:
         option = "time=NAME, or --rate HZ" if target == "time" else f"{target}_z=NAME and so on"
-        output.print(f"no column was found for {target}: --map {option}", highlight=False)
+        output.print(f"no column was found for {target}: --map {option}")
     if set(CHANNELS) <= set(proposal.lacking):
-        output.print("no name tells a channel: say which columns are", highlight=False)
+        output.print("no name tells a channel: say which columns are")
         print_warnings(proposal.columns.notes)
         return
     proposal, report, error = try_proposal(source, proposal)
     if report is not None:
         print_report(source.name, report)
-        output.print("proposed:", highlight=False)
+        output.print("proposed:")
     else:
         print_warnings(proposal.columns.notes)
-        messages.print(f"it cannot be imported yet: {error}", highlight=False)
-        output.print("to be completed:", highlight=False)
-    output.print(proposal.command(source), highlight=False, soft_wrap=True)
+        messages.print(f"it cannot be imported yet: {error}")
+        output.print("to be completed:")
+    output.print(proposal.command(source), soft_wrap=True)
 
 
 def import_file(
@@ -201,8 +201,8 @@ def import_file(
     print_report(", ".join(source.name for source in sources), report)
     rates = [c.rate_hz for c in report.channels if c.channel == "acceleration"]
     if rates and (sentence := modelled_sentence(session.frames, rates[0])):
-        output.print(sentence, highlight=False, soft_wrap=True)
-    messages.print(f"{len(session.frames)} frames written to {target}", highlight=False)
+        output.print(sentence, soft_wrap=True)
+    messages.print(f"{len(session.frames)} frames written to {target}")
     found = {**asdict(report), "told": sorted(report.told)}
     write_json(json_file, {"frames": len(session.frames), **found})
 
@@ -241,7 +241,7 @@ def print_report(title: str, report: "ImportReport") -> None:
             table.add_row(name, *first, *map(_short, figures))
     output.print(table)
     if report.speed_mm_s is not None:
-        output.print(f"speed: up to {report.speed_mm_s:.0f} mm/s (99 %)", highlight=False)
+        output.print(f"speed: up to {report.speed_mm_s:.0f} mm/s (99 %)")
     print_warnings(report.warnings)
 
 

@@ -69,7 +69,7 @@ def build_model(
     }
     output.print(summary_table(target.name, {"model": figures}))
     write_json(json_file, figures)
-    messages.print(f"model: {target}", highlight=False)
+    messages.print(f"model: {target}")
 
 
 class ModelBuild(NamedTuple):

@@ -41,7 +41,7 @@ def report_recording(
         if tables:
             output.print(evaluation_table(evaluations))
         for evaluation in evaluations if tables else []:
-            output.print(remark(evaluation, evaluations), highlight=False)
+            output.print(remark(evaluation, evaluations))
     write_report(
         directory,
         evaluations,

@@ -56,11 +56,11 @@ def explain(
     content: dict[str, Any] = {"scene": scene.session.name, **description.as_dict()}
     output.print(scene_tables.parts_table(description))
     if description.robot_limits is not None:
-        output.print(f"The robot's limits: {description.robot_limits}", highlight=False)
+        output.print(f"The robot's limits: {description.robot_limits}")
     if description.acceleration is not None:
-        output.print(f"The acceleration: {description.acceleration}", highlight=False)
+        output.print(f"The acceleration: {description.acceleration}")
     if description.hand_force is not None:
-        output.print(f"The hand's force: {description.hand_force}", highlight=False)
+        output.print(f"The hand's force: {description.hand_force}")
     moves = scene.devices is not None and not devices
     measured: dict[str, Any] = {}
     if measure and not moves:
@@ -73,9 +73,9 @@ def explain(
         for table in scene_tables.part_tables(measured):
             output.print(table)
         if measured["parts"]:
-            output.print(_KEY, highlight=False)
+            output.print(_KEY)
         for sentence in measured["remarks"]:
-            output.print(f"- {sentence}", highlight=False)
+            output.print(f"- {sentence}")
     elif moves and measure:
         messages.print("not measured: the scene moves real devices; --devices measures it")
     write_json(json_file, content)

@@ -93,7 +93,7 @@ def simulate(
             force_scale=force_scale,
         )
         write_session(file, frames, scene=recorded_scene, annotations=annotations)
-        messages.print(f"{len(frames)} frames written to {file}", highlight=False)
+        messages.print(f"{len(frames)} frames written to {file}")
 
 
 def _trial_files(target: Path, trials: int) -> list[Path]:
@@ -128,11 +128,11 @@ def info(
     shown = {name: value for name, value in content.items() if name not in apart}
     output.print(summary_table(source.name, {"session": shown}))
     if fault := found.faults and found.faults.sentence():
-        output.print(f"not measured: {fault}", highlight=False)
+        output.print(f"not measured: {fault}")
     if listeners:
         output.print(_listener_table(listeners))
     for sentence in (control_sentence(found.control), *hand_overs) if hand_overs else ():
-        output.print(sentence, highlight=False)
+        output.print(sentence)
     write_json(json_file, content)
 
 
@@ -185,13 +185,13 @@ def view(
 
     recording = ViewedRecording.open(source)
     if recording.windows.in_memory:
-        messages.print(f"{source} has no index: all of it is held in memory", highlight=False)
+        messages.print(f"{source} has no index: all of it is held in memory")
 
     def ready(url: str) -> None:
-        output.print(f"{source.name}: {url}", highlight=False)
-        messages.print("Ctrl-C ends it", highlight=False)
+        output.print(f"{source.name}: {url}")
+        messages.print("Ctrl-C ends it")
         if show and not open_page(url):
-            messages.print("no browser was found: open the address in one", highlight=False)
+            messages.print("no browser was found: open the address in one")
 
     async def serve() -> None:
         server = RecordingServer(recording, port)
@@ -220,8 +220,7 @@ def recover(
     saved = recover_session(source, target)
     messages.print(
         f"{saved.frames} frames ({saved.duration_s:.1f} s) saved to {saved.path}; "
-        f"{saved.problem or 'the file was whole'}",
-        highlight=False,
+        f"{saved.problem or 'the file was whole'}"
     )
 
 

@@ -40,7 +40,7 @@ class StatusLine:
         line = Text(text, STYLES[verdict["state"]] if verdict else "", no_wrap=True)
         line.truncate(max(1, console.width - 1), overflow="ellipsis")
         self.clear()
-        console.print(line, end="", soft_wrap=True, highlight=False)
+        console.print(line, end="", soft_wrap=True)
         self._shown = True
 
     def clear(self) -> None:
@@ -52,4 +52,4 @@ class StatusLine:
     def print_line(self, sentence: str) -> None:
         """Print a permanent line."""
         self.clear()
-        self._console.print(sentence, highlight=False, soft_wrap=True)
+        self._console.print(sentence, soft_wrap=True)

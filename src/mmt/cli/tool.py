@@ -59,8 +59,7 @@ def calibrate_tool(
         accelerometer.connect()
         messages.print(
             "Hold the tool free in the air in six ways, each of its axes up and down once. Enter "
-            "measures, s skips.",
-            highlight=False,
+            "measures, s skips."
         )
         measure = partial(measure_pose, force_sensor, accelerometer, duration_s)
         prompts = (f"pose {number} of {_POSES}" for number in range(1, _POSES + 1))
@@ -85,7 +84,7 @@ def calibrate_tool(
     for axis, place_m in zip("xyz", load.centre_m or (), strict=False):
         figures[f"centre_{axis}_mm"] = 1e3 * place_m
     output.print(summary_table(f"tool {name}", {"load": figures}))
-    messages.print(f"stored: {path}", highlight=False)
+    messages.print(f"stored: {path}")
     write_json(json_file, {"tool": name, "file": str(path), **load.as_dict()})
 
 
@@ -105,7 +104,7 @@ async def _turned(scene: str, duration_s: float) -> RecordArray:
 
     try:
         source.open()
-        messages.print(f"now turn it, for {duration_s:g} s", highlight=False)
+        messages.print(f"now turn it, for {duration_s:g} s")
         source.start(time.monotonic_ns())
         ticker = Ticker(PERIOD_NS, tick, statistics=False)
         ticker.start()

@@ -49,7 +49,7 @@ def import_model(
     }
     output.print(summary_table(target.name, {"model": figures}))
     write_json(json_file, figures)
-    messages.print(f"model: {target}", highlight=False)
+    messages.print(f"model: {target}")
 
 
 def export_model(
@@ -178,8 +178,7 @@ def _write_vibration(
         written = write_ahap(target, samples, rate_hz, full_scale_m_s2, sound=heard)
     messages.print(
         f"{kind}: {target}, {written.seconds:.2f} s at {rate_hz} Hz, full scale "
-        f"{written.full_scale_m_s2:.4g} m/s2",
-        highlight=False,
+        f"{written.full_scale_m_s2:.4g} m/s2"
     )
     if sound is not None:
         _write_vibration(sound, samples, rate_hz, full_scale_m_s2, name, None)
@@ -195,8 +194,7 @@ def _write_page(models: "list[TextureModel]", names: list[str], target: Path) ->
     write_file(target, content)
     messages.print(
         f"{'page' if page else 'model'}: {target}, {len(content) / 1e3:.0f} kB"
-        + ("; open it in any browser" if page else ""),
-        highlight=False,
+        + ("; open it in any browser" if page else "")
     )
 
 
@@ -205,7 +203,7 @@ def _write_xml(model: "TextureModel", target: Path, material: str, friction: flo
 
     content = export_hatt(model, material, friction)
     write_file(target, content)
-    messages.print(f"model: {target}", highlight=False)
+    messages.print(f"model: {target}")
 
 
 def _constant(

@@ -41,14 +41,14 @@ def run_benches(
             results.append(run_stage(name, **options))
         except MmtError as error:  # keep the other stages' findings, which may take an hour
             failed[name] = str(error)
-            messages.print(f"{name}: {error}", highlight=False)
+            messages.print(f"{name}: {error}")
         else:
             print_findings(results[-1])
     print_targets(results)
     about = machine_table()
     if report is not None:
         page = write_bench_report(report, results, about)
-        messages.print(f"report: {page}", highlight=False)
+        messages.print(f"report: {page}")
     return results, as_dict(results, about) | ({"failed": failed} if failed else {})
 
 

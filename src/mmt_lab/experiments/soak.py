@@ -105,7 +105,7 @@ async def _run(
         )
 
     def say(text: str) -> None:
-        progress.console.print(text, highlight=False)
+        progress.console.print(text)
 
     services = SoakServices(recording, seed, show)
     with progress:

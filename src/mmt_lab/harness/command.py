@@ -102,7 +102,7 @@ def report_findings(found: Findings, json_file: Path | None, report: Path | None
     print_targets([found])
     write_json(json_file, found.as_dict())
     if report is not None:
-        messages.print(f"report: {write_report(report, found)}", highlight=False)
+        messages.print(f"report: {write_report(report, found)}")
     for failure in found.failures:
         print_error(failure)
     return not found.failures

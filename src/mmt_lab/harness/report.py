@@ -19,11 +19,11 @@ def print_findings(result: Findings) -> None:
     """Print title, tables and sentences; `print_targets` prints the targets."""
     output.print(result.title, style="bold")
     if result.about:
-        output.print(result.about, highlight=False)
+        output.print(result.about)
     for table in tables_of(result):
         print_table(table)
     for sentence in result.sentences:
-        output.print(sentence, highlight=False)
+        output.print(sentence)
 
 
 def print_targets(results: Sequence[Findings]) -> None:
@@ -31,7 +31,7 @@ def print_targets(results: Sequence[Findings]) -> None:
     if any(result.targets for result in results):
         print_table(targets_table(results))
         for sentence in missed_because(results):
-            output.print(sentence, highlight=False)
+            output.print(sentence)
 
 
 def print_table(table: ReportTable) -> None:

@@ -79,7 +79,7 @@ def select_samples(
         _draw(plot, pool, result)
     if target is not None:
         save(pool.model(result.kept), target)
-        messages.print(f"model: {target}", highlight=False)
+        messages.print(f"model: {target}")
 
 
 def _pool(sources: list[Path], scene_file: Path | None) -> "Pool":
@@ -125,25 +125,21 @@ def _print(pool: "Pool", result: "Selection", errors: dict[str, Any]) -> None:
             f"{value:.4g} {_unit(name)}"
             for name, value in zip(channels, pool.samples.inputs[index], strict=True)
         )
-        output.print(
-            f"outlier at {place}: {result.reason[index]}; {pool.origin[index]}", highlight=False
-        )
+        output.print(f"outlier at {place}: {result.reason[index]}; {pool.origin[index]}")
     output.print(
         f"{len(result.kept)} samples: {result.kept.sum()} kept, of these "
         f"{result.minimal.sum()} corners of the hull; {result.redundant.sum()} redundant; "
-        f"{result.outlier.sum()} outlier{'' if result.outlier.sum() == 1 else 's'}",
-        highlight=False,
+        f"{result.outlier.sum()} outlier{'' if result.outlier.sum() == 1 else 's'}"
     )
     if pool.data.segments is None:
-        output.print("a model has no segments: fewer outliers can be found", highlight=False)
+        output.print("a model has no segments: fewer outliers can be found")
     for name in ("before", "after"):
         if name in errors:
             figures = errors[name]
             output.print(
                 f"{name}: spectral error {figures['spectral_error']:.3f}, GFC "
                 f"{figures['gfc']:.4f}, power {figures['power_error_db']:.2f} dB rms, at the "
-                f"places of {errors['places']} good samples",
-                highlight=False,
+                f"places of {errors['places']} good samples"
             )
 
 
@@ -185,7 +181,7 @@ def _draw(path: Path, pool: "Pool", result: "Selection") -> None:
     from mmt.evaluation.figures import to_png
 
     write_file(path, to_png(selection_plane(pool.samples, result)))
-    messages.print(f"plot: {path}", highlight=False)
+    messages.print(f"plot: {path}")
 
 
 def selection_plane(samples: "TextureSamples", selection: "Selection") -> "Figure":

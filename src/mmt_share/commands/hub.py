@@ -90,7 +90,7 @@ async def _run(scene: HubScene, duration_s: float | None, *, json_lines: bool) -
         if json_lines:
             write_line("event", event=sentence)
         else:
-            messages.print(sentence, highlight=False)
+            messages.print(sentence)
 
     make_room(scene.sharing.most, say)
     ended = asyncio.Event()
@@ -103,7 +103,7 @@ async def _run(scene: HubScene, duration_s: float | None, *, json_lines: bool) -
         if json_lines:
             write_line("ready", port=serving.server.port, address=serving.address)
         else:
-            messages.print(f"hub:      {serving.address}", highlight=False)
+            messages.print(f"hub:      {serving.address}")
         if duration_s is not None:
             asyncio.get_running_loop().call_later(duration_s, ended.set)
         await serving.run(ended)

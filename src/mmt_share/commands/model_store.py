@@ -93,7 +93,7 @@ def pull(
     require_absent(file, force=force)
     remote.fetch(entry.hash, file)
     licence = f", licence {entry.licence}" if entry.licence else ", without a licence"
-    messages.print(f"model: {file} ({entry.name}{licence})", highlight=False)
+    messages.print(f"model: {file} ({entry.name}{licence})")
 
 
 def push(
@@ -122,7 +122,7 @@ def push(
         raise InputError(f"model {source}: {error}") from error
     description = Entry(name or source.stem, who, licence, note, error_db=error_db)
     entry = _remote(store).push(data, description)
-    messages.print(f"stored as {entry.name} ({entry.hash[:_SHOWN]})", highlight=False)
+    messages.print(f"stored as {entry.name} ({entry.hash[:_SHOWN]})")
     write_json(json_file, entry.as_dict())
 
 

@@ -92,7 +92,7 @@ async def _serve_shared(url: str, results: "ResultsFile", link: Link, everyone: 
     from mmt_share.player.server import PlayerServer
 
     table = table_from(Listening, "listening", {"url": url, "name": "player"})
-    texture = SharedTexture(table, lambda text: messages.print(text, highlight=False))
+    texture = SharedTexture(table, messages.print)
     following: asyncio.Task[None] | None = None
     try:
         player = await texture.connect(results)
@@ -130,18 +130,15 @@ async def serve_until_ended(
     await server.start(link.host, link.port, everyone=everyone)
     stop_on_signals(ended.set)
     url = f"{reachable_url(link, server.port)}/player/"
-    messages.print(f"player:   {url}", highlight=False)
+    messages.print(f"player:   {url}")
     on_page(url)
     try:
         await ended.wait()
     finally:
         for path, seconds in await server.stop():
-            messages.print(f"recorded: {path}, {seconds:.1f} s", highlight=False)
+            messages.print(f"recorded: {path}, {seconds:.1f} s")
         if player.results.rows:
-            messages.print(
-                f"results:  {player.results.path}, {player.results.rows} rows more",
-                highlight=False,
-            )
+            messages.print(f"results:  {player.results.path}, {player.results.rows} rows more")
     if player.recording_problem is not None:
         raise MmtError(player.recording_problem)
 

@@ -92,7 +92,7 @@ def _session(source: Path, options: "ImportOptions") -> "RecordedSession":
         print_warnings(proposal.columns.notes)
         raise error or InputError(f"{source}: it cannot be imported")
     print_report(source.name, report)
-    output.print(f"imported as by: {proposal.command(source)}", highlight=False, soft_wrap=True)
+    output.print(f"imported as by: {proposal.command(source)}", soft_wrap=True)
     return import_columns([proposal.columns], [source], proposal.options)[0]
 
 
@@ -119,7 +119,7 @@ def _asked(target: str, names: Sequence[str], options: "ImportOptions") -> "Impo
     if target == "time":
         hertz = typer.prompt("No column tells the time. Rows a second (Hz)", type=float, err=True)
         return replace(options, rate_hz=hertz)
-    messages.print(f"columns: {', '.join(names)}", highlight=False)
+    messages.print(f"columns: {', '.join(names)}")
     question = f"Which are the {target} along x, y and z? Three, one of three elements, or z alone"
     answer = typer.prompt(question, err=True).replace(",", " ").split()
     if len(answer) == 3:
