@@ -9,7 +9,7 @@ from mmt.cli.commands import command_group
 from mmt.cli.common import Force, json_option, messages, output, summary_table, write_json
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
-from mmt.core.existing_files import require_absent
+from mmt.core.existing_files import require_absent, write_file
 from mmt.core.kernel_cache import compile_kernels
 from mmt.scene import Scene, Texture
 from mmt.session import RecordedSession
@@ -60,7 +60,7 @@ def build_model(
     recordings = [open_recording(source) for source in sources]
     scene = scene_of(recordings[0], scene_file)
     model, _, history = built(recordings, scene, surface, whole=whole)
-    save(model, target)
+    write_file(target, model.to_bytes())
     figures = {
         "sessions": [str(source) for source in sources],
         "start_s": history.start_s,
@@ -227,12 +227,3 @@ def _remark(recording: "Recording", settings: "ModellingSettings") -> str:
 
     strokes = StrokesMade.from_frames(blocks_of(recording), settings)
     return coverage(strokes, np.empty((0, 2)), settings, stopped=False).remark
-
-
-def save(model: "TextureModel", path: Path) -> None:
-    """Write a model file and create its folder; raise `MmtError` if that is not possible."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"model {path}: {error.strerror or error}") from error
-    model.save(path)

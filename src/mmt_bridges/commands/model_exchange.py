@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mmt.cli.common import Force, json_option, messages, output, summary_table, write_json
-from mmt.cli.models import SUFFIX, describe, save
+from mmt.cli.models import SUFFIX, describe
 from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent, write_file
 
@@ -38,7 +38,7 @@ def import_model(
         raise InputError(f"model {target}: the name of a model file must end in {SUFFIX}")
     require_absent(target, force=force)
     imported = import_hatt(source)
-    save(imported.model, target)
+    write_file(target, imported.model.to_bytes())
     figures: dict[str, Any] = {
         "material": imported.material,
         "friction": imported.friction,

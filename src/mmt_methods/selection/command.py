@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mmt.cli.common import Force, json_option, messages, output, write_json
-from mmt.cli.models import SUFFIX, save
+from mmt.cli.models import SUFFIX
 from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent, write_file
 from mmt.core.palette import LIGHT
@@ -78,7 +78,7 @@ def select_samples(
     if plot is not None:
         _draw(plot, pool, result)
     if target is not None:
-        save(pool.model(result.kept), target)
+        write_file(target, pool.model(result.kept).to_bytes())
         messages.print(f"model: {target}")
 
 

@@ -23,9 +23,9 @@ from mmt.cli.importing import (
     print_report,
     print_warnings,
 )
-from mmt.cli.models import SUFFIX, built, save
+from mmt.cli.models import SUFFIX, built
 from mmt.core.errors import InputError
-from mmt.core.existing_files import require_absent
+from mmt.core.existing_files import require_absent, write_file
 from mmt.core.kernel_cache import compile_kernels
 from mmt.link.access import Access
 from mmt.scene import Link
@@ -68,7 +68,7 @@ def try_recording(
     )
     session = _session(source, options)
     model, update, _ = built([session], scene_of(session))
-    save(model, target)
+    write_file(target, model.to_bytes())
     progress = update.progress
     share_text = f"{100.0 * progress.value:.0f} % of strokes should feel right"
     messages.print(f"model:    {target}, {share_text if progress.scale.rises else progress}")
