@@ -6,18 +6,8 @@ from typing import Annotated
 import typer
 
 from mmt.cli.common import OPTIONS, run_app, write_line
-from mmt.cli.service import (
-    JsonFile,
-    JsonLines,
-    LogFile,
-    LogLevel,
-    RealTime,
-    SceneFile,
-    ServiceOptions,
-    ServiceRun,
-    Verbose,
-    Version,
-)
+from mmt.cli.option_groups import with_options
+from mmt.cli.service import SceneFile, ServiceOptions, ServiceRun, Version
 from mmt.core.errors import InputError
 from mmt.core.logs import Logs
 from mmt.core.queued_output import queue_output
@@ -29,6 +19,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command()
+@with_options
 def follower(
     scene_file: SceneFile,
     *,
@@ -39,12 +30,7 @@ def follower(
     speed: Annotated[
         float | None, typer.Option(help="Replay this many times faster than real time.")
     ] = None,
-    json_file: JsonFile = None,
-    json_lines: JsonLines = False,
-    log: LogFile = None,
-    log_level: LogLevel = None,
-    realtime: RealTime = False,
-    verbose: Verbose = False,
+    options: ServiceOptions,
     _: Version = False,
 ) -> None:
     """Stream one session: read the scene's source and send it to the leader."""
@@ -54,7 +40,6 @@ def follower(
             raise InputError("--speed is for a replay: give --replay FILE, or a scene of one")
         overrides = {"replay.speed": speed}
         scene = load_scene(scene_file, overrides, replay=replay, options=OPTIONS)
-    options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
     queue_output()
     FollowerRun(scene, options, leader).run()
 

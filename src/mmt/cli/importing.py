@@ -1,7 +1,7 @@
 """``mmt session inspect`` and ``mmt session import``: import recordings of other programs."""
 
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,6 +9,7 @@ import typer
 from rich.text import Text
 
 from mmt.cli.common import Force, json_option, messages, output, write_json
+from mmt.cli.option_groups import with_options
 from mmt.core.existing_files import require_absent
 from mmt.core.frames import CHANNELS
 from mmt.core.printable import printable
@@ -27,108 +28,138 @@ SourceFile = Annotated[
 ]
 
 
-Columns = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--map",
-        metavar="TARGET=COLUMN",
-        help="The column of time, position, force, acceleration, orientation (arrays), position_x "
-        "..., orientation_w, position_time ..., or speed for position; -COLUMN turns the sign, "
-        "COLUMN[2] is a component, COLUMN*0.5 scaled, a number a constant. May be repeated.",
-    ),
-]
-Units = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--unit",
-        metavar="QUANTITY=UNIT",
-        help="The unit of time, position, force, acceleration or speed, such as acceleration=g, or "
-        "of one target, such as position_z=um. May be repeated.",
-    ),
-]
-Rate = Annotated[
-    float | None, typer.Option(help="Rows a second (Hz), in place of the file's times.")
-]
-Blanks = Annotated[
-    bool, typer.Option("--blanks-as-gaps", help="Leave out rows with an empty cell or NaN.")
-]
-Gap = Annotated[
-    float | None, typer.Option(help="Seconds over which is interpolated; five intervals if absent.")
-]
-Stamps = Annotated[
-    StampChoice,
-    typer.Option(
-        help="Rows at the stamps as they are (kept), at the times of the clock behind them "
-        "(regular), or whichever fits the motion better (auto). Of messages: by the clock of their "
-        "header, or of their receipt."
-    ),
-]
-AccelerationRate = Annotated[
-    int | None,
-    typer.Option(
-        help="Hz at which acceleration is kept, 1000 to 10000 in steps of 1000; 1000 if absent, "
-        "or that of a file that mmt exported."
-    ),
-]
-Episode = Annotated[
-    int | None, typer.Option(help="Episode of a LeRobot data set; the first if absent.")
-]
-Header = Annotated[
-    int | None, typer.Option(help="Line with the columns' names, from 1; looked for if absent.")
-]
-Sheet = Annotated[str | None, typer.Option(help="Sheet of a workbook, by name or number.")]
-Separator = Annotated[
-    str | None, typer.Option(help="Between the cells: comma, semicolon, tab, blank or a sign.")
-]
-Decimal = Annotated[str | None, typer.Option(help="The decimal sign of a text, . or a comma.")]
-Missing = Annotated[
-    list[str] | None, typer.Option(help="What stands for no value, such as 9999. May be repeated.")
-]
-ToolAxes = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="CHANNEL",
-        help="Force or acceleration that turned with the tool: it is turned into the base's axes "
-        "by the orientation. May be repeated.",
-    ),
-]
-ReadingMemory = Annotated[
-    float | None,
-    typer.Option(
-        metavar="GB",
-        help="Memory to read a file of another format; 2 GB and 16 times its size if absent.",
-    ),
-]
-ReadingTime = Annotated[
-    float | None,
-    typer.Option(metavar="S", help="Time to read it; 60 s, and 5 s for each MB, if absent."),
-]
+@dataclass(frozen=True)
+class ReadingOptions:
+    """Options that many recordings of other programs need, for `with_options`."""
+
+    columns: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--map",
+            metavar="TARGET=COLUMN",
+            help="The column of time, position, force, acceleration, orientation (arrays), "
+            "position_x ..., orientation_w, position_time ..., or speed for position; -COLUMN "
+            "turns the sign, COLUMN[2] is a component, COLUMN*0.5 scaled, a number a constant. "
+            "May be repeated.",
+        ),
+    ] = None
+    units: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--unit",
+            metavar="QUANTITY=UNIT",
+            help="The unit of time, position, force, acceleration or speed, such as "
+            "acceleration=g, or of one target, such as position_z=um. May be repeated.",
+        ),
+    ] = None
+    rate: Annotated[
+        float | None, typer.Option(help="Rows a second (Hz), in place of the file's times.")
+    ] = None
+    acceleration_rate: Annotated[
+        int | None,
+        typer.Option(
+            help="Hz at which acceleration is kept, 1000 to 10000 in steps of 1000; 1000 if "
+            "absent, or that of a file that mmt exported."
+        ),
+    ] = None
+    reading_memory: Annotated[
+        float | None,
+        typer.Option(
+            metavar="GB",
+            help="Memory to read a file of another format; 2 GB and 16 times its size if absent.",
+        ),
+    ] = None
+    reading_time: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Time to read it; 60 s, and 5 s for each MB, if absent."),
+    ] = None
+
+    def checked(self, **others: Any) -> "ImportOptions":
+        """Return the options and others as an import takes them.
+
+        Raises
+        ------
+        InputError
+            See `ImportOptions`.
+        """
+        from mmt.session.importing.options import ImportOptions, assignments
+
+        return ImportOptions(
+            columns=assignments(self.columns or [], "--map"),
+            units=assignments(self.units or [], "--unit"),
+            rate_hz=self.rate,
+            acceleration_rate_hz=self.acceleration_rate,
+            reading_memory_gb=self.reading_memory,
+            reading_time_s=self.reading_time,
+            **others,
+        )
 
 
-def inspect_file(
-    source: SourceFile,
-    *,
-    columns: Columns = None,
-    units: Units = None,
-    rate: Rate = None,
-    blanks_as_gaps: Blanks = False,
-    longest_gap: Gap = None,
-    stamps: Stamps = "auto",
-    acceleration_rate: AccelerationRate = None,
-    episode: Episode = None,
-    header: Header = None,
-    sheet: Sheet = None,
-    separator: Separator = None,
-    decimal: Decimal = None,
-    missing: Missing = None,
-    tool_axes: ToolAxes = None,
-    reading_memory: ReadingMemory = None,
-    reading_time: ReadingTime = None,
-) -> None:
+@dataclass(frozen=True)
+class ImportingOptions(ReadingOptions):
+    """All options for recordings of other programs, but those of several files."""
+
+    blanks_as_gaps: Annotated[
+        bool, typer.Option("--blanks-as-gaps", help="Leave out rows with an empty cell or NaN.")
+    ] = False
+    longest_gap: Annotated[
+        float | None,
+        typer.Option(help="Seconds over which is interpolated; five intervals if absent."),
+    ] = None
+    stamps: Annotated[
+        StampChoice,
+        typer.Option(
+            help="Rows at the stamps as they are (kept), at the times of the clock behind them "
+            "(regular), or whichever fits the motion better (auto). Of messages: by the clock of "
+            "their header, or of their receipt."
+        ),
+    ] = "auto"
+    episode: Annotated[
+        int | None, typer.Option(help="Episode of a LeRobot data set; the first if absent.")
+    ] = None
+    header: Annotated[
+        int | None, typer.Option(help="Line with the columns' names, from 1; looked for if absent.")
+    ] = None
+    sheet: Annotated[str | None, typer.Option(help="Sheet of a workbook, by name or number.")] = (
+        None
+    )
+    separator: Annotated[
+        str | None, typer.Option(help="Between the cells: comma, semicolon, tab, blank or a sign.")
+    ] = None
+    decimal: Annotated[
+        str | None, typer.Option(help="The decimal sign of a text, . or a comma.")
+    ] = None
+    missing: Annotated[
+        list[str] | None,
+        typer.Option(help="What stands for no value, such as 9999. May be repeated."),
+    ] = None
+    tool_axes: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CHANNEL",
+            help="Force or acceleration that turned with the tool: it is turned into the base's "
+            "axes by the orientation. May be repeated.",
+        ),
+    ] = None
+
+    def checked(self, **others: Any) -> "ImportOptions":
+        """Return the options and others as an import takes them, see `ReadingOptions.checked`."""
+        same = ("blanks_as_gaps", "episode", "header", "sheet", "separator", "decimal", "stamps")
+        return super().checked(
+            longest_gap_s=self.longest_gap,
+            missing=tuple(self.missing or ()),
+            tool_axes=tuple(self.tool_axes or ()),
+            **{name: getattr(self, name) for name in same},
+            **others,
+        )
+
+
+@with_options
+def inspect_file(source: SourceFile, options: ImportingOptions) -> None:
     """Look at a recording of another program, and propose the command that imports it."""
     from mmt.session.importing.proposal import propose, try_proposal
 
-    proposal = propose(source, _options(locals()))
+    proposal = propose(source, options.checked())
     names = ", ".join(proposal.names[:_SHOWN_NAMES]) or "none"
     more = len(proposal.names) - _SHOWN_NAMES
     output.print(f"columns: {names}{f' and {more} more' if more > 0 else ''}")
@@ -150,6 +181,7 @@ def inspect_file(
     output.print(proposal.command(source), soft_wrap=True)
 
 
+@with_options
 def import_file(
     sources: Annotated[
         list[Path],
@@ -161,22 +193,7 @@ def import_file(
     target: Annotated[
         Path, typer.Argument(metavar="OUT", help="The session's file, such as mine.mcap.")
     ],
-    columns: Columns = None,
-    units: Units = None,
-    rate: Rate = None,
-    blanks_as_gaps: Blanks = False,
-    longest_gap: Gap = None,
-    stamps: Stamps = "auto",
-    acceleration_rate: AccelerationRate = None,
-    episode: Episode = None,
-    header: Header = None,
-    sheet: Sheet = None,
-    separator: Separator = None,
-    decimal: Decimal = None,
-    missing: Missing = None,
-    tool_axes: ToolAxes = None,
-    reading_memory: ReadingMemory = None,
-    reading_time: ReadingTime = None,
+    options: ImportingOptions,
     offsets: Annotated[
         list[str] | None,
         typer.Option(
@@ -192,11 +209,12 @@ def import_file(
     """Import a recording at any rate: a table, arrays, a ROS bag or a LeRobot data set."""
     from mmt.session import export_session
     from mmt.session.importing.modelled_share import modelled_sentence
+    from mmt.session.importing.options import assignments
     from mmt.session.importing.recording import import_recording
 
-    options = _options(locals())
+    checked = options.checked(offsets=assignments(offsets or [], "--offset"))
     require_absent(target, force=force)
-    session, report = import_recording(sources, options)
+    session, report = import_recording(sources, checked)
     export_session(session, target)
     print_report(", ".join(source.name for source in sources), report)
     rates = [c.rate_hz for c in report.channels if c.channel == "acceleration"]
@@ -205,26 +223,6 @@ def import_file(
     messages.print(f"{len(session.frames)} frames written to {target}")
     found = {**asdict(report), "told": sorted(report.told)}
     write_json(json_file, {"frames": len(session.frames), **found})
-
-
-def _options(given: dict[str, Any]) -> "ImportOptions":
-    """Return the import options from a command's arguments."""
-    from mmt.session.importing.options import ImportOptions, assignments
-
-    same = ("blanks_as_gaps", "episode", "header", "sheet", "separator", "decimal", "stamps")
-    return ImportOptions(
-        columns=assignments(given["columns"] or [], "--map"),
-        units=assignments(given["units"] or [], "--unit"),
-        rate_hz=given["rate"],
-        longest_gap_s=given["longest_gap"],
-        acceleration_rate_hz=given["acceleration_rate"],
-        reading_memory_gb=given["reading_memory"],
-        reading_time_s=given["reading_time"],
-        missing=tuple(given["missing"] or ()),
-        tool_axes=tuple(given["tool_axes"] or ()),
-        offsets=assignments(given.get("offsets") or [], "--offset"),
-        **{name: given[name] for name in same},
-    )
 
 
 def print_report(title: str, report: "ImportReport") -> None:

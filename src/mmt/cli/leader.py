@@ -11,18 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from mmt.cli.common import MODEL_NAME, OPTIONS, Force, run_app, write_line
-from mmt.cli.service import (
-    JsonFile,
-    JsonLines,
-    LogFile,
-    LogLevel,
-    RealTime,
-    SceneFile,
-    ServiceOptions,
-    ServiceRun,
-    Verbose,
-    Version,
-)
+from mmt.cli.option_groups import with_options
+from mmt.cli.service import SceneFile, ServiceOptions, ServiceRun, Version
 from mmt.cli.side_services import LastingSideService, create_side_services, with_flags
 from mmt.core.errors import InputError
 from mmt.core.existing_files import free_folder
@@ -47,6 +37,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 @with_flags("leader")
+@with_options
 def leader(
     scene_file: SceneFile,
     *,
@@ -63,16 +54,11 @@ def leader(
     port: Annotated[
         int | None, typer.Option(help="Listen on this port; 0 takes any free one.")
     ] = None,
-    json_file: JsonFile = None,
-    json_lines: JsonLines = False,
-    log: LogFile = None,
-    log_level: LogLevel = None,
+    options: ServiceOptions,
     monitor: Annotated[
         bool, typer.Option("--monitor", help="Serve a page that shows the run.")
     ] = False,
-    realtime: RealTime = False,
     force: Force = False,
-    verbose: Verbose = False,
     _: Version = False,
 ) -> None:
     """Serve one session: receive the follower's stream, model the texture, render it."""
@@ -90,13 +76,12 @@ def leader(
         tables=[*(["monitor"] if monitor else []), *tables_of(flags)],
         options=OPTIONS,
     )
-    side_services = create_side_services(flags, scene, terminal=not json_lines)
+    side_services = create_side_services(flags, scene, terminal=not options.json_lines)
     if report is not None and scene.recording is None:
         raise InputError("--report needs a recording: give --record FILE or add [recording]")
     if report is not None:
         require("matplotlib")
         report = report if force else free_folder(report, MODEL_NAME)
-    options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
     LeaderRun(scene, options, report, side_services).run()
 
 

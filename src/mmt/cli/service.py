@@ -38,23 +38,6 @@ from mmt.scene import Scene, Service
 SceneFile: TypeAlias = Annotated[
     Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
 ]
-JsonFile: TypeAlias = Annotated[Path | None, json_option("Write the summary there.")]
-JsonLines: TypeAlias = Annotated[
-    bool, typer.Option("--json-lines", help="Progress and summary as JSON lines on stdout.")
-]
-LogFile: TypeAlias = Annotated[
-    Path | None, typer.Option("--log", help="Add a JSON line per event to this file.")
-]
-LogLevel: TypeAlias = Annotated[
-    str | None,
-    typer.Option(metavar="LEVEL", help="Least level of the log: debug, info, warning or error."),
-]
-Verbose: TypeAlias = Annotated[
-    bool, typer.Option("--verbose", help="Show what runs, and all counters at the end.")
-]
-RealTime: TypeAlias = Annotated[
-    bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
-]
 Version: TypeAlias = Annotated[
     bool, typer.Option("--version", callback=version, is_eager=True, help="Print the version.")
 ]
@@ -86,14 +69,27 @@ AnyService = TypeVar("AnyService", bound=RunnableService)
 
 @dataclass(frozen=True)
 class ServiceOptions:
-    """Options of all services."""
+    """Options of all services, for `mmt.cli.option_groups.with_options`."""
 
-    json_file: Path | None
-    json_lines: bool
-    log: Path | None
-    log_level: str | None
-    realtime: bool
-    verbose: bool
+    json_file: Annotated[Path | None, json_option("Write the summary there.")] = None
+    json_lines: Annotated[
+        bool, typer.Option("--json-lines", help="Progress and summary as JSON lines on stdout.")
+    ] = False
+    log: Annotated[
+        Path | None, typer.Option("--log", help="Add a JSON line per event to this file.")
+    ] = None
+    log_level: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LEVEL", help="Least level of the log: debug, info, warning or error."
+        ),
+    ] = None
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
+    ] = False
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Show what runs, and all counters at the end.")
+    ] = False
 
 
 class ServiceRun(ABC, Generic[AnyService]):

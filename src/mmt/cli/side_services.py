@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Protocol
 
 import typer
 
+from mmt.cli.option_groups import accepting
 from mmt.scene import Scene
 from mmt.scene.added import Flag, added_flags, imported
 
@@ -77,8 +78,6 @@ def with_flags(command: Literal["leader", "demo"]) -> Callable[[Callable[..., No
             )
             for name, flag in flags.items()
         ]
-        taking.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        taking.__annotations__ = {each.name: each.annotation for each in parameters}
-        return taking
+        return accepting(taking, parameters)
 
     return decorate

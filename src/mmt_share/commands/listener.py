@@ -7,16 +7,8 @@ import typer
 
 from mmt.cli.common import OPTIONS, run_app
 from mmt.cli.leader import LeaderRun
-from mmt.cli.service import (
-    JsonFile,
-    JsonLines,
-    LogFile,
-    LogLevel,
-    RealTime,
-    ServiceOptions,
-    Verbose,
-    Version,
-)
+from mmt.cli.option_groups import with_options
+from mmt.cli.service import ServiceOptions, Version
 from mmt.core.errors import InputError
 from mmt.scene.files import load_scene
 
@@ -26,6 +18,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command()
+@with_options
 def listen(
     url: Annotated[str, typer.Argument(help="Where the leader shares its model.")],
     *,
@@ -40,12 +33,7 @@ def listen(
         bool, typer.Option("--control", help="Ask for control of the leader's robot.")
     ] = False,
     duration: Annotated[float | None, typer.Option(help="Seconds to listen.")] = None,
-    json_file: JsonFile = None,
-    json_lines: JsonLines = False,
-    log: LogFile = None,
-    log_level: LogLevel = None,
-    realtime: RealTime = False,
-    verbose: Verbose = False,
+    options: ServiceOptions,
     _: Version = False,
 ) -> None:
     """Feel the surface that a leader shares: its model, rendered here from this hand's motion."""
@@ -58,7 +46,6 @@ def listen(
     from mmt.link.connection import check_url
 
     check_url(url)  # before kernels are compiled
-    options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
     LeaderRun(scene, options, None).run()
 
 

@@ -12,18 +12,9 @@ import typer
 
 from mmt.cli.browser import open_page
 from mmt.cli.common import Force, messages, output
-from mmt.cli.importing import (
-    AccelerationRate,
-    Columns,
-    Rate,
-    ReadingMemory,
-    ReadingTime,
-    SourceFile,
-    Units,
-    print_report,
-    print_warnings,
-)
+from mmt.cli.importing import ReadingOptions, SourceFile, print_report, print_warnings
 from mmt.cli.models import SUFFIX, built
+from mmt.cli.option_groups import with_options
 from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent, write_file
 from mmt.core.kernel_cache import compile_kernels
@@ -37,14 +28,10 @@ if TYPE_CHECKING:
     from mmt.session.importing.proposal import Proposal
 
 
+@with_options
 def try_recording(
     source: SourceFile,
-    columns: Columns = None,
-    units: Units = None,
-    rate: Rate = None,
-    acceleration_rate: AccelerationRate = None,
-    reading_memory: ReadingMemory = None,
-    reading_time: ReadingTime = None,
+    options: ReadingOptions,
     port: Annotated[int, typer.Option(help="Listen on this port; 0 takes any free one.")] = 8770,
     force: Force = False,
 ) -> None:
@@ -53,20 +40,11 @@ def try_recording(
     require_absent(target, force=force)
     compile_kernels(["mmt.cli.reporting", "mmt_share.player.player"], messages.print)
     from mmt.cli.reporting import scene_of
-    from mmt.session.importing.options import ImportOptions, assignments
     from mmt_share.player.player import Player
     from mmt_share.player.results import ResultsFile
     from mmt_share.player.server import PlayerServer
 
-    options = ImportOptions(
-        columns=assignments(columns or [], "--map"),
-        units=assignments(units or [], "--unit"),
-        rate_hz=rate,
-        acceleration_rate_hz=acceleration_rate,
-        reading_memory_gb=reading_memory,
-        reading_time_s=reading_time,
-    )
-    session = _session(source, options)
+    session = _session(source, options.checked())
     model, update, _ = built([session], scene_of(session))
     write_file(target, model.to_bytes())
     progress = update.progress
