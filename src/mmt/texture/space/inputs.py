@@ -119,7 +119,7 @@ class InputSpace:
         NaN counts as zero, and so does a negative force or speed.
         """
         scaled = np.asarray(inputs, dtype=np.float64) / self.scale
-        scaled = np.nan_to_num(scaled, nan=0.0, posinf=_LARGEST, neginf=-_LARGEST)
+        scaled[np.isnan(scaled)] = 0.0
         if not self.directed:
             return np.clip(scaled, 0.0, 1.0)
         velocity = np.clip(scaled[:, :2], -_LARGEST, _LARGEST)
