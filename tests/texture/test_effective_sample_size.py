@@ -1,19 +1,16 @@
 """Independent samples that the power of a segment is worth: known answers."""
 
 import itertools
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.signal import freqz, lfilter
 from scipy.special import digamma, polygamma
 
-from mmt.texture.autoregression.effective_sample_size import (
-    LEAST,
-    effective_samples,
-)
+from mmt.texture.autoregression.effective_sample_size import LEAST, effective_samples
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.online.methods import FieldMethod
+from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 
 
@@ -64,15 +61,8 @@ def test_segments_of_narrow_lines_are_worth_what_their_spectrum_says_whatever_th
             np.sqrt(gain) * lfilter([1.0], taps, random.normal(size=1000 + count))
             for gain, taps in zip(gains, filters, strict=True)
         ]
-        start = 1000 * number
-        span = SimpleNamespace(
-            start=start,
-            stop=start + count,
-            vibration_m_s2=sum(parts)[1000:],
-            measured_count=count,
-            measured_gain=1.0,
-        )
-        segments.append(span)
+        start, vibration = 1000 * number, sum(parts)[1000:]
+        segments.append(Segment(start, start + count, 100.0, (100.0, 0.0), 1.0, vibration, 0, True))
     for order in (4, 12):
         fits = FieldMethod(ModellingSettings(order=order)).add(segments, itertools.count())
         assert {fit.count for fit in fits} == {count}

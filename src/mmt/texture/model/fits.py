@@ -12,7 +12,8 @@ those before it (`mmt.texture.signals.high_pass`).
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from itertools import compress
 from typing import Final
 
 import numpy as np
@@ -69,33 +70,43 @@ def fit_segments(
     With ``behind_high_pass`` filters and powers are as measured, else those before the high-pass.
     """
     order = settings.filter_order
-    usable = [
+    usable = tuple(
         each for each in segments if 2 * each.measured_count > len(each.vibration_m_s2) > order
-    ]
+    )
     if not usable:
         return []
-    vibration = [segment.vibration_m_s2 for segment in usable]
     rate_hz, per_frame = settings.vibration_rate_hz, settings.samples_per_frame
     shortest = min(RESOLVING_ORDER, settings.shortest_samples // 4)  # as the shortest one allows
     resolving = min(per_frame * shortest, LARGEST_ORDER)
-    fits = burg_batch(vibration, max(order, resolving))
     counts = [segment.measured_count for segment in usable]
-    effective = effective_samples(_lsf_of(fits, resolving), np.array(counts), rate_hz)
+    fits, resolved, effective = _resolved(usable, max(order, resolving), resolving, rate_hz)
     measured = np.array([segment.measured_gain for segment in usable])
     variance, power = fits.variances[:, order] * measured, fits.power * measured
     if behind_high_pass:
-        lsf = _lsf_of(fits, order)
+        lsf = resolved if order == resolving else _lsf_of(fits, order)
     else:
         means = None
         if per_frame > 1:
-            frames = [each.reshape(-1, per_frame).mean(axis=1) for each in vibration]
+            frames = [each.vibration_m_s2.reshape(-1, per_frame).mean(axis=1) for each in usable]
             means = burg_batch(frames, max(order // per_frame, shortest))
         reflection, gain = without_high_pass(fits, means, order, rate_hz, settings.rate_hz)
         lsf, power = reflection_to_lsf(reflection), power * gain
         variance = power * np.prod(1.0 - np.square(reflection), axis=1)
     columns = (each.tolist() for each in (variance, power, effective))
-    fitted = [Fit(*row) for row in zip(usable, lsf, *columns, counts, numbers, strict=False)]
-    return [fit for fit in fitted if _is_filter(fit)]
+    fitted = (Fit(*row) for row in zip(usable, lsf, *columns, counts, numbers, strict=False))
+    distinct = (np.diff(lsf, prepend=0.0, append=np.pi, axis=1) > 0.0).all(axis=1)
+    return list(compress(fitted, distinct & np.isfinite(power)))  # no merged LSF, no overflow
+
+
+@lru_cache(maxsize=1)  # an evaluation fits the same segments by both methods
+def _resolved(
+    segments: tuple[Segment, ...], order: int, resolving: int, rate_hz: float
+) -> tuple[ReflectionFits, FloatArray, FloatArray]:
+    """Return the fits of segments, LSF of the resolving order, and effective sample sizes."""
+    fits = burg_batch([segment.vibration_m_s2 for segment in segments], order)
+    lsf = _lsf_of(fits, resolving)
+    counts = np.array([segment.measured_count for segment in segments])
+    return fits, lsf, effective_samples(lsf, counts, rate_hz)
 
 
 def unpacked(packed: Sequence[bytes], space: InputSpace) -> TextureSamples:
@@ -129,9 +140,3 @@ def _rows(packed: Sequence[bytes]) -> FloatArray:
 def _lsf_of(fits: ReflectionFits, order: int) -> FloatArray:
     """Return the frequencies of a lower order, through which the recursion has passed."""
     return reflection_to_lsf(np.ascontiguousarray(fits.reflection[:, :order]))
-
-
-def _is_filter(fit: Fit) -> bool:
-    """Return whether a fit can be used in a model: no power that overflows, no merged LSF."""
-    ascending = bool((np.diff(fit.lsf, prepend=0.0, append=np.pi) > 0).all())
-    return ascending and bool(np.isfinite(fit.power))
