@@ -12,8 +12,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.history import trials
-from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.online import history
 from mmt.texture.settings import Inputs, ModellingSettings
 
 TRIALS: Final = 6
@@ -58,10 +57,7 @@ def build(sessions: Sequence[RecordArray], settings: ModellingSettings) -> Textu
     The level is that of the samples: with so many samples, the blocks would add little information
     but double the size of the file.
     """
-    modeller = OnlineModeller(settings, deferred=True)
-    for block in trials(sessions):
-        modeller.update(block)
-    model = modeller.model
+    model = history.build(history.trials(sessions), settings).updates[-1].model
     if model is None:
         raise InputError(f"no steady stroke in {len(sessions)} trials: nothing can be modelled")
     return TextureModel(model.samples, method=settings.method, rate_hz=settings.rate_hz)

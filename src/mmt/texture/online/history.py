@@ -15,7 +15,7 @@ from mmt.core.frames import check_frame_rate, check_frames, samples_per_frame
 from mmt.core.plottable import Plottable
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.log import ModelLog
-from mmt.texture.online.modeller import OnlineModeller, run_stages
+from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.updates import ModelUpdate
 from mmt.texture.segmentation.bottom_up import CELL
 from mmt.texture.segmentation.segments import Segment
@@ -218,13 +218,13 @@ def build_together(
         (segmented,) = modellers[0].segment(block)
         for place, modeller in enumerate(modellers):
             work = segmented.copy_for(modeller)
-            open_before = not modeller.completion.stopped
-            update = run_stages(iter([work]))
-            assert update is not None  # noqa: S101 - it is announced
+            modeller.fit(work)
+            modeller.build(work)
             logged = logs[place].add(work)
-            updates[place].append(replace(update, source=logged) if deferred else update)
-            if open_before:
-                finished[place] = tuple(fit.segment for fit in modeller.fits.values())
+            work.source = logged if deferred else work.source
+            if not modeller.completion.stopped:  # until this update is judged
+                finished[place] = tuple(fit.segment for fit in work.fits)
+            updates[place].append(modeller.judge(work))
         if observe is not None:
             observe(segmented.observed[0])
         if on_progress is not None:

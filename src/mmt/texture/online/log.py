@@ -53,7 +53,7 @@ class ModelLog:
         return type(self), (self._settings, self._steps)
 
     def add(self, work: UpdateWork) -> ModelSource:
-        """Log an update that has been carried out; return the source of its model."""
+        """Log an update of which the fits and blocks are known; return the source of its model."""
         came = {
             fit.number: (fit.segment.span, fit.packed)
             for fit in work.new_fits

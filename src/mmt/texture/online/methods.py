@@ -1,12 +1,12 @@
 """The two methods of modelling a texture from a stream, and their common interface.
 
-A method fits segments (`add`), builds a model of the fits (`model`), which has a spectrum at every
-point (`TextureModel.spectrum`), and judges how complete it is (`judge`, `criterion`). The rest of
-the online modelling is the same for both.
+A method fits segments (`add`), says when the model changes (`changes`), builds it of the fits
+(`model`), and judges how complete it is (`judge`, `criterion`). The rest of the online modelling is
+the same for both.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -24,8 +24,6 @@ from mmt.texture.touch_down.fitting import fit_transient
 if TYPE_CHECKING:
     from mmt.texture.field.cells import FieldCells
     from mmt.texture.touch_down.finding import TouchDown
-
-ModelMaker = Callable[[], TextureModel]
 
 
 class ModellingMethod(ABC):
@@ -51,29 +49,21 @@ class ModellingMethod(ABC):
         behind = self._behind_high_pass
         return fit_segments(segments, numbers, self._settings, behind_high_pass=behind)
 
-    def _maker(
-        self, work: UpdateWork, cells: "Callable[[], FieldCells] | None" = None
-    ) -> ModelMaker:
-        """Return a function, valid until the next update, that models the fits, at least one."""
-        fits, noise_power, touch_downs = work.fits, work.noise_power, work.touch_downs
-        return lambda: build_from_packed(
-            self._settings,
-            [fit.packed for fit in fits],
-            noise_power,
-            cells and cells(),
-            touch_downs,
-        )
+    def model(self, work: UpdateWork) -> TextureModel:
+        """Return the model of an update's fits, at least one."""
+        packed = [fit.packed for fit in work.fits]
+        cells = self._cells()
+        return build_from_packed(self._settings, packed, work.noise_power, cells, work.touch_downs)
+
+    def _cells(self) -> "FieldCells | None":
+        """Return the blocks of the model, None if the method uses none."""
+        return None
 
     @abstractmethod
-    def model(self, work: UpdateWork, *, changed: bool) -> ModelMaker | None:
-        """Return a function that builds the model of an update, or None if it is unchanged.
+    def changes(self, work: UpdateWork, *, changed: bool) -> bool:
+        """Take in the observed samples of an update, and return whether the model changes.
 
-        Parameters
-        ----------
-        work
-            Work with the observed samples of the update, and the fits of the model.
-        changed
-            Whether the fits or the touch-downs have changed.
+        ``changed`` says whether its fits or touch-downs have.
         """
 
     @abstractmethod
@@ -105,9 +95,10 @@ class PublishedMethod(ModellingMethod):
         super().__init__(settings)
         self.criterion: CompletionMonitor = CompletionMonitor(settings)
 
-    def model(self, work: UpdateWork, *, changed: bool) -> ModelMaker | None:
+    def changes(self, work: UpdateWork, *, changed: bool) -> bool:
         """See `ModellingMethod`."""
-        return self._maker(work) if changed else None
+        del work
+        return changed
 
     def judge(self, work: UpdateWork, points: FloatArray, *, anew: bool) -> None:
         """See `ModellingMethod`; this criterion depends on the samples alone."""
@@ -127,11 +118,14 @@ class FieldMethod(ModellingMethod):
         self.criterion: UncertaintyCriterion = UncertaintyCriterion(settings)
         self._cutter, self._sums = BlockCutter(settings), BlockSums(settings)
 
-    def model(self, work: UpdateWork, *, changed: bool) -> ModelMaker | None:
+    def changes(self, work: UpdateWork, *, changed: bool) -> bool:
         """See `ModellingMethod`."""
         work.blocks = self._cutter.cut(work.observed)
         felt = self._sums.add(work.blocks, work.forget_from)
-        return self._maker(work, self._sums.cells) if changed or (felt and work.fits) else None
+        return changed or (felt and bool(work.fits))
+
+    def _cells(self) -> "FieldCells":
+        return self._sums.cells()
 
     def judge(self, work: UpdateWork, points: FloatArray, *, anew: bool) -> None:
         """See `ModellingMethod`; evaluated only after enough new stroking."""

@@ -9,7 +9,6 @@ bit.
 
 import itertools
 from collections.abc import Iterator
-from functools import cache
 from typing import Final
 
 import numpy as np
@@ -24,7 +23,6 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.methods import method_of
 from mmt.texture.online.updates import (
     DEFERRED,
-    ModelSource,
     ModelUpdate,
     ReadyModel,
     Stopwatch,
@@ -55,7 +53,7 @@ class OnlineModeller:
     settings
         See `ModellingSettings`.
     deferred
-        Whether a model is built only on access, which must come before the next update.
+        Whether no model is built here: `mmt.texture.online.history` takes them from its log.
     """
 
     kept = None
@@ -75,7 +73,7 @@ class OnlineModeller:
         self._method = method_of(self.settings)
         self._numbers = itertools.count()
         self._deferred = deferred
-        self._source: ModelSource | None = None
+        self._source: ReadyModel | None = None
         self.fits: dict[SampleRange, Fit] = {}
         """Fits by the range of their segments, in the order in which they came."""
         self._touched: tuple[TouchDown, ...] = ()  # after `fit`; `_built`: those in the model
@@ -194,18 +192,16 @@ class OnlineModeller:
         changed = bool(work.added or work.removed_count) or work.touch_downs != self._built
         self._built = work.touch_downs
         changed |= work.forget_from is None and self._source is None and bool(work.fits)
-        make = self._method.model(work, changed=changed)
-        if make is not None and not work.fits:
-            self._source = ReadyModel()
-        elif make is not None:
-            self._source = cache(make) if self._deferred else ReadyModel(make().prepared())
-        work.made_anew = make is not None
+        work.made_anew = self._method.changes(work, changed=changed)
+        if work.made_anew:
+            empty = self._deferred or not work.fits
+            self._source = ReadyModel(None if empty else self._method.model(work).prepared())
         if self._source is not None:
             work.source = self._source
         clock.lap("triangulate")
 
-    def judge(self, work: UpdateWork) -> None:
-        """Judge the model by the criterion, and set ``work.update`` to the result.
+    def judge(self, work: UpdateWork) -> ModelUpdate:
+        """Judge the model by the criterion; set ``work.update`` to the result, and return it.
 
         A criterion that was met only by samples of another surface becomes unmet.
         """
@@ -237,6 +233,7 @@ class OnlineModeller:
             left=work.left,
             faults=work.faults,
         )
+        return work.update
 
 
 def run_stages(steps: Iterator[UpdateWork]) -> ModelUpdate | None:

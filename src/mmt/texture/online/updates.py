@@ -27,8 +27,8 @@ class UpdateSteps(Protocol):
     def build(self, work: "UpdateWork") -> None:
         """Build the model of the fits."""
 
-    def judge(self, work: "UpdateWork") -> None:
-        """Judge the model and set ``work.update``."""
+    def judge(self, work: "UpdateWork") -> "ModelUpdate":
+        """Judge the model; set and return ``work.update``."""
 
 
 ModelSource = Callable[[], TextureModel | None]
