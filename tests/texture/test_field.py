@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -465,32 +464,3 @@ def test_whatever_is_felt_the_level_is_finite_and_not_negative(
         assert not variance.any()
         with pytest.raises(InputError, match="no sample of the model has any power"):
             model.level_db(*(asked[0] * model.space.scale))
-
-
-@DIRECTED
-def test_a_saved_model_has_the_same_level_when_it_is_loaded(directed, tmp_path: Path):
-    points = scattered(60, directed)
-    samples = samples_of(points[:20], measured(points)[:20], np.full(20, 80.0))
-    for felt in (None, FieldCells.from_blocks(points, measured(points), in_turn(60))):
-        model = TextureModel(samples, field=felt)
-        model.save(tmp_path / "model.npz")
-        loaded = TextureModel.load(tmp_path / "model.npz")
-        np.testing.assert_array_equal(loaded.kernel_parameters, model.kernel_parameters)
-        assert (loaded.field is None) == (felt is None)
-
-
-def test_a_file_whose_blocks_are_spoilt_is_refused_in_words(tmp_path: Path):
-    points = scattered(10)
-    model = model_of(points, measured(points))
-    felt = FieldCells.from_blocks(points, measured(points), in_turn(10))
-    TextureModel(model.samples, field=felt).save(tmp_path / "a.npz")
-    with np.load(tmp_path / "a.npz") as file:
-        content = dict(file)
-    for name, value in (
-        ("field_sums", content["field_sums"][:2]),
-        ("field_cells", content["field_cells"][:, :3]),
-        ("field_sums", np.full_like(content["field_sums"], np.nan)),
-    ):
-        np.savez(tmp_path / "b.npz", **{**content, name: value})
-        with pytest.raises(InputError, match="field"):
-            TextureModel.load(tmp_path / "b.npz")

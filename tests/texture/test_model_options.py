@@ -10,7 +10,7 @@ from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.field.shape_smoothing import smoothed_shapes
 from mmt.texture.interpolation.vertices import vertex_table
 from mmt.texture.model.texture_model import TextureModel, TextureSamples, load_model
-from mmt.texture.space.inputs import ISOTROPIC, InputSpace
+from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 
 
 def drawn(count: int, space: InputSpace = ISOTROPIC, *, order: int = 4) -> TextureSamples:
@@ -21,11 +21,6 @@ def drawn(count: int, space: InputSpace = ISOTROPIC, *, order: int = 4) -> Textu
     inputs = np.column_stack([motion, generator.uniform(0.2, 2.8, count)])
     power = output_power(variance, reflection)
     return TextureSamples(inputs, reflection_to_lsf(reflection), variance, power, space)
-
-
-def test_the_points_of_a_model_cannot_be_written() -> None:
-    with pytest.raises(ValueError, match="read-only"):
-        TextureModel(drawn(5)).points[0] = 0.0
 
 
 def test_a_model_holds_what_its_method_renders() -> None:
@@ -63,16 +58,24 @@ def test_without_power_there_is_no_level_in_db() -> None:
     assert str(refused.value).startswith("no sample of the model has any power: its level has no")
 
 
-def test_a_model_tells_its_ranges() -> None:
-    samples = drawn(5)
-    low, high = samples.force_n.min(), samples.force_n.max()
-    assert f" mm/s, {low:.3g} to {high:.3g} N, method field" in repr(TextureModel(samples))
+@pytest.mark.parametrize("space", [ISOTROPIC, ANISOTROPIC])
+def test_a_model_tells_what_it_is_and_its_ranges(space: InputSpace) -> None:
+    samples = drawn(5, space)
+    speed, force = (
+        f"{values.min():.3g} to {values.max():.3g}"
+        for values in (samples.speed_mm_s, samples.force_n)
+    )
+    assert repr(TextureModel(samples, rate_hz=800.0)) == (
+        f"<TextureModel: {space.name}, 5 samples of order 4 at 800 Hz, {speed} mm/s, {force} N, "
+        "method field>"
+    )
 
 
 def test_a_model_is_loaded_by_its_name_a_path_or_its_text(tmp_path: Path) -> None:
     felt = load_model("felt")
-    felt.save(tmp_path / "one.npz")
-    for source in (tmp_path / "one.npz", str(tmp_path / "one.npz")):
-        assert load_model(source).to_bytes() == felt.to_bytes()
+    path = tmp_path / "one.npz"
+    for name in (path, str(path)):
+        felt.save(name)
+        assert load_model(name).to_bytes() == path.read_bytes() == felt.to_bytes()
     with pytest.raises(InputError, match=r"model .*: Is a directory"):
         TextureModel.load(tmp_path)
