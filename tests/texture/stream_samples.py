@@ -6,6 +6,8 @@ import numpy.typing as npt
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.frames import empty_frames
 from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.signals.faults import SignalFaults
+from mmt.texture.signals.filtering import StreamFilter
 
 
 def stroke_frames(vibration: FloatArray, gravity: float = 9.81) -> RecordArray:
@@ -36,3 +38,9 @@ def aligned(vibration: FloatArray, first: int = 0, **channels: npt.ArrayLike) ->
     return AlignedBlock(
         index=index, time_ns=1_000_000 * index + 77, vibration_m_s2=vibration, **usual
     )
+
+
+def judged(frames: RecordArray) -> tuple[AlignedBlock, SignalFaults]:
+    """Return the filtered samples of a stream, and its faults."""
+    stream = StreamFilter()
+    return stream.process(frames), stream.faults

@@ -14,7 +14,6 @@ from mmt.texture.field.blocks import mean_square
 from mmt.texture.model.fits import fit_segments
 from mmt.texture.segmentation.segments import SampleRange, Segment
 from mmt.texture.settings import LONGEST_BRIDGED, ModellingSettings
-from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.bridging import HISTORY, ORDER, fill
 from mmt.texture.signals.filtering import StreamFilter
 
@@ -88,15 +87,9 @@ def test_a_constant_is_filled_with_itself(value: float, history: int) -> None:
     np.testing.assert_allclose(filled, value)
 
 
-@given(
-    seed=st.integers(0, 1000),
-    share=st.sampled_from([0.005, 0.05, 0.3, 0.7]),
-    lengths=st.lists(st.integers(0, 90), max_size=10),
-)
+@given(seed=st.integers(0, 1000), share=st.sampled_from([0.005, 0.05, 0.3, 0.7]))
 @settings(max_examples=40, deadline=None)
-def test_short_gaps_leave_no_gap_whatever_their_pattern(
-    seed: int, share: float, lengths: list[int]
-) -> None:
+def test_short_gaps_leave_no_gap_whatever_their_pattern(seed: int, share: float) -> None:
     frames = stroke_frames(noise(700, seed))
     gone = lost(len(frames), share, seed)
     stream = StreamFilter()
@@ -108,14 +101,6 @@ def test_short_gaps_leave_no_gap_whatever_their_pattern(
     np.testing.assert_array_equal(aligned.time_ns, whole.time_ns)
     np.testing.assert_allclose(aligned.speed_mm_s[100:], 100.0, rtol=1e-3)
     assert stream.faults.missing_s == stream.faults.bridged_s == np.count_nonzero(gone) / 1000
-    parts, at, received = [], 0, frames[~gone]
-    pieces = StreamFilter()
-    for length in [*lengths, len(received)]:
-        parts.append(pieces.process(received[at : at + length]))
-        at += length
-    joined = AlignedBlock.concatenate(parts)
-    for name in ("position_mm", "speed_mm_s", "normal_force_n", "vibration_m_s2", "measured"):
-        np.testing.assert_array_equal(getattr(joined, name), getattr(aligned, name), name)
 
 
 def test_a_longer_gap_is_not_bridged_and_none_is_where_it_is_turned_off() -> None:

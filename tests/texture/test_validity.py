@@ -5,9 +5,9 @@ import pytest
 import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from stream_samples import stroke_frames
+from stream_samples import judged, stroke_frames
 
-from mmt.core.arrays import BoolArray, FloatArray, RecordArray
+from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.faults import SignalFaults
@@ -23,12 +23,6 @@ def texture(count: int, seed: int, amplitude: FloatArray | float = 1.0) -> Float
     excitation[500:] *= amplitude
     x = scipy.signal.lfilter([1.0], np.real(np.poly(poles)), excitation)
     return np.asarray(x[500:] / x[:500].std())
-
-
-def judged(frames: RecordArray) -> tuple[AlignedBlock, SignalFaults]:
-    stream = StreamFilter()
-    aligned = stream.process(frames)
-    return aligned, stream.faults
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.06])
@@ -223,42 +217,3 @@ def test_a_channel_that_is_not_finite_is_counted() -> None:
     frames["acceleration_m_s2"][500:503, 2] = np.nan
     _, faults = judged(np.delete(frames, 600))
     assert faults == SignalFaults(not_finite_s=0.003, missing_s=0.001, bridged_s=0.004)
-
-
-@st.composite
-def spoilt_streams(draw: st.DrawFn) -> tuple[RecordArray, BoolArray, list[int]]:
-    """Frames with held and clipped stretches, the ones that came, and a cut into blocks."""
-    count = draw(st.integers(1, 900))
-    x = texture(count, draw(st.integers(0, 100)))
-    place = st.integers(0, count - 1)
-    if draw(st.booleans()):
-        x = x.clip(-0.7, 0.7)
-    for _ in range(draw(st.integers(0, 3))):
-        start = draw(place)
-        x[start : start + draw(st.integers(1, 60))] = x[start]
-    for _ in range(draw(st.integers(0, 2))):
-        start = draw(place)
-        x[start : start + draw(st.integers(1, 9))] = np.nan
-    came = np.random.default_rng(draw(st.integers(0, 50))).random(count) >= draw(
-        st.sampled_from([0.0, 0.02, 0.3])
-    )
-    return stroke_frames(x), came, draw(st.lists(st.integers(0, 60), max_size=30))
-
-
-@given(spoilt=spoilt_streams())
-@settings(max_examples=25, deadline=None)
-def test_the_cut_into_blocks_changes_no_judgement(
-    spoilt: tuple[RecordArray, BoolArray, list[int]],
-) -> None:
-    frames, came, lengths = spoilt
-    received = frames[came]
-    whole, faults = judged(received)
-    for cut in (lengths, [1] * len(received)):
-        stream, parts, at = StreamFilter(), [], 0
-        for length in [*cut, len(received)]:
-            parts.append(stream.process(received[at : at + length]))
-            at += length
-        joined = AlignedBlock.concatenate(parts)
-        for name in ("index", "valid", "measured", "vibration_m_s2", "speed_mm_s"):
-            np.testing.assert_array_equal(getattr(joined, name), getattr(whole, name), name)
-        assert stream.faults == faults

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from stream_samples import judged
 from stroked_sessions import resonant_noise, stroked_frames, strokes_over_plane
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.scene import Hand, Link, Scene, Simulated, Texture
 from mmt.testing.simulation.offline import simulate_session
-from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.faults import SignalFaults
-from mmt.texture.signals.filtering import StreamFilter
 
 HANDS = ["strokes", "quick", "circles", "taps", "scratching", "pauses"]
 REST, STROKE = 400, 600
@@ -39,11 +38,6 @@ def strokes_and_rests(count: int, seed: int, gravity: float) -> RecordArray:
     vibration = resonant_noise(len(phase), np.random.default_rng(seed))
     frames["acceleration_m_s2"][:, 2] = gravity + np.where(stroking, vibration, 0.0)
     return frames
-
-
-def judged(frames: RecordArray) -> tuple[AlignedBlock, SignalFaults]:
-    stream = StreamFilter()
-    return stream.process(frames), stream.faults
 
 
 def speed_mm_s(frames: RecordArray) -> FloatArray:
