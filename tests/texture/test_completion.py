@@ -15,7 +15,6 @@ from mmt.texture.completion.distance import (
     CompletionMonitor,
     cell_distances,
     distance_sum,
-    middles,
     reachable_centres,
 )
 from mmt.texture.settings import DISTANCES, ModellingSettings
@@ -24,10 +23,6 @@ PUBLISHED = ModellingSettings(method="published")
 SPACES = pytest.mark.parametrize(
     ("cells", "largest"), [(PLANE_CELLS, [1.0, 1.0]), (VELOCITY_CELLS, [0.7, -0.7, 1.0])]
 )
-
-
-def test_a_range_has_the_middles_of_its_parts() -> None:
-    np.testing.assert_allclose(middles((1.0, 4.0), 3), [1.5, 2.5, 3.5])
 
 
 def test_boundary_points_alone_would_switch_without_data() -> None:

@@ -100,6 +100,7 @@ def test_a_dead_accelerometer_never_starts_and_says_why() -> None:
     frames["acceleration_m_s2"][:, 2] = 9.81
     update = OnlineModeller(ModellingSettings()).update(frames)
     assert not update.started
+    assert update.model is None
     assert update.samples == 0
     assert update.faults.sentence() == "the accelerometer gave one value throughout"
 

@@ -304,14 +304,6 @@ def test_a_late_or_repeated_frame_is_ignored() -> None:
     assert_identical(StreamFilter().process(tangled), StreamFilter().process(frames))
 
 
-@pytest.mark.parametrize("broken", [np.nan, np.inf, -np.inf, 2.0 * LARGEST_MEASUREMENT])
-def test_a_broken_number_counts_as_a_missing_frame(broken: float) -> None:
-    frames = random_frames(400)
-    missing = np.delete(frames, 200)
-    frames["acceleration_m_s2"][200, 2] = broken
-    assert_identical(StreamFilter().process(frames), StreamFilter().process(missing))
-
-
 def test_a_broken_number_in_an_unused_channel_does_no_harm() -> None:
     frames = random_frames(400)
     expected = StreamFilter(ModellingSettings(axis="z")).process(frames)

@@ -58,16 +58,6 @@ def test_no_stretch_enters_twice(frames: RecordArray) -> None:
     assert all(a[1] <= b[0] for a, b in itertools.pairwise(ranges))
 
 
-def test_the_same_stream_gives_the_same_model(frames: RecordArray) -> None:
-    models = []
-    for _ in range(2):
-        modeller = OnlineModeller()
-        feed(modeller, frames)
-        assert modeller.model is not None
-        models.append(modeller.model.vertices)
-    np.testing.assert_array_equal(*models)
-
-
 def test_an_order_of_its_own(frames: RecordArray) -> None:
     for order in (1, 7, 64):
         modeller = OnlineModeller(ModellingSettings(order=order))
@@ -113,14 +103,6 @@ def test_a_surface_that_is_not_felt_gives_a_silent_model(frames: RecordArray) ->
     assert update.model is not None
     assert update.stopped
     assert update.model.level_db(150.0, 1.5)[0][0] < -30.0
-
-
-def test_an_accelerometer_that_gives_one_value_gives_no_model(frames: RecordArray) -> None:
-    dead = frames.copy()
-    dead["acceleration_m_s2"] = 9.81
-    update = feed(OnlineModeller(), dead)[-1]
-    assert update.model is None
-    assert not update.started
 
 
 def test_an_empty_block_changes_nothing() -> None:

@@ -16,6 +16,7 @@ from mmt.texture.online.history import build_model
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.signals.frame_gaps import LARGEST_MEASUREMENT
 
 SETTINGS = ModellingSettings(order=6)
 
@@ -90,7 +91,7 @@ STILL = lossy()
 @given(
     st.integers(0, 2**32),
     st.sampled_from(["position_mm", "force_n", "acceleration_m_s2"]),
-    st.sampled_from([np.nan, np.inf, -np.inf, 1e30]),
+    st.sampled_from([np.nan, np.inf, -np.inf, -2.0 * LARGEST_MEASUREMENT, 1e30]),
 )
 def test_a_frame_that_is_no_measurement_counts_as_missing(
     seed: int, channel: str, value: float

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 from mmt.core.arrays import RecordArray
-from mmt.core.errors import InputError
 from mmt.scene import Hand, Scene
 from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
-from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.surface_changes import SurfaceChange, SurfaceStatement, surface_statements
 from mmt.texture.online.updates import ModelUpdate
@@ -184,19 +182,6 @@ def test_a_model_that_is_complete_stays_as_it_is_until_the_end(
     assert last.model is left.model
 
 
-def test_a_criterion_that_foreign_samples_have_met_is_taken_back() -> None:
-    monitor = CompletionMonitor(replace(SETTINGS, start_distance=20.0, stop_distance=10.0))
-    corners = np.array([[x, y] for x in (0.2, 0.5, 0.8) for y in (0.2, 0.5, 0.8)])
-    monitor.update(corners, 5.0)
-    assert (monitor.started, monitor.stopped) == (True, True)
-    monitor.update(corners[:1], 6.0)
-    assert monitor.started  # a criterion that was met stays met ...
-    monitor.revoke_since(5.0)
-    assert monitor.started
-    monitor.revoke_since(4.9)  # ... but by what was the surface's own
-    assert (monitor.started, monitor.stopped) == (False, False)
-
-
 OVER_TWO = SurfaceCourse(
     [get_surface("glass"), get_surface("sandpaper")],
     [CourseChange(6000, 1, in_contact=True), CourseChange(12_000, 0, in_contact=False)],
@@ -303,9 +288,3 @@ def test_strokes_at_other_headings_are_not_another_surface() -> None:
     found = [c for u in updates(modeller, frames) for c in u.changes]
     assert [(c.kind, c.surface) for c in found] == [("new", 2)]
     assert all(model.space.directed for model in modeller.models().values())
-
-
-def test_frames_without_a_channel_are_refused() -> None:
-    lacking = np.zeros(100, dtype=[("sequence", "<i8"), ("time_ns", "<i8")])
-    with pytest.raises(InputError, match="position"):
-        SurfaceModeller(SETTINGS, 1000).update(lacking)
