@@ -1,40 +1,23 @@
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_samples import fitted, strokes_in
 from scipy.interpolate import LinearNDInterpolator, RBFInterpolator
 from scipy.spatial import Delaunay
 
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.interpolation.networks.evaluation import LEVEL_ROOM
-from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Method
 from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace, normalise_into
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
-
-def make_samples(inputs: np.ndarray, order: int = 8) -> TextureSamples:
-    generator = np.random.default_rng(order)
-    reflection = generator.uniform(-0.8, 0.8, (len(inputs), order))
-    variance = generator.uniform(0.5, 2.0, len(inputs))
-    return TextureSamples(
-        np.asarray(inputs, dtype=float),
-        reflection_to_lsf(reflection),
-        variance,
-        output_power(variance, reflection),
-        ANISOTROPIC,
-    )
-
-
-def scattered(count: int, seed: int = 0) -> np.ndarray:
-    """Return inputs (count, 3) of strokes in all directions."""
-    generator = np.random.default_rng(seed)
-    speed, heading = generator.uniform(20, 290, count), generator.uniform(-np.pi, np.pi, count)
-    force = generator.uniform(0.2, 2.9, count)
-    return np.column_stack([speed * np.cos(heading), speed * np.sin(heading), force])
+strokes = partial(strokes_in, ANISOTROPIC)
+fitted_at = partial(fitted, space=ANISOTROPIC)
 
 
 def everywhere(count: int) -> np.ndarray:
@@ -46,14 +29,14 @@ METHODS: tuple[Method, ...] = ("field", "published")
 
 
 def test_the_network_goes_through_its_samples() -> None:
-    samples = make_samples(scattered(40))
+    samples = fitted_at(strokes(40))
     lsf, variance = TextureModel(samples, method="published").at(*samples.inputs.T)
     np.testing.assert_allclose(lsf, samples.lsf, atol=1e-9)
     np.testing.assert_allclose(variance, samples.variance, rtol=1e-7)
 
 
 def test_the_network_is_that_of_scipy_where_it_is_a_filter() -> None:
-    texture = make_samples(scattered(60), order=2)
+    texture = fitted_at(strokes(60), order=2)
     whole = RBFInterpolator(texture.points, np.column_stack([texture.variance, texture.lsf]))
     inputs = everywhere(2000)
     expected = whole(ANISOTROPIC.normalise(inputs))
@@ -68,7 +51,7 @@ def test_the_network_is_that_of_scipy_where_it_is_a_filter() -> None:
 
 
 def test_the_level_of_a_network_is_bounded_far_from_all_samples() -> None:
-    samples = make_samples(scattered(12) * 0.05 + 10.0)
+    samples = fitted_at(strokes(12) * 0.05 + 10.0)
     lsf, variance = TextureModel(samples, method="published").at(*everywhere(500).T)
     assert variance.max() <= LEVEL_ROOM * samples.variance.max() * (1 + 1e-9)
     assert (lsf >= samples.lsf.min(axis=0) - 1e-12).all()
@@ -76,7 +59,7 @@ def test_the_level_of_a_network_is_bounded_far_from_all_samples() -> None:
 
 
 def test_the_frequencies_of_a_field_are_scipys_between_its_vertices() -> None:
-    model = TextureModel(make_samples(scattered(60)))
+    model = TextureModel(fitted_at(strokes(60)))
     inputs = everywhere(2000)
     points = ANISOTROPIC.normalise(inputs)
     scipys = LinearNDInterpolator(Delaunay(model.vertices[:, :3]), model.vertices[:, 4:])(points)
@@ -101,7 +84,7 @@ def test_the_frequencies_of_a_field_are_scipys_between_its_vertices() -> None:
 def test_degenerate_sample_sets_give_a_finite_stable_model(
     inputs: list[list[float]], method: Method
 ) -> None:
-    model = TextureModel(make_samples(np.array(inputs)), method=method)
+    model = TextureModel(fitted_at(np.array(inputs)), method=method)
     lsf, variance = model.at(*everywhere(1000).T)
     assert np.isfinite(variance).all()
     assert (variance >= 0).all()
@@ -111,7 +94,7 @@ def test_degenerate_sample_sets_give_a_finite_stable_model(
 @settings(max_examples=30, deadline=None)
 @given(st.integers(1, 30), st.integers(0, 2**32), st.sampled_from(METHODS))
 def test_any_samples_give_ordered_frequencies(count: int, seed: int, method: Method) -> None:
-    samples = make_samples(np.round(scattered(count, seed), 1))
+    samples = fitted_at(np.round(strokes(count, seed), 1))
     model = TextureModel(samples, method=method)
     lsf, variance = model.at(*everywhere(200).T)
     assert (np.diff(lsf, axis=1, prepend=0.0, append=np.pi) > 0).all()
@@ -121,9 +104,9 @@ def test_any_samples_give_ordered_frequencies(count: int, seed: int, method: Met
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("slowest_mm_s", [3.0, 10.0, 100.0])
 def test_a_hand_at_rest_or_without_force_feels_nothing(slowest_mm_s: float, method: Method) -> None:
-    inputs = scattered(80)
+    inputs = strokes(80)
     inputs[:10, :2] *= slowest_mm_s / np.hypot(inputs[:10, :1], inputs[:10, 1:2])
-    model = TextureModel(make_samples(inputs), method=method)
+    model = TextureModel(fitted_at(inputs), method=method)
     assert model.at(0.0, 0.0, np.linspace(0.0, 3.0, 301))[1].max() == 0.0
     turn = np.linspace(0.0, 2 * np.pi, 50)
     for speed in (50.0, 150.0, 300.0):
@@ -131,20 +114,20 @@ def test_a_hand_at_rest_or_without_force_feels_nothing(slowest_mm_s: float, meth
 
 
 def test_every_stroke_is_felt_however_slow_and_light() -> None:
-    model = TextureModel(make_samples(scattered(30)))
-    inputs = scattered(500, 3) * (0.1, 0.1, 0.1)
+    model = TextureModel(fitted_at(strokes(30)))
+    inputs = strokes(500, 3) * (0.1, 0.1, 0.1)
     assert model.at(*inputs.T)[1].min() > 0.0
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_samples_without_any_level_are_silence(method: Method) -> None:
-    samples = make_samples(scattered(5))
+    samples = fitted_at(strokes(5))
     silent = replace(samples, power=np.zeros(5), variance=np.zeros(5))
     assert (TextureModel(silent, method=method).at(*everywhere(100).T)[1] == 0.0).all()
 
 
 def test_all_that_a_hand_can_reach_lies_inside() -> None:
-    model = TextureModel(make_samples(scattered(3)))
+    model = TextureModel(fitted_at(strokes(3)))
     turn = np.linspace(0.0, 2 * np.pi, 1000)
     rim = ANISOTROPIC.from_motion(
         300 * np.cos(turn), 300 * np.sin(turn), 3.0 * np.abs(np.sin(turn))
@@ -156,7 +139,7 @@ def test_all_that_a_hand_can_reach_lies_inside() -> None:
 
 
 def test_a_velocity_beyond_the_largest_keeps_its_heading() -> None:
-    model = TextureModel(make_samples(scattered(50)))
+    model = TextureModel(fitted_at(strokes(50)))
     for slow, fast in zip(model.at(180.0, 240.0, 1.0), model.at(1800.0, 2400.0, 1.0), strict=True):
         np.testing.assert_allclose(slow, fast, rtol=1e-9)
     beyond = ANISOTROPIC.normalise(np.array([[np.inf, np.inf, np.inf], [np.nan, 5.0, np.nan]]))
@@ -180,14 +163,14 @@ def test_one_moment_is_normalised_as_many_are(
 def test_a_motion_gives_the_inputs_of_either_space() -> None:
     np.testing.assert_allclose(ISOTROPIC.from_motion(30.0, -40.0, 1.5), [[50.0, 1.5]])
     np.testing.assert_allclose(ANISOTROPIC.from_motion(30.0, -40.0, 1.5), [[30.0, -40.0, 1.5]])
-    samples = make_samples(np.array([[30.0, -40.0, 1.5]]))
+    samples = fitted_at(np.array([[30.0, -40.0, 1.5]]))
     np.testing.assert_allclose(samples.speed_mm_s, [50.0])
 
 
 def test_rendering_follows_the_heading() -> None:
-    along, across = make_samples(np.array([[150.0, 0.0, 1.5], [0.0, 150.0, 1.5]])).power
+    along, across = fitted_at(np.array([[150.0, 0.0, 1.5], [0.0, 150.0, 1.5]])).power
     model = TextureModel(
-        make_samples(np.array([[150.0, 0.0, 1.5], [0.0, 150.0, 1.5]])), method="published"
+        fitted_at(np.array([[150.0, 0.0, 1.5], [0.0, 150.0, 1.5]])), method="published"
     )
     count = 40_000
     for heading, power in ((0.0, along), (np.pi / 2, across)):
@@ -199,7 +182,7 @@ def test_rendering_follows_the_heading() -> None:
 
 
 def test_the_wrong_number_of_inputs_is_explained() -> None:
-    model = TextureModel(make_samples(scattered(3)))
+    model = TextureModel(fitted_at(strokes(3)))
     with pytest.raises(InputError, match="velocity_x_mm_s"):
         model.at(100.0)
     with pytest.raises(InputError, match="velocity_x_mm_s"):
@@ -215,4 +198,4 @@ def test_the_wrong_number_of_inputs_is_explained() -> None:
     with pytest.raises(InputError, match="maximum_force_n"):
         InputSpace("isotropic", 300.0, 0.0)
     with pytest.raises(InputError, match="method is 'spline', allowed are field, published"):
-        TextureModel(make_samples(scattered(3)), method="spline")  # type: ignore[arg-type]
+        TextureModel(fitted_at(strokes(3)), method="spline")  # type: ignore[arg-type]

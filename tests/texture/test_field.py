@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_samples import scattered
 
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
@@ -22,15 +23,6 @@ from mmt.texture.space.samples import TextureSamples
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 DIRECTED = pytest.mark.parametrize("directed", [False, True])
-
-
-def scattered(count, directed=False, seed=0):
-    random = np.random.default_rng(seed)
-    speed, force = random.uniform(0.07, 0.95, count), random.uniform(0.07, 0.95, count)
-    if not directed:
-        return np.column_stack([speed, force])
-    heading = random.uniform(-np.pi, np.pi, count)
-    return np.column_stack([speed * np.cos(heading), speed * np.sin(heading), force])
 
 
 def law(points):

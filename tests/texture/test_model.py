@@ -5,35 +5,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from library_samples import stiff
+from random_samples import fitted, strokes_in
 from scipy.signal import welch
 
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.forms import lsf_to_ar, output_power, reflection_to_lsf
+from mmt.texture.autoregression.forms import lsf_to_ar
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import Method
+from mmt.texture.space.inputs import ISOTROPIC
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 FREQUENCIES_HZ = np.linspace(10, 490, 97)
 
 
-def make_samples(speed: list[float], force: list[float], order: int = 8) -> TextureSamples:
-    generator = np.random.default_rng(order)
-    reflection = generator.uniform(-0.8, 0.8, (len(speed), order))
-    variance = generator.uniform(0.5, 2.0, len(speed))
-    return TextureSamples.isotropic(
-        np.array(speed, dtype=float),
-        np.array(force, dtype=float),
-        reflection_to_lsf(reflection),
-        variance,
-        output_power(variance, reflection),
-    )
+def make_samples(speed: list[float], force: list[float]) -> TextureSamples:
+    return fitted(np.column_stack([speed, force]))
 
 
 def scattered(count: int, order: int = 8) -> TextureSamples:
-    generator = np.random.default_rng(count)
-    return make_samples(
-        list(generator.uniform(10, 290, count)), list(generator.uniform(0.1, 2.9, count)), order
-    )
+    return fitted(strokes_in(ISOTROPIC, count, count), order=order)
 
 
 def published(samples: TextureSamples) -> TextureModel:
@@ -149,7 +139,7 @@ def test_samples_beside_each_other_are_one_vertex_wherever_they_lie(apart: float
     centres = (np.round(np.random.default_rng(2).uniform(0.1, 0.9, (20, 2)) * 1e6) + 0.5) / 1e6
     around = 0.5 * apart * np.array([(-1, 0), (1, 0), (0, 1), (0, -1)])
     points = (centres[:, None, :] + around).reshape(-1, 2)
-    samples = make_samples(list(300 * points[:, 0]), list(3 * points[:, 1]))
+    samples = fitted(points * ISOTROPIC.scale)
     model = published(samples)
     assert len(model.vertices) == 20 + 20
     lsf, _ = model.at(300 * centres[:, 0], 3 * centres[:, 1])

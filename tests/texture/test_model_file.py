@@ -9,34 +9,21 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from random_samples import fitted, strokes_in
 
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.forms import lsf_to_ar, output_power, reflection_to_lsf
+from mmt.texture.autoregression.forms import lsf_to_ar
 from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.model.texture_model import TextureModel, load_model
-from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC
+from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt.texture.space.samples import TextureSamples
 from mmt.texture.touch_down.transient import Law, Transient
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "model-file.md"
 
 
-def inputs_of(space, count: int, seed: int) -> np.ndarray:
-    """Return inputs (count, d) inside the space, none of them at rest."""
-    generator = np.random.default_rng(seed)
-    speed, heading = generator.uniform(20, 290, count), generator.uniform(-np.pi, np.pi, count)
-    return space.from_motion(
-        speed * np.cos(heading), speed * np.sin(heading), generator.uniform(0.1, 2.9, count)
-    )
-
-
-def make_samples(space, count: int, order: int = 6) -> TextureSamples:
-    generator = np.random.default_rng(3)
-    reflection = generator.uniform(-0.8, 0.8, (count, order))
-    variance = generator.uniform(0.5, 2.0, count)
-    power = output_power(variance, reflection)
-    lsf = reflection_to_lsf(reflection)
-    return TextureSamples(inputs_of(space, count, 1), lsf, variance, power, space)
+def make_samples(space: InputSpace, count: int) -> TextureSamples:
+    return fitted(strokes_in(space, count, 1), space, order=6)
 
 
 @pytest.mark.parametrize("method", ["field", "published"])
@@ -46,7 +33,7 @@ def test_a_loaded_model_is_the_saved_one_to_the_bit(space, method) -> None:
     again = TextureModel.from_bytes(model.to_bytes())
     assert (again.method, again.space) == (method, space)
     assert again.to_bytes() == model.to_bytes()
-    queries = inputs_of(space, 200, 2).T
+    queries = strokes_in(space, 200, 2).T
     for one, other in zip(model.at(*queries), again.at(*queries), strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -63,7 +50,7 @@ def test_the_pages_code_gives_a_published_models_own_values(name, monkeypatch, t
         assert "mmt" not in block
         exec(compile(block, str(PAGE), "exec"), names)
     assert str(path) not in {file.path for file in psutil.Process().open_files()}
-    inputs = inputs_of(model.space, 300, 5)
+    inputs = strokes_in(model.space, 300, 5)
     points = model.space.normalise(inputs)
     lsf, variance = model.at(*inputs.T)
     plain = names["at"](points)

@@ -4,23 +4,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from random_samples import fitted, strokes_in
 
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.field.shape_smoothing import smoothed_shapes
 from mmt.texture.interpolation.vertices import vertex_table
 from mmt.texture.model.texture_model import TextureModel, TextureSamples, load_model
 from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 
 
-def drawn(count: int, space: InputSpace = ISOTROPIC, *, order: int = 4) -> TextureSamples:
-    generator = np.random.default_rng(count)
-    reflection = generator.uniform(-0.6, 0.6, (count, order))
-    variance = generator.uniform(0.5, 2.0, count)
-    motion = generator.uniform(20.0, 200.0, (count, space.dimensions - 1))
-    inputs = np.column_stack([motion, generator.uniform(0.2, 2.8, count)])
-    power = output_power(variance, reflection)
-    return TextureSamples(inputs, reflection_to_lsf(reflection), variance, power, space)
+def drawn(count: int, space: InputSpace = ISOTROPIC) -> TextureSamples:
+    return fitted(strokes_in(space, count), space, order=4)
 
 
 def test_a_model_holds_what_its_method_renders() -> None:

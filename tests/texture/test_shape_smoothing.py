@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_samples import scattered
 
 from mmt.texture.autoregression.effective_sample_size import effective_samples
 from mmt.texture.autoregression.forms import reflection_to_lsf
@@ -12,15 +13,6 @@ from mmt.texture.interpolation.vertices import boundary
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.space.samples import TextureSamples
-
-
-def scattered(count, directed=False, seed=0):
-    random = np.random.default_rng(seed)
-    speed, force = random.uniform(0.07, 0.95, count), random.uniform(0.07, 0.95, count)
-    if not directed:
-        return np.column_stack([speed, force])
-    heading = random.uniform(-np.pi, np.pi, count)
-    return np.column_stack([speed * np.cos(heading), speed * np.sin(heading), force])
 
 
 def truth(points):

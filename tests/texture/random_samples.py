@@ -1,0 +1,36 @@
+"""Points, strokes and samples of models drawn at random, for tests of what is made of them."""
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
+from mmt.texture.space.inputs import ISOTROPIC, InputSpace
+from mmt.texture.space.samples import TextureSamples
+
+
+def scattered(count: int, directed: bool = False, seed: int = 0) -> FloatArray:
+    """Return normalised points (count, d) inside the space."""
+    random = np.random.default_rng(seed)
+    speed, force = random.uniform(0.07, 0.95, count), random.uniform(0.07, 0.95, count)
+    if not directed:
+        return np.column_stack([speed, force])
+    heading = random.uniform(-np.pi, np.pi, count)
+    return np.column_stack([speed * np.cos(heading), speed * np.sin(heading), force])
+
+
+def strokes_in(space: InputSpace, count: int, seed: int = 0) -> FloatArray:
+    """Return inputs (count, d) inside the space, none of them at rest."""
+    random = np.random.default_rng(seed)
+    speed, heading = random.uniform(20, 290, count), random.uniform(-np.pi, np.pi, count)
+    force = random.uniform(0.2, 2.9, count)
+    return space.from_motion(speed * np.cos(heading), speed * np.sin(heading), force)
+
+
+def fitted(inputs: FloatArray, space: InputSpace = ISOTROPIC, *, order: int = 8) -> TextureSamples:
+    """Return samples with filters of their own at inputs (n, d)."""
+    random = np.random.default_rng(order)
+    reflection = random.uniform(-0.8, 0.8, (len(inputs), order))
+    variance = random.uniform(0.5, 2.0, len(inputs))
+    power = output_power(variance, reflection)
+    places = np.asarray(inputs, dtype=float)
+    return TextureSamples(places, reflection_to_lsf(reflection), variance, power, space)
