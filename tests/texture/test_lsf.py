@@ -159,29 +159,23 @@ def test_the_gain_of_a_low_pass_filter_needs_the_frequencies():
     assert oracles.relative_error(lsf_inverse_gain(lsf, np.empty(60)), expected) < 1e-14
 
 
+SMALL = np.random.default_rng(2).uniform(-0.15, 0.15, (6, 9))
+SPREAD = np.array([oracles.spread_lsf(9, seed) for seed in range(6)])
+
+
 @pytest.mark.parametrize(
-    "convert",
+    ("convert", "rows"),
     [
-        reflection_to_ar,
-        ar_to_reflection,
-        reflection_to_lsf,
+        *((convert, SMALL) for convert in (reflection_to_ar, ar_to_reflection, reflection_to_lsf)),
+        *((convert, SPREAD) for convert in (lsf_to_ar, lsf_to_reflection)),
     ],
 )
-def test_a_batch_is_its_rows(convert):
-    rows = np.random.default_rng(2).uniform(-0.15, 0.15, (6, 9))
+def test_a_batch_is_its_rows(convert, rows):
     batch = convert(rows)
     for row, result in zip(rows, batch, strict=True):
         np.testing.assert_array_equal(convert(row), result)
     assert convert(rows[:0]).shape == (0, 9)
     np.testing.assert_array_equal(convert(np.asfortranarray(rows)), batch)
-
-
-@pytest.mark.parametrize("convert", [lsf_to_ar, lsf_to_reflection])
-def test_a_batch_of_frequencies_is_its_rows(convert):
-    rows = np.array([oracles.spread_lsf(9, seed) for seed in range(6)])
-    batch = convert(rows)
-    for row, result in zip(rows, batch, strict=True):
-        np.testing.assert_array_equal(convert(row), result)
 
 
 @pytest.mark.parametrize(

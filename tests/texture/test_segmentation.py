@@ -96,11 +96,12 @@ def test_three_axes_are_reduced_over_the_segment() -> None:
     np.testing.assert_allclose(found.vibration_m_s2, dft321(block.vibration_m_s2[10:490, 0]))
 
 
+@pytest.mark.parametrize("inputs", INPUTS.values())
 @pytest.mark.parametrize("channel", ["speed", "force"])
-def test_a_step_in_speed_or_force_cuts_there(channel: str) -> None:
+def test_a_step_in_speed_or_force_cuts_there(channel: str, inputs: Inputs) -> None:
     step = np.r_[np.full(400, 1.0), np.full(400, 1.8)]
     block = make_block(80.0 * step) if channel == "speed" else make_block(0 * step + 80.0, step)
-    assert ranges(segment(block)) == [(10, 400), (400, 790)]
+    assert ranges(segment(block, ModellingSettings(inputs=inputs))) == [(10, 400), (400, 790)]
 
 
 def test_a_corner_cuts_the_stroke() -> None:
@@ -123,13 +124,6 @@ def test_only_by_heading_a_slow_turn_cuts_the_stroke(by_heading: bool) -> None:
         if by_heading:
             deviation = np.sqrt(((velocity - mean) ** 2).sum(axis=1).mean())
             assert deviation <= 0.12 * np.linalg.norm(mean) * (1 + 1e-9)
-
-
-def test_by_heading_a_step_in_speed_or_force_still_cuts() -> None:
-    step = np.r_[np.full(400, 1.0), np.full(400, 1.8)]
-    settings = ModellingSettings(inputs="anisotropic")
-    assert ranges(segment(make_block(80.0 * step), settings)) == [(10, 400), (400, 790)]
-    assert ranges(segment(make_block(0 * step + 80.0, step), settings)) == [(10, 400), (400, 790)]
 
 
 @pytest.mark.parametrize("period", [170, 1000])

@@ -1,6 +1,7 @@
 """Online segmentation against one pass with everything known, on strokes as hands make them."""
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -91,32 +92,23 @@ def share_near(ours: list[SampleRange], others: list[SampleRange]) -> float:
 
 
 @pytest.mark.parametrize("period", [250, 500, 1000, 2000])
-def test_strokes_are_cut_online_as_offline(period: int) -> None:
+@pytest.mark.parametrize(
+    ("movement", "least_there", "least_back"), [(strokes, 0.97, 0.97), (circles, 0.9, 0.8)]
+)
+def test_movements_are_cut_online_as_offline(
+    movement: Callable[[int, int], AlignedBlock], least_there: float, least_back: float, period: int
+) -> None:
+    """Without a stop, provisional segments that later cuts make too short to be replaced stay."""
     there, back = [], []
     for seed in range(5):
-        block = strokes(seed, 30_000)
+        block = movement(seed, 30_000)
         offline = [SampleRange(found.start, found.stop) for found in segment(block)]
         found = run_online(block, period)
         assert len(offline) > 25
         there.append(share_near(offline, found))
         back.append(share_near(found, offline))
-    assert min(there + back) >= 0.97
-
-
-@pytest.mark.parametrize("period", [250, 500, 1000, 2000])
-def test_a_movement_without_a_stop_is_cut_online_nearly_as_offline(period: int) -> None:
-    there, back = [], []
-    for seed in range(5):
-        block = circles(seed, 30_000)
-        offline = [SampleRange(found.start, found.stop) for found in segment(block)]
-        found = run_online(block, period)
-        assert len(offline) > 25
-        there.append(share_near(offline, found))
-        back.append(share_near(found, offline))
-    assert min(there) >= 0.9
-    # Provisional segments that later cuts make too short to be replaced stay, so that online
-    # has some more.
-    assert min(back) >= 0.8
+    assert min(there) >= least_there
+    assert min(back) >= least_back
 
 
 @pytest.mark.skipif(not RECORDED.is_dir(), reason="recorded teleoperation is not here")
