@@ -66,12 +66,12 @@ def test_the_filter_follows_the_hand_at_its_own_rate() -> None:
     textures = open_textures([texture], output_hz=1000, estimate_hz=100)
     touch(textures, 0, 200.0, force_n=2.0)
     render(textures, 5)
-    before = textures.estimator.newest
+    before = textures.newest
     touch(textures, 0, 50.0, force_n=1.0)
     render(textures, 5)
-    assert textures.estimator.newest is before
+    assert textures.newest is before
     render(textures, 1)
-    assert textures.estimator.newest is not before
+    assert textures.newest is not before
 
 
 def test_nothing_touched_is_silent_and_so_is_a_hand_at_rest() -> None:
@@ -114,7 +114,7 @@ def test_textures_of_different_rates_are_one_output(tmp_path: Path) -> None:
 def test_estimates_in_a_thread_follow_the_clock() -> None:
     textures = open_textures([model()], threads=True, estimate_hz=200)
     touch(textures, 0, 150.0, force_n=1.5)
-    until(lambda: textures.estimator.newest is not None)
+    until(lambda: textures.newest is not None)
     assert render(textures, 1000).std() > 0.05
     close(textures)
     close(textures)

@@ -12,9 +12,9 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
 from mmt.models import find_model
-from mmt.rendering.estimating import Estimator, Touch
-from mmt.rendering.generating import OutputGenerator
+from mmt.rendering.generating import Estimate, OutputGenerator
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.synthesis.generation import estimate
 
 Source = Path | str | TextureModel
 """A model file or the name of a shipped model, or a model."""
@@ -26,7 +26,11 @@ _JOIN_S: Final = 2.0
 
 
 class Textures:
-    """Open textures: result of `open_textures` and argument of the other three calls."""
+    """Open textures: result of `open_textures` and argument of the other three calls.
+
+    Touch and estimate are each replaced by one assignment, so that the hand, the estimates and the
+    samples may be in threads of their own without a lock.
+    """
 
     def __init__(
         self,
@@ -39,8 +43,11 @@ class Textures:
         sink: Sink | None,
     ) -> None:
         self.output_hz = output_hz
-        self.estimator = Estimator(models)
         self.output = output
+        self._models = tuple(models)
+        self._touched: tuple[TextureModel, tuple[float, float, float]] | None = None
+        self.newest: Estimate | None = None
+        """The newest estimate; None before the first touch, and while nothing is touched."""
         self._period = output_hz / estimate_hz  # in samples of the output
         self._given = 0
         self._due = 0.0
@@ -49,10 +56,27 @@ class Textures:
         self._own_estimates = not threads
         self._threads: list[threading.Thread] = []
         if threads:
-            self._start("estimate", 1.0 / estimate_hz, self.estimator.estimate)
+            self._start("estimate", 1.0 / estimate_hz, self.estimate)
         if sink is not None:
             block = max(1, round(_BLOCK_S * output_hz))
             self._start("generate", block / output_hz, lambda: sink(self.render(block)))
+
+    def touch(self, texture: int | None, motion: tuple[float, float, float]) -> None:
+        """Set the present motion of the hand; see `touch`."""
+        count = len(self._models)
+        if texture is not None and not 0 <= texture < count:
+            raise InputError(f"texture {texture}: there are {count}, counted from 0")
+        self._touched = None if texture is None else (self._models[texture], motion)
+
+    def estimate(self) -> None:
+        """Update `newest`; takes some 50 us with a triangulation."""
+        touched = self._touched
+        if touched is None:
+            self.newest = None
+            return
+        model, motion = touched
+        inputs = model.space.from_motion(*motion)[0]
+        self.newest = Estimate(estimate(model, *inputs), model.rate_hz)
 
     def render(self, count: int) -> FloatArray:
         """Return the next samples; see `render`."""
@@ -61,10 +85,10 @@ class Textures:
             part = count
             if self._own_estimates:
                 if self._given >= self._due:
-                    self.estimator.estimate()
+                    self.estimate()
                     self._due += self._period
                 part = min(count, math.ceil(self._due - self._given))
-            self.output.set_estimate(self.estimator.newest)
+            self.output.set_estimate(self.newest)
             blocks.append(self.output.generate(part))
             self._given += part
             count -= part
@@ -196,9 +220,7 @@ def touch(
         The textures are closed, or a thread has failed.
     """
     textures.check()
-    textures.estimator.touch(
-        None if texture is None else Touch(texture, velocity_x_mm_s, velocity_y_mm_s, force_n)
-    )
+    textures.touch(texture, (velocity_x_mm_s, velocity_y_mm_s, force_n))
 
 
 def render(textures: Textures, count: int) -> FloatArray:

@@ -1,13 +1,21 @@
-"""The third part of rendering: samples at the device's rate from the newest estimate."""
+"""Samples at the device's rate from the newest estimate of the vibration's filter."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.rendering.estimating import Estimate
 from mmt.rendering.rate import RateConverter
-from mmt.texture.synthesis.generation import Generator
+from mmt.texture.synthesis.generation import Generator, VibrationFilter
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Filter by which to generate, and the sampling rate that it is valid at."""
+
+    filter: VibrationFilter
+    rate_hz: float
 
 
 class OutputGenerator:
