@@ -16,7 +16,7 @@ from mmt.scene import Hand, Scene
 from mmt.scene.files import scene_from_tables
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
-from mmt.texture.completion.distance import PLANE_CELLS
+from mmt.texture.completion.distance import cells_of
 from mmt.texture.online.history import build, build_model, stream_blocks
 from mmt.texture.settings import ModellingSettings
 
@@ -173,7 +173,7 @@ def test_session_at_rest_has_no_samples():
     assert evaluation.held_out == ()
     assert [step.samples for step in evaluation.steps] == [0, 0]
     assert all(step.gfc is None and step.power_error_db is None for step in evaluation.steps)
-    assert evaluation.at_end.distance == pytest.approx(27 * PLANE_CELLS.farthest)
+    assert evaluation.at_end.distance == pytest.approx(27 * cells_of(2).farthest)
     assert "never stroked" in evaluation.coverage.remark
     json.dumps(evaluation.as_dict(), allow_nan=False)
 

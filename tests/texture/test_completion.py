@@ -9,11 +9,10 @@ from scipy.spatial import cKDTree
 
 from mmt.texture.completion.distance import (
     CELL_CENTRES,
-    PLANE_CELLS,
-    VELOCITY_CELLS,
     Cells,
     CompletionMonitor,
     cell_distances,
+    cells_of,
     distance_sum,
     reachable_centres,
 )
@@ -21,7 +20,7 @@ from mmt.texture.settings import DISTANCES, ModellingSettings
 
 PUBLISHED = ModellingSettings(method="published")
 SPACES = pytest.mark.parametrize(
-    ("cells", "largest"), [(PLANE_CELLS, [1.0, 1.0]), (VELOCITY_CELLS, [0.7, -0.7, 1.0])]
+    ("cells", "largest"), [(cells_of(2), [1.0, 1.0]), (cells_of(3), [0.7, -0.7, 1.0])]
 )
 
 
@@ -47,7 +46,7 @@ def test_agrees_with_a_search_tree(cells: Cells, largest: list[float]) -> None:
 def test_missing_neighbours_count_as_the_diagonal(count: int) -> None:
     points = np.full((count, 2), 0.5)
     middle = cell_distances(points)[4]
-    assert middle == pytest.approx((3 - count) * PLANE_CELLS.farthest)
+    assert middle == pytest.approx((3 - count) * cells_of(2).farthest)
 
 
 @SPACES
@@ -109,7 +108,7 @@ def test_the_settings_hold_the_derived_thresholds() -> None:
 
 def test_every_cell_of_velocity_and_force_can_be_reached() -> None:
     centres = reachable_centres()
-    np.testing.assert_array_equal(centres, VELOCITY_CELLS.centres)
+    np.testing.assert_array_equal(centres, cells_of(3).centres)
     assert len(centres) == 27
     assert np.hypot(centres[:, 0], centres[:, 1]).max() < 1.0
     np.testing.assert_allclose(np.unique(centres[:, 2]), [1 / 6, 1 / 2, 5 / 6])

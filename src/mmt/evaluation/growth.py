@@ -10,7 +10,7 @@ from mmt.core.arrays import FloatArray
 from mmt.core.palette import GRADED, LIGHT
 from mmt.evaluation.figures import readiness
 from mmt.evaluation.results import Evaluation
-from mmt.texture.completion.distance import CELL_CENTRES, DIVISIONS, VELOCITY_CELLS, cell_distances
+from mmt.texture.completion.distance import CELL_CENTRES, DIVISIONS, cell_distances, cells_of
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 
@@ -24,7 +24,7 @@ def model_growth(evaluation: Evaluation, panels: int = 4) -> Figure:
     """
     along_force = evaluation.settings.inputs == "anisotropic"
     draw, centres, width, height, x, y = (
-        (_draw_velocity, VELOCITY_CELLS.centres, 1.8, 3.4, "velocity x (mm/s)", "velocity y (mm/s)")
+        (_draw_velocity, cells_of(3).centres, 1.8, 3.4, "velocity x (mm/s)", "velocity y (mm/s)")
         if along_force
         else (_draw_plane, CELL_CENTRES, 0.9, 3.2, "speed (mm/s)", "normal force (N)")
     )
