@@ -19,10 +19,13 @@ from mmt.evaluation.document import (
     Listing,
     Paragraph,
     ReportTable,
+    Tile,
+    Tiles,
 )
 from mmt.evaluation.report_files import picture, write_report_files
 from mmt.evaluation.results import Evaluation, evaluations_as_dict
-from mmt.evaluation.tiles import at_a_glance
+from mmt.evaluation.run_verdict import median_of_known, run_verdict
+from mmt.evaluation.texts import share
 
 _COMPLETION: Final = {
     "distance": "Completion: the distance sum after each update, and both thresholds.",
@@ -83,7 +86,7 @@ def write_report(
     """
     made, figures = datetime.now(UTC), evaluations_as_dict(evaluations)
     blocks: list[Block] = [Heading(title, 1), Paragraph(f"{made:%Y-%m-%d, %H:%M} UTC")]
-    blocks += at_a_glance(evaluations, figures, run or {})
+    blocks += _at_a_glance(evaluations, figures, run or {})
     # figures of a single session are not named after it, so that those of two reports match
     alone = len(evaluations) == 1
     prefixes = [
@@ -104,6 +107,44 @@ def write_report(
     summary |= {"scene": scene} if scene is not None else {}
     summary |= {"run": run} if run is not None else {}
     return write_report_files(directory, title, blocks, "summary.json", summary)
+
+
+def _at_a_glance(
+    evaluations: Sequence[Evaluation], figures: Mapping[str, Any], run: Mapping[str, Any]
+) -> list[Block]:
+    """Return the first blocks of a report; of several sessions the medians.
+
+    `figures` are those of the evaluations, as `evaluations_as_dict` gives them.
+    """
+    services = {name: run[name] for name in ("leader", "follower") if name in run}
+    found = run_verdict(services, figures)
+    first, *others = found.faults or ("all well",)
+    tiles = [
+        Tile("vibration", found.now),
+        Tile("readiness", found.readiness),
+        Tile("error of the level", found.error, found.noticeable),
+        Tile("health", first, "; ".join(others), "" if found.state == "running" else found.state),
+    ]
+    blocks: list[Block] = [Tiles([tile for tile in tiles if tile.value])]
+    return [*blocks, Paragraph(_on_level(evaluations))] if evaluations else blocks
+
+
+def _on_level(evaluations: Sequence[Evaluation]) -> str:
+    is_known = evaluations[0].basis == "truth"
+    reference = "known texture" if is_known else "held-out segments"
+    right = median_of_known(each.final.within_jnd for each in evaluations)
+    if right is None:
+        return f"There is no model to compare with the {reference}."
+    sentence = (
+        f"Against the {reference} the level is right, within one just noticeable difference, on "
+        f"{share(right)} of {'the strokes that were made' if is_known else 'their strokes'}"
+    )
+    plane = median_of_known(each.final.plane_within_jnd for each in evaluations)
+    return (
+        f"{sentence}."
+        if plane is None
+        else f"{sentence}, and on {share(plane)} of the whole plane."
+    )
 
 
 def environment() -> dict[str, str]:
