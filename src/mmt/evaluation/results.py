@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, is_dataclass
 from typing import Any, Literal
 
 from mmt.core.arrays import FloatArray
@@ -298,17 +298,17 @@ class Evaluation(Plottable):
             "beside": self.beside,
             "start_s": self.start_s,
             "stop_s": self.stop_s,
-            "steps": [_plain(asdict(step)) for step in self.steps],
-            "at_start": _plain(asdict(self.at_start)) if self.at_start else None,
-            "at_stop": _plain(asdict(self.at_stop)) if self.at_stop else None,
-            "at_end": _plain(asdict(self.at_end)),
-            "worst": [_plain(asdict(worst)) for worst in self.worst],
-            "bands": [_plain(asdict(band)) for band in self.bands],
-            "by_heading": [_plain(asdict(errors)) for errors in self.by_heading],
+            "steps": _plain(self.steps),
+            "at_start": _plain(self.at_start),
+            "at_stop": _plain(self.at_stop),
+            "at_end": _plain(self.at_end),
+            "worst": _plain(self.worst),
+            "bands": _plain(self.bands),
+            "by_heading": _plain(self.by_heading),
             "control": [period.as_dict() for period in self.control],
-            "coverage": _plain(asdict(self.coverage)),
-            "at_skin": _plain(asdict(self.at_skin)) if self.at_skin else None,
-            "touch_downs": _plain(asdict(self.touch_downs)) if self.touch_downs else None,
+            "coverage": _plain(self.coverage),
+            "at_skin": _plain(self.at_skin),
+            "touch_downs": _plain(self.touch_downs),
             "held_out": [_held_out(segment) for segment in self.held_out],
             "period_s": self.period_s,
             "step_s": self.step_s,
@@ -330,21 +330,19 @@ def evaluations_as_dict(evaluations: Sequence[Evaluation]) -> dict[str, Any]:
     return {**only, "sessions": sessions, "definitions": dict(DEFINITIONS)}
 
 
-def _held_out(segment: HeldOutSegment) -> dict[str, Any]:
+def _held_out(segment: HeldOutSegment) -> Any:
     names = ("start_s", "stop_s", "speed_mm_s", "force_n", "power", "gfc", "power_error_db")
     return _plain({name: getattr(segment, name) for name in names})
 
 
-def _plain(table: dict[str, Any]) -> dict[str, Any]:
-    """Round floats to six digits behind the point; what is not finite becomes None."""
-    return {key: _plain_value(value) for key, value in table.items()}
-
-
-def _plain_value(value: Any) -> Any:
+def _plain(value: Any) -> Any:
+    """Return a value for JSON: floats with six digits behind the point, None if not finite."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
     if isinstance(value, dict):
-        return _plain(value)
-    if isinstance(value, (list, tuple)):
-        return [_plain_value(item) for item in value]
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
     if isinstance(value, float):
         return round(value, 6) if math.isfinite(value) else None
     return value
