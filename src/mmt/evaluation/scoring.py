@@ -3,8 +3,9 @@
 import math
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -39,8 +40,18 @@ def method_to_compare(settings: ModellingSettings) -> tuple[str, ModellingSettin
     return other, replace(settings, method=other, surfaces=None, **auto)
 
 
+class _Rebuilt(NamedTuple):
+    """The model without the held-out segments, as rendered in place of each; none without it."""
+
+    samples: int
+    distance: float
+    approximations: list[Approximation]
+
+
 class Scorer:
     """Score the leader's and the rebuilt model at session times.
+
+    The rebuilt model is rendered in a thread of its own: most of that is compiled code.
 
     Parameters
     ----------
@@ -96,7 +107,8 @@ class Scorer:
         self._scores: dict[int, Score] = {}
         self._built_s: dict[int, float] = {}
         self._grids: dict[int, GridErrors | None] = {}
-        self._approximations: dict[int, list[Approximation]] = {}
+        self._of_rebuilt: dict[int, _Rebuilt] = {}
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="rebuilt")
         self._empty_distance = distance_sum(np.empty((0, self._space.dimensions)))
         self._empty = method_of(settings).criterion.progress.value
 
@@ -143,7 +155,7 @@ class Scorer:
         the rendering of the held-out segments.
         """
         number = self._leader.number(time_s)
-        grid, held_out = self._grid(number), self._approximate(number)
+        grid, held_out = self._grid(number), self._approximate(number).approximations
         if grid is not None:
             errors_db = grid.bands_db
         elif self._truth is None and held_out:
@@ -158,7 +170,7 @@ class Scorer:
 
     def segments(self, time_s: float, first_sample: int) -> tuple[HeldOutSegment, ...]:
         """Return the held-out segments as they are approximated at a session time."""
-        approximations = self._approximate(self._leader.number(time_s))
+        approximations = self._approximate(self._leader.number(time_s)).approximations
         return tuple(
             self._segment(
                 recording,
@@ -170,15 +182,14 @@ class Scorer:
 
     def _score(self, number: int) -> Score:
         leader = self._leader.updates[number] if number >= 0 else None
-        model = self._model(number)
-        rebuilt = self._rebuilt.model(number)
-        held_out = self._approximate(number)
+        model = self._model(number)  # alone, as its time is told
+        approximated = self._thread.submit(self._approximate, number)
         grid = self._grid(number)
-        errors_db = np.array([approximation.power_error_db for approximation in held_out])
-        of_held_out = _levels(errors_db)
-        own = of_held_out
-        if self._truth is not None:
-            own = self._against_truth(model, grid)
+        against_truth, beside = self._against_truth(model, grid), self._of_beside(number)
+        rebuilt = approximated.result()
+        held_out = rebuilt.approximations
+        of_held_out = _levels(np.array([each.power_error_db for each in held_out]))
+        own = of_held_out if self._truth is None else against_truth
         return Score(
             time_s=0.0,
             samples=leader.samples if leader else 0,
@@ -188,13 +199,13 @@ class Scorer:
             gfc=float(np.mean([a.gfc for a in held_out])) if held_out else None,
             gfc_ceiling=float(np.mean([a.gfc_ceiling for a in held_out])) if held_out else None,
             **asdict(own),
-            beside=self._of_beside(number),
+            beside=beside,
             truth_gfc=float(grid.gfc.mean()) if grid else None,
             truth_log_spectral_db=float(grid.log_spectral_db.mean()) if grid else None,
             held_out_power_error_db=of_held_out.power_error_db,
             held_out_within_jnd=of_held_out.within_jnd,
-            rebuilt_samples=len(rebuilt.samples) if rebuilt else 0,
-            rebuilt_distance=distance_sum(rebuilt.points) if rebuilt else self._empty_distance,
+            rebuilt_samples=rebuilt.samples,
+            rebuilt_distance=rebuilt.distance,
         )
 
     def _against_truth(self, model: TextureModel | None, grid: GridErrors | None) -> Levels:
@@ -234,19 +245,20 @@ class Scorer:
             self._grids[number] = truth.plane.errors(model) if truth and model else None
         return self._grids[number]
 
-    def _approximate(self, number: int) -> list[Approximation]:
+    def _approximate(self, number: int) -> _Rebuilt:
         """Return one approximation for each held-out segment, none without a model."""
-        if number not in self._approximations:
+        if number not in self._of_rebuilt:
             model = self._rebuilt.model(number)
-            self._approximations[number] = (
-                []
-                if model is None
-                else [
+            rebuilt = _Rebuilt(0, self._empty_distance, [])
+            if model is not None:
+                approximations = [
                     recording.approximate(model, self._seed + index)
                     for index, recording in enumerate(self._recordings)
                 ]
-            )
-        return self._approximations[number]
+                distance = distance_sum(model.points)
+                rebuilt = _Rebuilt(len(model.samples), distance, approximations)
+            self._of_rebuilt[number] = rebuilt
+        return self._of_rebuilt[number]
 
     def _segment(
         self, recording: HeldOutRecording, rendered: Approximation | None, first_sample: int
