@@ -38,7 +38,7 @@ def drawn_from_the_prior(n, dimensions, seed, *, gain_spread=0.0, knocks=0):
     at = coordinates(points)
     directed = dimensions == 3
     setting = np.median(settings(16, directed=directed, rough=False), axis=0)
-    prior = prior_covariance(at, at, setting, constant=0.5)
+    prior = prior_covariance(at, at, setting) - 15.5  # levels that are less free than by 16
     root = np.linalg.cholesky(prior + 1e-9 * np.eye(n))
     cepstra = root @ generator.normal(size=(n, 4)) * np.array([1.0, 0.4, 0.3, 0.2])
     waves = np.cos(2.0 * np.pi * np.outer(np.arange(4), band()))

@@ -140,9 +140,7 @@ def settings(count: int, *, directed: bool, rough: bool = True) -> FloatArray:
     return every
 
 
-def prior_covariance(
-    a: Coordinates, b: Coordinates, every: FloatArray, *, constant: float = _FREE
-) -> FloatArray:
+def prior_covariance(a: Coordinates, b: Coordinates, every: FloatArray) -> FloatArray:
     """Return the prior covariance between k and l strokes.
 
     Parameters
@@ -151,8 +149,6 @@ def prior_covariance(
         Coordinates of k and of l strokes.
     every
         One row of `settings`, or s of them.
-    constant
-        Variance of c.
 
     Returns
     -------
@@ -162,7 +158,7 @@ def prior_covariance(
     rows = np.atleast_2d(np.asarray(every, np.float64))
     out = np.empty((len(rows), len(a.u), len(b.u)))
     slopes = np.array(SLOPES)[:, 1]
-    _covariances(np.array(a), np.array(b), rows, slopes, constant, out)
+    _covariances(np.array(a), np.array(b), rows, slopes, out)
     return out.reshape(np.shape(every)[:-1] + out.shape[1:])
 
 
@@ -227,14 +223,9 @@ def _around(a: FloatArray, b: FloatArray, setting: FloatArray) -> FloatArray:
     return out
 
 
-@kernel("void(f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:], f8, f8[:, :, ::1])")
+@kernel("void(f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:], f8[:, :, ::1])")
 def _covariances(
-    a: FloatArray,
-    b: FloatArray,
-    every: FloatArray,
-    slopes: FloatArray,
-    constant: float,
-    out: FloatArray,
+    a: FloatArray, b: FloatArray, every: FloatArray, slopes: FloatArray, out: FloatArray
 ) -> None:
     """Set the covariances (s, k, l) of `prior_covariance`."""
     of_a, of_b = np.empty(a.shape, np.int64), np.empty(b.shape, np.int64)
@@ -261,7 +252,7 @@ def _covariances(
                 total = smooth * u[m, p] * v[n, q] + rough * rough_u[m, p] * rough_v[n, q]
                 if directed:
                     total += around[h, of_b[2, j]] * wide_u[m, p] * wide_v[n, q]
-                out[s, i, j] = total + slope_u * b[0, j] + slope_v * b[1, j] + constant
+                out[s, i, j] = total + slope_u * b[0, j] + slope_v * b[1, j] + _FREE
 
 
 def variance(at: Coordinates, setting: FloatArray) -> FloatArray:
