@@ -1,5 +1,11 @@
 """What a message costs, to the nanosecond: 100 us and 50 ns a byte at 1000 records a second."""
 
+import time
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from mmt.core.errors import MmtError
 from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, PeriodLimit, RateLimit
 
@@ -23,10 +29,44 @@ class Limited:
         return [self.limit.passes(size, now_ns) for size, now_ns in messages]
 
 
+@pytest.mark.parametrize(
+    ("messages_hz", "size"),
+    [(1000, 100), (5000, 80), (9000, 60), (1000, 5000), (100, 100_000)],
+)
+def test_what_a_session_sends_passes_for_ever(messages_hz: int, size: int) -> None:
+    count = 20 * messages_hz
+    assert all(Limited().passes(*((size, k * SECOND // messages_hz) for k in range(count))))
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, SECOND // 10), st.integers(0, 131_072)), max_size=300),
+)
+def test_over_any_time_no_more_than_the_bound_passes(messages: list[tuple[int, int]]) -> None:
+    peer, now_ns, passed = Limited(1.0), SECOND, list[int]()
+    for silence_ns, size in messages:
+        now_ns += silence_ns
+        passed += [size] * peer.limit.passes(size, now_ns)
+    elapsed_s = (now_ns - SECOND) / 1e9
+    assert len(passed) <= 10 * (elapsed_s + 10)
+    assert sum(passed) <= 20_000 * (elapsed_s + 10) * 1.001
+    assert len(passed) + len(peer.dropped) == len(messages)
+
+
+def test_the_limit_costs_little() -> None:
+    peer, started_s = Limited(), time.perf_counter()
+    for number in range(100_000):
+        peer.limit.passes(90, number * 1_000_000)
+    assert (time.perf_counter() - started_s) / 100_000 < 20e-6  # a loaded machine included
+
+
 def test_the_bucket_holds_ten_seconds() -> None:
     assert Limited().passes((FULL, 0), (0, 0)) == [True, False]
     assert Limited().passes((FULL + 1, 0), (FULL, 0)) == [False, True]
     assert Limited().passes((FULL, 7), (0, 7 + 99_999), (0, 7 + 100_000)) == [True, False, True]
+    again = Limited()
+    assert again.passes((FULL, 0)) == [True]
+    again.limit.open()  # another connection
+    assert again.passes((0, 0)) == [False]
 
 
 def test_a_message_and_its_bytes_always_cost_something() -> None:
@@ -68,6 +108,8 @@ def test_a_clock_that_jumps_back_takes_the_bucket_along() -> None:
     peer = Limited()
     peer.passes((TOO_LONG, 9 * SECOND), (TOO_LONG, SECOND), (TOO_LONG, 3 * SECOND))
     assert peer.limit.shut is False
+    peer.passes((TOO_LONG, 3 * SECOND + 1))
+    assert peer.limit.shut is True
 
 
 def test_the_bound_is_said_in_messages_and_megabytes() -> None:
