@@ -1,7 +1,6 @@
 """Blocks, and a leader and a follower that note what they are told."""
 
 import asyncio
-import contextlib
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -128,62 +127,6 @@ async def follower(
         yield client
     finally:
         await client.disconnect()
-
-
-class Wire:
-    """A TCP relay that can be cut, or fall silent without a word."""
-
-    def __init__(self, port: int) -> None:
-        self.target = port
-        self.port = 0
-        self.flowing = asyncio.Event()
-        self.flowing.set()
-        self.writers: list[asyncio.StreamWriter] = []
-        self.tasks: list[asyncio.Task[None]] = []
-
-    async def relay(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        try:
-            far_reader, far_writer = await asyncio.open_connection("127.0.0.1", self.target)
-        except OSError:
-            writer.close()
-            return
-        self.writers += [writer, far_writer]
-        self.tasks += [
-            asyncio.create_task(self.pump(reader, far_writer)),
-            asyncio.create_task(self.pump(far_reader, writer)),
-        ]
-
-    async def pump(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        with contextlib.suppress(ConnectionError):
-            while data := await reader.read(65_536):
-                await self.flowing.wait()
-                writer.write(data)
-                await writer.drain()
-        writer.close()
-
-    def cut(self) -> None:
-        for writer in self.writers:
-            writer.transport.abort()
-        self.writers.clear()
-
-    def fall_silent(self) -> None:
-        self.flowing.clear()
-
-
-@asynccontextmanager
-async def wire(port: int) -> AsyncIterator[Wire]:
-    relay = Wire(port)
-    server = await asyncio.start_server(relay.relay, "127.0.0.1", 0)
-    relay.port = server.sockets[0].getsockname()[1]
-    try:
-        yield relay
-    finally:
-        server.close()
-        relay.cut()
-        for task in relay.tasks:
-            task.cancel()
-        await asyncio.gather(*relay.tasks, return_exceptions=True)
-        await server.wait_closed()
 
 
 async def until(condition: Callable[[], object], timeout_s: float = 30.0) -> None:

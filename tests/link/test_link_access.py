@@ -13,7 +13,8 @@ import aiohttp
 import pytest
 import trustme
 import yarl
-from link_samples import CHANNELS, FollowerNotes, LeaderNotes, frames, hello, leader, until, wire
+from link_samples import CHANNELS, FollowerNotes, LeaderNotes, frames, hello, leader, until
+from wire_relay import relay
 
 from mmt.core.errors import InputError, MmtError
 from mmt.link.access import FOLLOWERS, TOKEN_VARIABLE, Access, check_listening, check_scheme
@@ -165,12 +166,12 @@ async def test_a_token_that_nobody_asks_for_is_no_reason_to_refuse() -> None:
 async def test_the_token_is_asked_for_again_after_a_break(token_file: Path) -> None:
     async with (
         leader(token_file=token_file) as server,
-        wire(server.port) as relay,
+        relay(server.port) as wire,
     ):
-        url = f"http://127.0.0.1:{relay.port}"
+        url = f"http://127.0.0.1:{wire.port}"
         follower = FollowerClient(url, hello(), FollowerNotes().events(), access=Access(TOKEN))
         await follower.connect(5.0)
-        relay.cut()
+        wire.drop()
         await until(lambda: not follower.connected)
         await until(lambda: follower.connected)
         await follower.disconnect()

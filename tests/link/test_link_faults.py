@@ -18,8 +18,8 @@ from link_samples import (
     hello,
     leader,
     until,
-    wire,
 )
+from wire_relay import relay
 
 import mmt.link.client
 import mmt.link.connection
@@ -32,14 +32,14 @@ from mmt.link.websocket import Send, client_send
 
 async def test_a_follower_that_dies_frees_its_place_at_once() -> None:
     notes = LeaderNotes()
-    async with leader(notes) as server, wire(server.port) as relay:
+    async with leader(notes) as server, relay(server.port) as wire:
         dying = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
         await dying.connect(
-            f"http://127.0.0.1:{relay.port}", auth=hello().to_auth(), transports=["websocket"]
+            f"http://127.0.0.1:{wire.port}", auth=hello().to_auth(), transports=["websocket"]
         )
         await dying.emit("frames", frames(0).tobytes())
         await until(lambda: notes.sequences == [0])
-        relay.cut()
+        wire.drop()
         await until(lambda: notes.losses, timeout_s=1.0)
         assert notes.losses == ["the connection was closed"]
         assert not server.connected
@@ -50,26 +50,16 @@ async def test_a_follower_that_dies_frees_its_place_at_once() -> None:
         await dying.eio.wait()  # it closes its HTTP session last
 
 
-async def test_a_follower_that_leaves_without_an_end_is_lost() -> None:
-    notes = LeaderNotes()
-    async with leader(notes) as server:
-        async with follower(server.port):
-            pass
-        await until(lambda: notes.losses)
-    assert len(notes.losses) == 1
-    assert notes.ends == []
-
-
 async def test_a_cut_link_is_taken_up_again_and_shows_as_a_gap() -> None:
     up, down = LeaderNotes(), FollowerNotes()
     async with (
         leader(up) as server,
-        wire(server.port) as relay,
-        follower(relay.port, down, source="the same") as client,
+        relay(server.port) as wire,
+        follower(wire.port, down, source="the same") as client,
     ):
         client.send_frames(frames(0, 10))
         await until(lambda: len(up.sequences) == 10)
-        relay.cut()
+        wire.drop()
         await until(lambda: down.losses and up.losses)
         assert not client.connected
         assert not server.connected
@@ -122,41 +112,25 @@ async def test_a_follower_may_give_up_on_a_leader_that_does_not_come_back() -> N
     assert len(notes.losses) == 1
 
 
-async def test_a_wire_that_falls_silent_is_noticed_on_both_sides(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(mmt.link.http, "PING_TIMEOUT_S", 1)
-    up, down = LeaderNotes(), FollowerNotes()
-    async with (
-        leader(up) as server,
-        wire(server.port) as relay,
-        follower(relay.port, down) as client,
-    ):
-        client.send_frames(frames(0))
-        await until(lambda: up.sequences)
-        relay.fall_silent()
-        await until(lambda: up.losses and down.losses)
-        assert not server.connected
-    assert (len(up.losses), len(down.losses)) == (1, 1)
-
-
-async def test_after_attempts_that_time_out_the_link_is_taken_up_again(
+async def test_a_silent_wire_is_noticed_on_both_sides_and_the_link_is_taken_up_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(mmt.link.http, "PING_TIMEOUT_S", 1)
     monkeypatch.setattr(mmt.link.connection, "ATTEMPT_S", 0.2)
-    down = FollowerNotes()
+    up, down = LeaderNotes(), FollowerNotes()
     async with (
-        leader() as server,
-        wire(server.port) as relay,
-        follower(relay.port, down) as client,
+        leader(up) as server,
+        relay(server.port) as wire,
+        follower(wire.port, down) as client,
     ):
-        relay.fall_silent()
-        await until(lambda: down.losses)
-        before = len(relay.writers)
-        await until(lambda: len(relay.writers) >= before + 6)  # three attempts
-        relay.flowing.set()
+        wire.fall_silent()
+        await until(lambda: up.losses and down.losses)
+        assert not server.connected
+        before = len(wire.writers)
+        await until(lambda: len(wire.writers) >= before + 6)  # three attempts
+        wire.mend()
         await until(lambda: client.connected and server.connected, timeout_s=5.0)
+    assert len(down.losses) == 1
 
 
 async def test_a_client_that_leaves_before_it_is_answered_is_no_error(
@@ -183,12 +157,12 @@ async def test_a_follower_whose_old_connection_looks_alive_may_take_its_own_plac
     up = LeaderNotes()
     async with (
         leader(up) as server,
-        wire(server.port) as relay,
-        follower(relay.port, run_id="the same") as old,
+        relay(server.port) as wire,
+        follower(wire.port, run_id="the same") as old,
     ):
         old.send_frames(frames(0, 5))
         await until(lambda: up.sequences)
-        relay.fall_silent()
+        wire.fall_silent()
         async with follower(server.port, run_id="the same") as new:
             new.send_frames(frames(5, 5))
             await until(lambda: up.sequences == list(range(10)))
@@ -204,10 +178,10 @@ async def test_the_end_does_not_wait_for_ever_on_a_silent_wire(
     monkeypatch.setattr(mmt.link.client, "CLOSE_TIMEOUT_S", 0.2)
     async with (
         leader() as server,
-        wire(server.port) as relay,
-        follower(relay.port) as client,
+        relay(server.port) as wire,
+        follower(wire.port) as client,
     ):
-        relay.fall_silent()
+        wire.fall_silent()
         await asyncio.wait_for(client.end("unheard"), 5.0)
 
 
@@ -241,10 +215,10 @@ async def test_a_link_that_breaks_in_the_moment_it_is_closed_is_closed() -> None
     notes = FollowerNotes()
     async with (
         leader() as server,
-        wire(server.port) as relay,
-        follower(relay.port, notes) as client,
+        relay(server.port) as wire,
+        follower(wire.port, notes) as client,
     ):
-        relay.cut()
+        wire.drop()
         await until(lambda: notes.losses)
         await client.disconnect()
         await asyncio.sleep(0.5)  # longer than the first pause

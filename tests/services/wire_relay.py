@@ -1,4 +1,4 @@
-"""A TCP relay between two services that a test cuts, keeps down, or lets fall silent."""
+"""A TCP relay between two sides that a test cuts, keeps down, or lets fall silent."""
 
 import asyncio
 import contextlib
@@ -17,7 +17,8 @@ class Relay:
         self._whole = True
         self._flowing = asyncio.Event()
         self._flowing.set()
-        self._writers: list[asyncio.StreamWriter] = []
+        self.writers: list[asyncio.StreamWriter] = []
+        """Two for each connection."""
         self._tasks: list[asyncio.Task[None]] = []
         self._server: asyncio.Server | None = None
         self.port = 0
@@ -39,12 +40,16 @@ class Relay:
         await asyncio.gather(*self._tasks, return_exceptions=True)
         await self._server.wait_closed()
 
+    def drop(self) -> None:
+        """Drop every connection."""
+        for writer in self.writers:
+            writer.transport.abort()
+        self.writers.clear()
+
     def cut(self) -> None:
         """Drop every connection and take no new one."""
         self._whole = False
-        for writer in self._writers:
-            writer.transport.abort()
-        self._writers.clear()
+        self.drop()
 
     def mend(self) -> None:
         """Take connections again, and let bytes flow."""
@@ -63,7 +68,7 @@ class Relay:
         except OSError:
             writer.transport.abort()
             return
-        self._writers += [writer, far_writer]
+        self.writers += [writer, far_writer]
         self._tasks += [
             asyncio.create_task(self._pump(reader, far_writer)),
             asyncio.create_task(self._pump(far_reader, writer)),
