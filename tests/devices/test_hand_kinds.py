@@ -7,8 +7,8 @@ import pytest
 
 from mmt.core.errors import InputError
 from mmt.scene import Hand, Scene
+from mmt.scene.device_tables import HAND_KINDS
 from mmt.scene.files import scene_from_tables
-from mmt.scene.simulated_tables import HAND_KINDS
 from mmt.testing.simulation.course import SurfaceCourse
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.motions import KINDS

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Final
 
 from mmt.core.arrays import Vector, clipped, difference, step_towards
-from mmt.scene.motion_limits import MotionLimits
+from mmt.scene import MotionLimits
 
 _AT_REST: Final = (0.0, 0.0, 0.0)
 

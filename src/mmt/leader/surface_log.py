@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import MmtError
-from mmt.scene.recording_tables import Replay
+from mmt.scene import Replay
 from mmt.texture.online.surface_changes import SurfaceChange, SurfaceStatement, surface_statements
 from mmt.texture.online.updates import ModelUpdate
 

@@ -6,15 +6,20 @@ those parts import the base classes of tables from this package.
 
 from typing import TYPE_CHECKING, Any
 
-from mmt.scene.device_tables import Actuator, Devices, Driver, Handle
-from mmt.scene.feedback_table import ForceFeedback
-from mmt.scene.link_table import Link
-from mmt.scene.monitoring_tables import Metrics, Monitor
-from mmt.scene.motion_limits import MotionLimits
-from mmt.scene.network_table import PROFILES, Network
-from mmt.scene.recording_tables import LARGEST_SPEED, Recording, Replay
-from mmt.scene.rendering_tables import Playout, Rendering
-from mmt.scene.simulated_tables import Course, Hand, Simulated
+from mmt.scene.device_tables import (
+    LARGEST_SPEED,
+    Actuator,
+    Course,
+    Devices,
+    Driver,
+    Hand,
+    Handle,
+    MotionLimits,
+    Replay,
+    Simulated,
+)
+from mmt.scene.leader_tables import ForceFeedback, Metrics, Monitor, Playout, Recording, Rendering
+from mmt.scene.link_tables import PROFILES, Link, Network
 from mmt.scene.table import OptionalTable, PartTable, Service, Table
 from mmt.scene.texture_table import Texture
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
-from mmt.scene.rendering_tables import without_former
+from mmt.scene.leader_tables import without_former
 from mmt.scene.texture_table import by_method
 
 

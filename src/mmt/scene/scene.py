@@ -16,15 +16,9 @@ from mmt.scene.added import (
     import_problem,
     imported,
 )
-from mmt.scene.device_tables import Actuator, Devices, Handle
-from mmt.scene.feedback_table import ForceFeedback
-from mmt.scene.link_table import Link
-from mmt.scene.monitoring_tables import Metrics, Monitor
-from mmt.scene.motion_limits import MotionLimits
-from mmt.scene.network_table import Network
-from mmt.scene.recording_tables import Recording, Replay
-from mmt.scene.rendering_tables import Playout, Rendering
-from mmt.scene.simulated_tables import Hand, Simulated
+from mmt.scene.device_tables import Actuator, Devices, Hand, Handle, MotionLimits, Replay, Simulated
+from mmt.scene.leader_tables import ForceFeedback, Metrics, Monitor, Playout, Recording, Rendering
+from mmt.scene.link_tables import Link, Network
 from mmt.scene.table import OptionalTable, PartTable, Service, Table
 from mmt.scene.texture_table import Texture
 

@@ -27,8 +27,8 @@ import typer
 from mmt.core.errors import InputError
 from mmt.core.frames import check_acceleration_rate
 from mmt.scene import Hand
+from mmt.scene.device_tables import HAND_KINDS
 from mmt.scene.files import table_from
-from mmt.scene.simulated_tables import HAND_KINDS
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt_lab import experiments
 from mmt_lab.harness.findings import Findings
