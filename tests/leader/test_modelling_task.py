@@ -14,7 +14,9 @@ from modelling_beside import InThread
 
 from mmt.core.arrays import RecordArray
 from mmt.leader.modelling.pipeline import Modelling
-from mmt.leader.modelling.stage import Activity, Item, ItemQueue, StageTask
+from mmt.leader.modelling.stage import Item, ItemQueue, StageTask
+from mmt.leader.part import Session
+from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import CompletionMonitor
@@ -74,7 +76,7 @@ class Modelled:
         self.seconds: list[float] = []
         settings = ModellingSettings()
         process = InThread(settings, period_s)
-        self.task = Modelling(settings, period_s, self._note, process=process)
+        self.task = Modelling(Session(Scene()), settings, period_s, self._note, process=process)
 
     @property
     def modeller(self) -> SlowModeller:
@@ -333,7 +335,7 @@ async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name: str)
         if update is not None and not (expected and factory.is_finished(expected[-1])):
             expected.append(update)
     found: list[ModelUpdate] = []
-    live = Modelling(settings, 0.5, lambda update, _: found.append(update))
+    live = Modelling(Session(scene), settings, 0.5, lambda update, _: found.append(update))
     async with running(live):
         for block in blocks:  # faster than real time: the tasks work on several updates at once
             for part in np.array_split(block, 5):
@@ -414,7 +416,7 @@ async def test_a_task_counts_what_it_drops_and_how_long_its_queue_was() -> None:
     done: list[int] = []
     idle: Any = Idle()
     queue = ItemQueue(3, True, lambda *_: None)
-    task = StageTask("fit", idle, queue, Activity(), lambda item: done.append(item.number))
+    task = StageTask("fit", idle, queue, lambda item: done.append(item.number))
     for k in range(5):
         task.put(Item(k))
     assert (task.figures.drops, task.figures.queue_most) == (2, 3)

@@ -9,6 +9,8 @@ from monitor_messages import unpack
 
 from mmt.core.errors import InputError
 from mmt.leader.modelling.pipeline import Modelling
+from mmt.leader.part import Session
+from mmt.scene import Scene
 from mmt.texture.online.surface_changes import SurfaceChange, surface_statements
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.web.monitor.controls import Controls
@@ -52,11 +54,13 @@ async def test_without_surfaces_there_is_none_to_name() -> None:
 
 
 async def test_a_scene_with_one_surface_takes_no_word() -> None:
-    modelling = Modelling(ModellingSettings(), 1.0, lambda *_: None)
+    session = Session(Scene())
+    modelling = Modelling(session, ModellingSettings(), 1.0, lambda *_: None)
     with pytest.raises(InputError, match=r"no \[texture\.surfaces\]"):
         modelling.state_surface(1)
     modelling.close()
-    several = Modelling(ModellingSettings(surfaces=SurfaceSettings()), 1.0, lambda *_: None)
+    settings = ModellingSettings(surfaces=SurfaceSettings())
+    several = Modelling(session, settings, 1.0, lambda *_: None)
     several.state_surface(1)
     several.close()
 

@@ -17,7 +17,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.leader.modelling.process import ModellingProcess
 from mmt.leader.modelling.segmenting import LONGEST_QUEUE_S, SegmentingTask
-from mmt.leader.modelling.stage import Activity, Figures, InFlight, Item, ItemQueue, StageTask
+from mmt.leader.modelling.stage import Figures, InFlight, Item, ItemQueue, StageTask
 from mmt.leader.modelling.stages import Models, UpdateResult, received
 from mmt.leader.part import Part, Session, Tick
 from mmt.texture.modeller_factory import ModellerFactory
@@ -39,6 +39,8 @@ class Modelling(Part):
 
     Parameters
     ----------
+    session
+        Session of the run.
     settings
         Settings of the modelling.
     period_s
@@ -54,19 +56,19 @@ class Modelling(Part):
 
     def __init__(
         self,
+        session: Session,
         settings: ModellingSettings,
         period_s: float,
         on_update: Callable[[ModelUpdate, float], None],
         keep_frames: int = 0,
         process: ModellingProcess | None = None,
     ) -> None:
-        self._session: Session | None = None
+        self._session = session
         self._last_ns = 0
         self._factory = ModellerFactory(settings, period_s)
         self._on_update = on_update
         self._on_samples: Callable[[NewSamples], None] = lambda _: None
         self._process = process or ModellingProcess(settings, period_s)
-        self._activity = Activity()
         self._behind_segmenting = InFlight()
         frames = self._factory.frames_at_once
         capacity = max(2, round(LONGEST_QUEUE_S * settings.rate_hz / frames))
@@ -91,13 +93,13 @@ class Modelling(Part):
         if scene.texture is None:
             return None
         made = cls(
+            session,
             scene.texture.settings(session.samples_per_frame),
             scene.texture.update_period_s,
             on_update,
             keep_frames=scene.keep_frames(),
             process=process,
         )
-        made._session = session
         if scene.texture.surfaces is not None and scene.replay is not None:
             from mmt.leader.surface_log import replayed_words
 
@@ -120,36 +122,36 @@ class Modelling(Part):
         self._process.start().result()
 
     def _make_tasks(self, rate_hz: float, keep_frames: int, capacity: int) -> None:
-        process, activity = self._process, self._activity
+        process = self._process
         queues = [ItemQueue(capacity, first, self._merge) for first in (True, False, False)]
-        self.completing = StageTask("judge", process, queues[2], activity, self._judged)
-        self.synthesizing = StageTask("build", process, queues[1], activity, self.completing.put)
-        self.fitting = StageTask("fit", process, queues[0], activity, self.synthesizing.put)
+        self.completing = StageTask("judge", process, queues[2], self._judged)
+        self.synthesizing = StageTask("build", process, queues[1], self.completing.put)
+        self.fitting = StageTask("fit", process, queues[0], self.synthesizing.put)
         self.segmenting = SegmentingTask(
             self._factory.frames_at_once,
             rate_hz,
             keep_frames,
             self._factory.sequential,
             process,
-            activity,
             self._behind_segmenting,
             self.fitting.put,
         )
+        self._tasks: dict[str, SegmentingTask | StageTask] = {
+            "segmenting": self.segmenting,
+            "fitting": self.fitting,
+            "synthesizing": self.synthesizing,
+            "completing": self.completing,
+        }
 
     @property
     def working(self) -> bool:
         """Whether one of the tasks is at work."""
-        return self._activity.busy > 0
+        return self._process.busy > 0
 
     @property
     def figures(self) -> dict[str, Figures]:
         """The figures of each task, by its name."""
-        return {
-            "segmenting": self.segmenting.figures,
-            "fitting": self.fitting.figures,
-            "synthesizing": self.synthesizing.figures,
-            "completing": self.completing.figures,
-        }
+        return {name: task.figures for name, task in self._tasks.items()}
 
     def on_frames(self, frames: RecordArray, arrival_ns: int = 0) -> None:
         """Queue frames (n,); never blocks."""
@@ -201,12 +203,7 @@ class Modelling(Part):
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
         """Return the coroutines of the four tasks, by name."""
-        return {
-            "segmenting": self._until_fault(self.segmenting.run()),
-            "fitting": self._until_fault(self.fitting.run()),
-            "synthesizing": self._until_fault(self.synthesizing.run()),
-            "completing": self._until_fault(self.completing.run()),
-        }
+        return {name: self._until_fault(task.run()) for name, task in self._tasks.items()}
 
     def close(self) -> None:
         """End the process."""
@@ -214,10 +211,10 @@ class Modelling(Part):
 
     def tick(self, tick: Tick) -> None:
         """Note how late the ticks are, while a task is at work and otherwise."""
-        if self._last_ns and self._session is not None:
+        if self._last_ns:
             late_ns = tick.now_ns - self._last_ns - self._session.period_ns
             log = self._session.log
-            late = log.late_while_modelling if self._activity.busy else log.late_otherwise
+            late = log.late_while_modelling if self.working else log.late_otherwise
             late.add(late_ns)
         self._last_ns = tick.now_ns
 
@@ -227,7 +224,7 @@ class Modelling(Part):
 
     def status(self) -> dict[str, Any]:
         """Return the state of the model."""
-        update = self._session.log.update if self._session is not None else None
+        update = self._session.log.update
         if update is None:
             return {}
         return {
@@ -238,8 +235,6 @@ class Modelling(Part):
 
     def summary(self, duration_s: float) -> dict[str, Any]:
         """Return the model, how complete it is, and the figures of each task."""
-        if self._session is None:
-            return {}
         log = self._session.log
         update, seconds, cost = log.update, log.update_seconds, self._process.cost
         table = {
@@ -272,10 +267,9 @@ class Modelling(Part):
 
     def metrics(self) -> "Iterable[Metric]":
         """Return the model's figures, and those of each task."""
-        if self._session is not None:
-            from mmt.leader.modelling.metrics import modelling_metrics
+        from mmt.leader.modelling.metrics import modelling_metrics
 
-            yield from modelling_metrics(self.figures, self._session.log)
+        yield from modelling_metrics(self.figures, self._session.log)
 
     def models(self) -> "dict[int, TextureModel]":
         """Return the model of each surface by number; empty if surfaces are not told apart."""
@@ -292,8 +286,7 @@ class Modelling(Part):
                 self.fault = f"modelling has ended: {error}"
                 self.segmenting.clear()
                 self._behind_segmenting.clear()
-                if self._session is not None:
-                    self._session.journal.event(self.fault)
+                self._session.journal.event(self.fault)
 
     def _merge(self, later: Item, earlier: Item, segments: bool) -> None:
         self._process.notify("merge", later.number, earlier.number, segments=segments)

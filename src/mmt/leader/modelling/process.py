@@ -52,6 +52,8 @@ class ModellingProcess:
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="modelling")
         self.started: Future[None] | None = None
         """Done when the process can model; None before `start`."""
+        self.busy = 0
+        """Number of calls that are awaited."""
         self.cost: ProcessCost | None = None
         """Cost of the process while it modelled; None before `close`."""
 
@@ -98,7 +100,11 @@ class ModellingProcess:
         MmtError
             The process has ended.
         """
-        return await wrap_future(self._worker.submit(self._exchange, (name, arguments, named)))
+        self.busy += 1
+        try:
+            return await wrap_future(self._worker.submit(self._exchange, (name, arguments, named)))
+        finally:
+            self.busy -= 1
 
     def notify(self, name: str, *arguments: object, **named: object) -> None:
         """Call a method without waiting for it; do nothing if the process is closed."""

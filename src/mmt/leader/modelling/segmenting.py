@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 from mmt.core.arrays import RecordArray
 from mmt.leader.modelling.frame_queue import FrameQueue
-from mmt.leader.modelling.stage import Activity, Figures, InFlight, Item
+from mmt.leader.modelling.stage import Figures, InFlight, Item
 
 if TYPE_CHECKING:
     from mmt.leader.modelling.process import ModellingProcess
@@ -37,8 +37,6 @@ class SegmentingTask:
         Whether each update is finished before the next.
     process
         Process that runs the numerics.
-    activity
-        Shared by all tasks of the modelling.
     behind
         Counts the items from this task to the end of the pipeline.
     deliver
@@ -52,7 +50,6 @@ class SegmentingTask:
         keep_frames: int,
         in_step: bool,
         process: "ModellingProcess",
-        activity: Activity,
         behind: InFlight,
         deliver: Callable[[Item], None],
     ) -> None:
@@ -62,7 +59,6 @@ class SegmentingTask:
         self._queue = FrameQueue(capacity, least_drop=period_frames)
         self._in_step = in_step
         self._process = process
-        self._activity = activity
         self._behind = behind
         self._deliver = deliver
         self._due = asyncio.Event()
@@ -119,7 +115,7 @@ class SegmentingTask:
     async def _segment(self, frames: RecordArray) -> None:
         """Segment the frames of one period, and deliver the resulting work."""
         generation, seconds, started = self._generation, 0.0, perf_counter()
-        number = await self._call("segment", frames)
+        number: int | None = await self._process.call("segment", frames)
         while number is not None and generation == self._generation:
             now = perf_counter()
             seconds += now - started
@@ -128,16 +124,8 @@ class SegmentingTask:
             if self._in_step:
                 await self._behind.wait_until_empty()
             started = perf_counter()
-            number = await self._call("next_work")
+            number = await self._process.call("next_work")
         self.figures.add(seconds + perf_counter() - started)
-
-    async def _call(self, name: str, *arguments: object) -> int | None:
-        self._activity.busy += 1
-        try:
-            number: int | None = await self._process.call(name, *arguments)
-            return number
-        finally:
-            self._activity.busy -= 1
 
     def _next_period(self) -> RecordArray | None:
         """Return the frames of the next update, or None if it is not due."""

@@ -62,13 +62,6 @@ class Figures:
 
 
 @dataclass
-class Activity:
-    """Number of the modelling's tasks that are at work."""
-
-    busy: int = 0
-
-
-@dataclass
 class Item:
     """Work on its way from task to task.
 
@@ -186,8 +179,6 @@ class StageTask:
         Process that runs the numerics.
     queue
         Items that wait.
-    activity
-        Shared by all tasks of the modelling.
     deliver
         Called on the event loop with each item that is done.
     """
@@ -197,12 +188,10 @@ class StageTask:
         stage: Literal["fit", "build", "judge"],
         process: "ModellingProcess",
         queue: ItemQueue,
-        activity: Activity,
         deliver: Callable[[Item], None],
     ) -> None:
         self._stage = stage
         self._process = process
-        self._activity = activity
         self._deliver = deliver
         self._generation = 0
         self.queue = queue
@@ -226,11 +215,7 @@ class StageTask:
             if item is None:
                 continue
             generation, started = self._generation, perf_counter()
-            self._activity.busy += 1
-            try:
-                item.answer = await self._process.call(self._stage, item.number)
-            finally:
-                self._activity.busy -= 1
+            item.answer = await self._process.call(self._stage, item.number)
             seconds = perf_counter() - started
             if generation == self._generation:
                 item.seconds += seconds
