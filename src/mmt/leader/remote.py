@@ -61,7 +61,7 @@ class RemoteFollower:
         self._log, self._ending = session.log, session.ending
         self._fastest = LARGEST_SPEED if scene.replay is not None else 1.0
         self._numbering = SessionNumbering(round(1e9 / scene.session.rate_hz), self._fastest)
-        self._commands = MotionCommands(self._numbering)
+        self._commands = 0
         self.backfill = Backfill(
             scene.keep_frames(), self._numbering, parts.call, self._request_frames, journal.note
         )
@@ -186,9 +186,15 @@ class RemoteFollower:
             self._clock_notes.record_if_due(last=last)
 
     def command(self, now_ns: int, position_mm: Vector) -> None:
-        """Ask the follower to take a position (mm)."""
-        if self.server is not None:
-            self.server.send_commands(self._commands.make(now_ns, position_mm))
+        """Ask the follower to take a position (mm); echo the newest frame's time."""
+        if self.server is None:
+            return
+        echo_time_ns = self._numbering.follower_time_ns
+        echo_age_ns = now_ns - self._numbering.arrival_ns if echo_time_ns else 0
+        command = np.zeros(1, dtype=COMMAND_DTYPE)
+        command[0] = (self._commands, now_ns, echo_time_ns, echo_age_ns, position_mm)
+        self._commands += 1
+        self.server.send_commands(command)
 
     def send_extra(self, records: RecordArray) -> None:
         """Send records (n,) of the scene's further event."""
@@ -248,34 +254,6 @@ class RemoteFollower:
     def _request_frames(self, ranges: list[Range]) -> None:
         if self.server is not None:
             self.server.request_frames(ranges)
-
-
-class MotionCommands:
-    """Make one motion command a tick, numbered, with the echo of the newest frame's time.
-
-    Parameters
-    ----------
-    numbering
-        Knows the newest frame.
-    """
-
-    def __init__(self, numbering: SessionNumbering) -> None:
-        self._numbering = numbering
-        self._sequence = 0
-
-    def make(self, now_ns: int, position_mm: Vector) -> RecordArray:
-        """Return the command, shape (1,), that asks the follower to take a position."""
-        echo_time_ns = self._numbering.follower_time_ns
-        command = np.zeros(1, dtype=COMMAND_DTYPE)
-        command[0] = (
-            self._sequence,
-            now_ns,
-            echo_time_ns,
-            now_ns - self._numbering.arrival_ns if echo_time_ns else 0,
-            position_mm,
-        )
-        self._sequence += 1
-        return command
 
 
 class ClockNotes:
