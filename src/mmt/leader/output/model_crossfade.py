@@ -23,17 +23,21 @@ def crossfaded(share: FloatArray, before: FloatArray, after: FloatArray) -> Floa
     return mixed
 
 
-class Renderer(Protocol):
-    """Renders from one model: a `Synthesizer`, or an object used like one."""
-
-    model: Any
+class SynthesizedVibration(Protocol):
+    """Renders vibration from a model, or from another method's generator."""
 
     @property
     def directed(self) -> bool:
-        """Whether the model's inputs are velocity and force, not speed and force."""
+        """Whether the inputs are velocity x, y and force, not speed and force."""
 
     def render(self, *inputs: FloatArray) -> FloatArray:
-        """Return the next n samples in m/s2."""
+        """Return one sample in m/s2 for each moment of the inputs, shape (n,)."""
+
+
+class Renderer(SynthesizedVibration, Protocol):
+    """Renders from one model: a `Synthesizer`, or an object used like one."""
+
+    model: Any
 
 
 class RestartedRenderer(Renderer, Protocol):

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Final
 from mmt.core.arrays import RecordArray
 from mmt.leader.output.concealment import LONGEST_FRAMES, build_concealment
 from mmt.leader.output.playout import PlayoutBuffer
-from mmt.leader.output.three_axes import ThreeAxes
 from mmt.leader.part import Part, Session
 from mmt.scene import Texture
 from mmt.texture.settings import Axis, VibrationAxis
@@ -133,6 +132,8 @@ class _AllAxes:
     """Replaces the filter of one axis if three are played: high-passes and reduces all three."""
 
     def __init__(self, high_pass: Biquad, rate_hz: float) -> None:
+        from mmt.leader.output.three_axes import ThreeAxes
+
         self._filters = tuple(BiquadFilter(high_pass) for _ in range(3))
         self._together = ThreeAxes(rate_hz)
 

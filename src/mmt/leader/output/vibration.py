@@ -17,8 +17,7 @@ from mmt.devices.protocols import (
 )
 from mmt.leader.motion.hand import loss_metrics
 from mmt.leader.motion.slew import VibrationSlew
-from mmt.leader.output.landing import Landing
-from mmt.leader.output.model_crossfade import TouchDownRenderer
+from mmt.leader.output.model_crossfade import SynthesizedVibration, TouchDownRenderer
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Actuator, Texture
 
@@ -26,21 +25,11 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.devices.reconnection import ReconnectingActuator
+    from mmt.leader.output.landing import Landing
     from mmt.leader.output.model_crossfade import Renderer
     from mmt.leader.output.stream import StreamedMotion, StreamedVibration
 
 Mode = Literal["silent", "streamed", "fading", "synthesized"]
-
-
-class SynthesizedVibration(Protocol):
-    """Renders vibration from a model, or from another method's generator."""
-
-    @property
-    def directed(self) -> bool:
-        """Whether the inputs are velocity x, y and force, not speed and force."""
-
-    def render(self, *inputs: FloatArray) -> FloatArray:
-        """Return one sample for each moment of the inputs, shape (n,)."""
 
 
 @runtime_checkable
@@ -195,7 +184,7 @@ class VibrationPart(Part):
         slew: VibrationSlew,
         reconnecting: "ReconnectingActuator | None" = None,
         motion: "StreamedMotion | None" = None,
-        landing: Landing | None = None,
+        landing: "Landing | None" = None,
     ) -> None:
         self._session = session
         self.actuator = actuator
@@ -253,6 +242,8 @@ class VibrationPart(Part):
             from mmt.texture.touch_down import LEAST_RATE_HZ
 
             if rate_hz >= LEAST_RATE_HZ:
+                from mmt.leader.output.landing import Landing
+
                 landing = Landing(_normal(session), session.rate_hz)
         return cls(session, actuator, switch, slew, reconnecting, motion, landing)
 
