@@ -3,7 +3,6 @@
 import asyncio
 import logging
 from collections.abc import AsyncIterator
-from typing import Any
 
 import pytest
 import socketio
@@ -29,26 +28,6 @@ GOOD = hello().to_auth()
 async def server() -> AsyncIterator[LeaderServer]:
     async with leader() as started:
         yield started
-
-
-@pytest.mark.parametrize(
-    ("auth", "sentence"),
-    [(None, "hello is missing"), ({**GOOD, "source": "x" * 257}, "source is longer than the 256")],
-)
-async def test_a_bad_hello_is_refused_with_a_sentence(
-    server: LeaderServer, auth: Any, sentence: str
-) -> None:
-    reasons: list[Any] = []
-    client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
-    client.on("connect_error", reasons.append)
-    with pytest.raises(socketio.exceptions.ConnectionError):
-        await client.connect(
-            f"http://127.0.0.1:{server.port}", auth=auth, transports=["websocket"], wait_timeout=5
-        )
-    assert sentence in reasons[0]["message"]
-    assert not server.connected
-    async with follower(server.port):  # the place is free
-        assert server.connected
 
 
 async def test_the_followers_user_reads_the_refusal(server: LeaderServer) -> None:

@@ -18,7 +18,6 @@ from link_samples import (
 )
 
 from mmt.core.arrays import RecordArray
-from mmt.core.errors import MmtError
 from mmt.core.frames import ALL_CHANNELS, CHANNELS, MOST_SAMPLES, SEQUENCES, Channel
 from mmt.link.backfill import FrameBuffer
 from mmt.link.endpoint import LeaderEvents
@@ -126,21 +125,6 @@ async def test_frames_of_ten_samples_cross_the_link_and_come_again() -> None:
     assert np.array_equal(np.concatenate(filled), np.delete(sent[:50], 5))
     assert gone == [(5, 6)]
     assert up.errors == []
-
-
-@pytest.mark.parametrize(("theirs", "ours"), [(5, 10), (1, 10), (10, 1)])
-async def test_other_samples_a_frame_are_refused_with_a_sentence(theirs: int, ours: int) -> None:
-    async with leader(channels=CHANNELS, samples_per_frame=ours) as server:
-        with pytest.raises(
-            MmtError,
-            match=f"the follower sends {theirs} samples of acceleration a frame, the leader's "
-            rf"scene needs {ours} \(acceleration_rate_hz of \[session\]\): use the same scene",
-        ):
-            async with follower(server.port, channels=CHANNELS, samples_per_frame=theirs):
-                pass
-        assert not server.connected
-        async with follower(server.port, channels=CHANNELS, samples_per_frame=ours):
-            assert server.connected
 
 
 def test_a_hello_says_more_only_where_frames_hold_more() -> None:

@@ -6,8 +6,6 @@ from typing import Any
 import pytest
 from service_runs import Together, small_scene
 
-from mmt.core.errors import MmtError
-
 
 def scene_with(directory: Path, method: str, **tables: Any) -> Any:
     feedback = {"method": method}
@@ -62,13 +60,3 @@ async def test_streamed_says_so_and_sends_nothing_more(tmp_path: Path) -> None:
     assert led.feedback["method"] == "streamed"
     assert led.feedback["largest_n"] > 0.0
     assert followed.feedback == {}
-
-
-async def test_a_follower_of_another_method_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    together = Together.of(scene_with(tmp_path, "passive"))
-    await together.listen()
-    other = scene_with(tmp_path, "streamed")
-    with pytest.raises(MmtError, match=r"method of .force_feedback.*same scene"):
-        await together.follow(scene=other)
-    together.leader.stop()
-    await together.end()

@@ -3,7 +3,6 @@
 import asyncio
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -211,36 +210,6 @@ async def test_a_port_that_is_taken_leaves_an_older_recording_alone(tmp_path: Pa
     assert recording.read_bytes() == b"precious"
     first.leader.stop()
     assert (await first.end()).outcome == "stopped"
-
-
-@pytest.mark.parametrize(
-    ("hello", "sentence"),
-    [
-        (
-            {"samples_per_frame": 5},
-            "sends 5 samples of acceleration a frame, the leader's scene needs 1 "
-            r"\(acceleration_rate_hz of \[session\]\): use the same scene on both",
-        ),
-        ({"channels": ("position",)}, "sends position, the leader's scene needs position, force"),
-        ({"rate_hz": 500}, "streams at 500 Hz, the leader's scene expects 1000 Hz"),
-    ],
-)
-async def test_a_follower_that_does_not_fit_is_refused_with_a_sentence(
-    tmp_path: Path, hello: dict[str, Any], sentence: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    together = Together.of(small_scene(tmp_path))
-    await together.listen()
-
-    def other(**values: Any) -> FollowerHello:
-        return FollowerHello(**{**values, **hello})
-
-    monkeypatch.setattr("mmt.follower.service.FollowerHello", other)
-    with pytest.raises(MmtError, match=sentence):
-        await together.follow(MadeSource([]))
-    (looking,) = together.said  # the follower, and the leader nothing
-    assert looking.startswith("follower: looking for the leader")
-    together.leader.stop()
-    await together.end()
 
 
 class FeelingHand(BrokenHand):

@@ -284,11 +284,3 @@ def test_a_second_leader_does_not_touch_the_recording_of_the_first(tmp_path: Pat
         leader.signal(signal.SIGINT)
         assert (leader.end(), follower.end()) == (0, 0)
     assert_recorded(tmp_path, leader, at_least=300)
-
-
-def test_a_follower_says_that_it_looks_for_the_leader_and_found_it(tmp_path: Path) -> None:
-    with session(tmp_path, "stream-only", "--duration", 0.3) as (leader, follower):
-        assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
-    events = [line["event"] for line in follower.lines("event")]
-    looking = next(i for i, event in enumerate(events) if "looking for the leader" in event)
-    assert "connected to the leader" in events[looking + 1 :]
