@@ -109,7 +109,7 @@ def test_passive_says_what_the_hand_put_in() -> None:
     assert news["energy_j"][0, :2].tolist() == [0.0, 0.0]
 
 
-@pytest.mark.parametrize("method", ["passive", "model"])
+@pytest.mark.parametrize("method", ["streamed", "passive", "model"])
 def test_the_force_fades_in_silence_and_without_a_handle(method: str) -> None:
     handle = Handle()
     table = ForceFeedback.model_validate({"method": method})

@@ -39,16 +39,6 @@ def stream(
     ]
 
 
-def test_samples_come_out_in_order_and_once() -> None:
-    buffer = PlayoutBuffer(delay_ms=5.0)
-    output = play(buffer, stream(1000, 3.0), 900)
-    played = output[output == np.round(output)]
-    played = played[played > 5]
-    np.testing.assert_array_equal(np.diff(played), 1.0)
-    assert buffer.statistics().bridged == 0
-    assert buffer.statistics().late == 0
-
-
 @pytest.mark.parametrize("offset_ns", [0, 10**15, -(10**15)])
 def test_the_two_clocks_need_not_agree(offset_ns: int) -> None:
     buffer = PlayoutBuffer(delay_ms=5.0)
@@ -160,15 +150,6 @@ def test_a_longer_way_is_followed_at_once_while_nothing_is_heard() -> None:
     frames = [(k, k * MS, (k + (3 if k < 3000 else 40)) * MS, 1.0) for k in range(6000)]
     output = play(PlayoutBuffer("auto"), frames, 5900)
     assert (output[3000 + 200 :] == 1.0).all()
-
-
-def test_the_automatic_delay_follows_the_99th_percentile_not_the_slowest_frame() -> None:
-    def lateness_ms(k: int) -> int:
-        return 63 if k % 200 == 0 else 3  # 1 in 200 comes 60 ms later
-
-    buffer = PlayoutBuffer("auto")
-    play(buffer, [(k, k * MS, (k + lateness_ms(k)) * MS, 1.0) for k in range(4000)], 3900)
-    assert buffer.statistics().delay_ms == 2.0
 
 
 # --- sample by sample: frames arrive 3 ms late, so that at 5 ms tick t plays number t - 8
