@@ -39,8 +39,7 @@ def modelling_children() -> list[psutil.Process]:
 async def test_a_process_that_is_killed_ends_the_modelling_and_nothing_else(tmp_path: Path) -> None:
     texture = {"update_period_s": 0.2, "start_share": 0.05, "stop_share": 0.9999}
     scene = small_scene(tmp_path, session={"duration_s": 4.0}, texture=texture, rendering={})
-    together = Together.of(scene)
-    await together.listen()
+    together = await Together.listening(scene)
     following = asyncio.create_task(together.follow())
     async with asyncio.timeout(LONGEST_S):
         while together.leader.log.start_s is None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import COMMAND_DTYPE, FIELD_OF_CHANNEL, Channel, channels_of, frame_dtype
+from mmt.link.access import Access
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
@@ -117,11 +118,13 @@ async def leader(
 
 @asynccontextmanager
 async def follower(
-    port: int, notes: FollowerNotes | None = None, **changes: object
+    port: int,
+    notes: FollowerNotes | None = None,
+    access: Access | None = None,
+    **changes: object,
 ) -> AsyncIterator[FollowerClient]:
-    client = FollowerClient(
-        f"http://127.0.0.1:{port}", hello(**changes), (notes or FollowerNotes()).events()
-    )
+    url, events = f"http://127.0.0.1:{port}", (notes or FollowerNotes()).events()
+    client = FollowerClient(url, hello(**changes), events, access=access)
     try:
         await client.connect(30.0)
         yield client

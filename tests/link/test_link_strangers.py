@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import aiohttp
@@ -18,7 +17,6 @@ from aiohttp import web
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from link_samples import (
-    CHANNELS,
     FollowerNotes,
     LeaderNotes,
     follower,
@@ -37,7 +35,6 @@ from mmt.link.gate import BYTES as GATE_BYTES
 from mmt.link.gate import Gate
 from mmt.link.protocol import MAX_ANNOTATIONS_BYTES
 from mmt.link.server import LeaderServer
-from mmt.scene import Link
 from mmt_lab.bench import strangers as disturbing
 
 TOKEN = "a token that nobody guesses"
@@ -50,13 +47,8 @@ async def guarded_leader(
 ) -> AsyncIterator[LeaderServer]:
     """A leader with a token; the followers made here have it too."""
     monkeypatch.setenv("MMT_LINK_TOKEN", TOKEN)
-    link = Link.model_validate({"port": 0, **settings})
-    server = LeaderServer(link, CHANNELS, (notes or LeaderNotes()).events())
-    await server.start()
-    try:
+    async with leader(notes, **settings) as server:
         yield server
-    finally:
-        await server.stop()
 
 
 @asynccontextmanager
@@ -195,19 +187,14 @@ async def test_a_follower_that_was_let_in_stays_whatever_strangers_do(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     notes = LeaderNotes()
-    async with guarded_leader(monkeypatch, notes) as server:
-        client = FollowerClient(
-            f"http://127.0.0.1:{server.port}",
-            hello(),
-            FollowerNotes().events(),
-            access=Access(TOKEN),
-        )
-        await client.connect(5.0)
+    async with (
+        guarded_leader(monkeypatch, notes) as server,
+        follower(server.port, access=Access(TOKEN)) as client,
+    ):
         async with strangers(server.port, 200):
             client.send_frames(frames(0))
             await until(lambda: notes.sequences == [0])
         assert notes.losses == []
-        await client.disconnect()
 
 
 async def test_a_crowd_comes_in_slowly_while_a_session_goes_on_and_all_are_served(
@@ -248,14 +235,10 @@ async def test_a_follower_connects_anew_beside_strangers_of_its_address(
         while not over.is_set():
             disturbing.send_as_stranger("127.0.0.1", port, kind)
 
-    async with guarded_leader(monkeypatch) as server:
-        first = FollowerClient(
-            f"http://127.0.0.1:{server.port}",
-            hello(run_id="the follower's"),
-            FollowerNotes().events(),
-            access=Access(TOKEN),
-        )
-        await first.connect(5.0)
+    async with (
+        guarded_leader(monkeypatch) as server,
+        follower(server.port, access=Access(TOKEN), run_id="the follower's"),
+    ):
         disturbers = [asyncio.create_task(asyncio.to_thread(disturb, server.port)) for _ in "ab"]
         try:
             await asyncio.sleep(0.5)
@@ -264,7 +247,6 @@ async def test_a_follower_connects_anew_beside_strangers_of_its_address(
         finally:
             over.set()
             await asyncio.gather(*disturbers)
-            await first.disconnect()
 
 
 UPGRADE = (
@@ -317,21 +299,16 @@ async def test_who_sends_more_than_a_hello_needs_is_closed_before_the_time_is_ov
 
 async def test_the_longest_hello_fits_through_the_gate(monkeypatch: pytest.MonkeyPatch) -> None:
     notes = LeaderNotes()
-    async with guarded_leader(monkeypatch, notes) as server:
-        longest = replace(hello(), annotations=bytes(MAX_ANNOTATIONS_BYTES))
-        client = FollowerClient(
-            f"http://127.0.0.1:{server.port}",
-            longest,
-            FollowerNotes().events(),
-            access=Access(TOKEN),
-        )
-        await client.connect(5.0)
+    annotations = bytes(MAX_ANNOTATIONS_BYTES)
+    async with (
+        guarded_leader(monkeypatch, notes) as server,
+        follower(server.port, access=Access(TOKEN), annotations=annotations) as client,
+    ):
         for first in range(0, 4000, 100):  # and what it sends then is not limited
             client.send_frames(frames(first, 100))
             await asyncio.sleep(0.005)
         await until(lambda: notes.sequences == list(range(4000)))
-        await client.disconnect()
-    assert notes.hellos[0].annotations == longest.annotations
+    assert notes.hellos[0].annotations == annotations
 
 
 @given(data=st.lists(st.binary(min_size=1, max_size=20_000), max_size=8), opens=st.booleans())

@@ -39,9 +39,8 @@ async def open_browser() -> AsyncIterator[Browser]:
 
 
 async def monitored(directory: Path, **tables: dict[str, Any] | None) -> Together:
-    together = Together.of(small_scene(directory, monitor={"updates_hz": 50}, **tables))
-    await together.listen()
-    return together
+    scene = small_scene(directory, monitor={"updates_hz": 50}, **tables)
+    return await Together.listening(scene)
 
 
 def address(together: Together, path: str = "/monitor/socket") -> str:

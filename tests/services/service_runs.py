@@ -81,6 +81,13 @@ class Together:
         said: list[str] = []
         return cls(Leader(scene, on_event=said.append), said)
 
+    @classmethod
+    async def listening(cls, scene: Scene) -> "Together":
+        """Start a leader, and wait until it is ready, or has failed."""
+        together = cls.of(scene)
+        await together.listen()
+        return together
+
     @property
     def server(self) -> LeaderServer:
         """The leader's side of the link, once it listens."""
@@ -123,6 +130,11 @@ class Together:
         async with asyncio.timeout(LONGEST_S):
             return await self._leading
 
+    async def stop(self) -> LeaderSummary:
+        """End the leader, and wait for its end."""
+        self.leader.stop()
+        return await self.end()
+
     async def until(self, happened: Callable[[], object]) -> None:
         """Wait until something is true, while the leader runs."""
         assert self._leading is not None
@@ -134,7 +146,6 @@ class Together:
 
 async def run_session(scene: Scene, source: MadeSource) -> tuple[LeaderSummary, FollowerSummary]:
     """Run both to their end."""
-    together = Together.of(scene)
-    await together.listen()
+    together = await Together.listening(scene)
     followed = await together.follow(source)
     return await together.end(), followed

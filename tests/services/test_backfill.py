@@ -100,8 +100,7 @@ async def run(
         recording={"file": str(directory / "session.mcap")},
         **({"network": network} if network is not None else {}),
     )
-    together = Together.of(scene)
-    await together.listen()
+    together = await Together.listening(scene)
     async with relay(together.leader.port or 0) as wire:
         follower = Follower(scene, f"http://127.0.0.1:{wire.port}")
         following = asyncio.create_task(follower.run())
@@ -237,10 +236,9 @@ def client_of(together: Together, run_id: str = "") -> FollowerClient:
 async def test_a_follower_that_is_started_anew_is_not_asked_for_what_the_old_one_had(
     tmp_path: Path,
 ) -> None:
-    together = Together.of(
+    together = await Together.listening(
         small_scene(tmp_path, link={"port": 0, "patience_s": 5.0}, playout=None, actuator=None)
     )
-    await together.listen()
 
     first, second = client_of(together, "first"), client_of(together, "second")
     await first.connect(5.0)
@@ -281,8 +279,7 @@ async def test_where_a_followers_numbers_wrap_the_model_and_the_recording_are_th
     own["sequence"] = (frames["sequence"].astype(np.int64) - 3000) % SEQUENCES
     recording = tmp_path / "session.mcap"
     scene = replaying(made, link={"port": 0}, recording={"file": str(recording)})
-    together = Together.of(scene)
-    await together.listen()
+    together = await Together.listening(scene)
     client = client_of(together, "counting")
     await client.connect(5.0)
     for first in range(0, len(own), 20):
@@ -307,8 +304,7 @@ async def test_where_a_followers_numbers_wrap_the_model_and_the_recording_are_th
 async def test_a_counter_that_starts_again_on_the_same_connection_goes_on_behind_a_gap(
     tmp_path: Path,
 ) -> None:
-    together = Together.of(small_scene(tmp_path, playout=None, actuator=None))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path, playout=None, actuator=None))
     client = client_of(together, "reset")
     await client.connect(5.0)
     client.send_frames(made_frames(5000, 300))
@@ -332,8 +328,7 @@ async def test_a_counter_that_starts_again_on_the_same_connection_goes_on_behind
 async def test_a_follower_that_is_stopped_in_an_outage_of_the_network_delivers_the_rest(
     tmp_path: Path,
 ) -> None:
-    together = Together.of(small_scene(tmp_path, playout=None, actuator=None))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path, playout=None, actuator=None))
     client = client_of(together)
     await client.connect(5.0)
     client.send_frames(made_frames(0, 100))

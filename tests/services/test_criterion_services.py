@@ -32,8 +32,7 @@ async def test_a_session_starts_and_stops_by_the_expected_share(tmp_path: Path) 
         texture=FIELD,
         recording={"file": str(recording)},
     )
-    together = Together.of(scene)
-    await together.listen()
+    together = await Together.listening(scene)
     await together.follow()
     summary = await together.end()
 

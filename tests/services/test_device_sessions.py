@@ -22,12 +22,10 @@ from mmt.session import read_session
 async def test_a_scene_of_devices_streams_what_they_measure(tmp_path: Path, drivers: str) -> None:
     table = {"robot": f"{drivers}:Robot", "force_sensor": f"{drivers}:Force"}
     table["accelerometer"] = f"{drivers}:Robot"
-    together = Together.of(small_scene(tmp_path, devices=table, simulated=None))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path, devices=table, simulated=None))
     following = asyncio.create_task(together.follow())
     await together.until(lambda: together.leader.time_s > 0.2)
-    together.leader.stop()
-    assert (await together.end()).problem is None
+    assert (await together.stop()).problem is None
     assert (await following).problem is None
     frames = read_session(tmp_path / "session.mcap").frames
     assert len(frames) > 20
@@ -61,28 +59,24 @@ def slow_scene(tmp_path: Path, drivers: str) -> Scene:
 
 
 async def test_the_leader_is_answered_while_devices_are_connected(slow_scene: Scene) -> None:
-    together = Together.of(slow_scene)
-    await together.listen()
+    together = await Together.listening(slow_scene)
     following = asyncio.create_task(together.follow())
     before = together.leader.ticker.statistics.ticks
     await together.until(lambda: together.leader.ticker.statistics.ticks > before + 300)
     assert together.leader.status().frames == 0
     Slow.goes_on.set()
     await together.until(lambda: together.leader.status().frames > 20)
-    together.leader.stop()
-    assert (await together.end()).problem is None
+    assert (await together.stop()).problem is None
     assert (await following).problem is None
 
 
 async def test_a_session_that_ends_while_devices_are_connected_does_not_wait_and_closes_them(
     slow_scene: Scene,
 ) -> None:
-    together = Together.of(slow_scene)
-    await together.listen()
+    together = await Together.listening(slow_scene)
     following = asyncio.create_task(together.follow())
     await together.until(Slow.asked.is_set)
-    together.leader.stop()
-    assert (await together.end()).problem is None
+    assert (await together.stop()).problem is None
     assert (await following).problem is None
     (device,) = Slow.made
     assert device.calls == ["close"]
@@ -142,8 +136,7 @@ def device_scene(tmp_path: Path, drivers: str, on_lost: str) -> Scene:
 async def test_a_session_survives_a_sensor_that_is_unplugged_and_plugged_again(
     tmp_path: Path, drivers: str
 ) -> None:
-    together = Together.of(device_scene(tmp_path, drivers, "hold"))
-    await together.listen()
+    together = await Together.listening(device_scene(tmp_path, drivers, "hold"))
     following = asyncio.create_task(together.follow())
     await together.until(lambda: together.leader.time_s > 0.3)
     (sensor,) = OwnClock.made
@@ -153,8 +146,7 @@ async def test_a_session_survives_a_sensor_that_is_unplugged_and_plugged_again(
     await together.until(lambda: any("force sensor (OwnClock) is back" in s for s in together.said))
     back_s = together.leader.time_s
     await together.until(lambda: together.leader.time_s > back_s + 0.3)
-    together.leader.stop()
-    assert (await together.end()).problem is None
+    assert (await together.stop()).problem is None
     summary = await following
     assert summary.problem is None
     assert summary.commands["halts"] == 1
@@ -168,8 +160,7 @@ async def test_a_session_survives_a_sensor_that_is_unplugged_and_plugged_again(
 async def test_a_session_ends_with_its_recording_kept_where_the_scene_says_stop(
     tmp_path: Path, drivers: str
 ) -> None:
-    together = Together.of(device_scene(tmp_path, drivers, "stop"))
-    await together.listen()
+    together = await Together.listening(device_scene(tmp_path, drivers, "stop"))
     following = asyncio.create_task(together.follow())
     await together.until(
         lambda: together.leader.time_s > 0.3 and together.leader.status().frames > 20
@@ -192,14 +183,12 @@ async def test_emulated_devices_carry_the_main_job(tmp_path: Path, scene: str) -
         "recording.file": str(tmp_path / "session.mcap"),
         "session.duration_s": 100.0,  # on a busy machine frames are rare
     }
-    together = Together.of(load_scene(Path(scene), changes))
-    await together.listen()
+    together = await Together.listening(load_scene(Path(scene), changes))
     following = asyncio.create_task(together.follow())
     await together.until(
         lambda: together.leader.time_s > 2.0 and together.leader.status().frames > 200
     )
-    together.leader.stop()
-    assert (await together.end()).problem is None
+    assert (await together.stop()).problem is None
     summary = await following
     assert summary.problem is None
     assert summary.devices["force_sensor"]["readings"] > 500

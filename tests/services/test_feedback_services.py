@@ -25,8 +25,7 @@ async def test_passive_tells_the_energies_on_both_sides(
     tmp_path: Path, profile: str | None
 ) -> None:
     network = {} if profile is None else {"network": {"profile": profile}}
-    together = Together.of(scene_with(tmp_path, "passive", **network))
-    await together.listen()
+    together = await Together.listening(scene_with(tmp_path, "passive", **network))
     followed = await together.follow()
     led = await together.end()
     assert led.problem is None
@@ -40,8 +39,7 @@ async def test_passive_tells_the_energies_on_both_sides(
 
 
 async def test_the_model_is_estimated_from_what_the_follower_tells(tmp_path: Path) -> None:
-    together = Together.of(scene_with(tmp_path, "model", network={"profile": "wan"}))
-    await together.listen()
+    together = await Together.listening(scene_with(tmp_path, "model", network={"profile": "wan"}))
     followed = await together.follow()
     led = await together.end()
     assert led.problem is None
@@ -53,8 +51,7 @@ async def test_the_model_is_estimated_from_what_the_follower_tells(tmp_path: Pat
 
 
 async def test_streamed_says_so_and_sends_nothing_more(tmp_path: Path) -> None:
-    together = Together.of(scene_with(tmp_path, "streamed"))
-    await together.listen()
+    together = await Together.listening(scene_with(tmp_path, "streamed"))
     followed = await together.follow()
     led = await together.end()
     assert led.feedback["method"] == "streamed"

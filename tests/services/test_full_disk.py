@@ -67,8 +67,7 @@ async def test_a_disk_that_is_full_costs_the_recording_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fill_after(monkeypatch, blocks=10)
-    together = Together.of(small_scene(tmp_path))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path))
     follower = together.follower(endless())
     following = asyncio.create_task(follower.run())
     reason = f"recording {tmp_path / 'session.mcap'}: {FULL}"
@@ -94,8 +93,7 @@ async def test_another_recording_may_be_begun_once_there_is_room_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     left = fill_after(monkeypatch, blocks=10)
-    together = Together.of(small_scene(tmp_path, monitor={}))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path, monitor={}))
     follower = together.follower(endless())
     following = asyncio.create_task(follower.run())
     recording = together.leader.parts.recording

@@ -80,8 +80,7 @@ async def test_a_handle_is_lost_and_comes_back_elsewhere(
     emulated.hold((12.0, 6.0, 0.0), 1.0)
     await together.until(lambda: not handle.lost)
     await together.until(lambda: math.dist(sent[-1][1], (12.0, 0.0, 6.0)) < 0.2)
-    together.leader.stop()
-    leader, follower = await together.end(), await following
+    leader, follower = await together.stop(), await following
     assert (leader.problem, follower.problem) == (None, None)
     for (before, start), (after, end) in pairwise(sent[since:]):
         # the tip itself, pushed by the force that returns, moves a little
@@ -97,8 +96,7 @@ async def test_a_handle_is_lost_and_comes_back_elsewhere(
 
 
 async def test_a_scene_may_stop_without_its_handle(tmp_path: Path, emulated: EmulatedHd) -> None:
-    together = Together.of(with_handle(tmp_path, emulated, on_lost="stop"))
-    await together.listen()
+    together = await Together.listening(with_handle(tmp_path, emulated, on_lost="stop"))
     following = asyncio.create_task(together.follow())
     await together.until(lambda: together.leader.time_s > 0.1)
     emulated.unplug()
@@ -123,8 +121,7 @@ async def lose_actuator(together: Together, unplug: Any, plug: Any) -> None:
     await together.until(lambda: not actuator.lost)
     samples = actuator.statistics.samples
     await together.until(lambda: actuator.statistics.samples > samples + 100)
-    together.leader.stop()
-    leader, follower = await together.end(), await following
+    leader, follower = await together.stop(), await following
     assert (leader.problem, follower.problem) == (None, None)
     table = leader.vibration["actuator"]
     assert table["losses"] == 1

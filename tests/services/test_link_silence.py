@@ -25,8 +25,9 @@ async def test_the_robot_holds_or_retracts_and_takes_the_commands_up_again(
 
     monkeypatch.setattr(LeaderServer, "send_commands", stifled)
     link = {"port": 0, "patience_s": 5.0, "on_silence": on_silence, "retract_mm": 20.0}
-    together = Together.of(small_scene(tmp_path, link=link, session={"duration_s": 3600.0}))
-    await together.listen()
+    together = await Together.listening(
+        small_scene(tmp_path, link=link, session={"duration_s": 3600.0})
+    )
     follower = together.follower()
     following = asyncio.create_task(follower.run())
     await together.until(lambda: together.leader.time_s > 0.7)
@@ -40,8 +41,7 @@ async def test_the_robot_holds_or_retracts_and_takes_the_commands_up_again(
     await together.until(lambda: any("leader is back" in sentence for sentence in together.said))
     heard_from = together.leader.time_s
     await together.until(lambda: together.leader.time_s > heard_from + 0.3)
-    together.leader.stop()
-    await together.end()
+    await together.stop()
     summary = await following
     assert summary.commands["silences"] >= 1
     assert summary.commands["silent_s"] >= 0.7

@@ -85,8 +85,7 @@ async def test_nothing_is_kept_once_the_last_viewer_has_left(
     assert monitor.tap.watched
     await socket.close()
     await together.until(lambda: not monitor.tap.watched)
-    together.leader.stop()
-    await together.end()
+    await together.stop()
 
 
 async def test_the_page_is_served_and_nothing_beside_it(tmp_path: Path, browser: Browser) -> None:
@@ -102,18 +101,15 @@ async def test_the_page_is_served_and_nothing_beside_it(tmp_path: Path, browser:
     for name in ("none.js", "..%2f__init__.py", "%2e%2e/__init__.py"):
         async with browser.http.get(address(together, f"/monitor/{name}")) as answer:
             assert answer.status == 404
-    together.leader.stop()
-    await together.end()
+    await together.stop()
 
 
 async def test_a_scene_without_a_monitor_serves_none(tmp_path: Path, browser: Browser) -> None:
-    together = Together.of(small_scene(tmp_path))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path))
     assert together.leader.parts.monitor is None
     async with browser.http.get(address(together, "/monitor/")) as answer:
         assert answer.status == 404
-    together.leader.stop()
-    await together.end()
+    await together.stop()
 
 
 async def test_with_a_token_the_socket_asks_for_it(
@@ -139,8 +135,7 @@ async def test_with_a_token_the_socket_asks_for_it(
         while (message := await socket.receive(10.0)).type is aiohttp.WSMsgType.BINARY:
             pass
         assert (message.type, message.data) == (aiohttp.WSMsgType.PONG, b"who is there")
-    together.leader.stop()
-    await together.end()
+    await together.stop()
 
 
 @pytest.mark.parametrize(
@@ -164,8 +159,7 @@ async def test_a_page_of_another_site_cannot_look_on(
     }
     async with browser.http.get(address(together), headers={**handshake, **headers}) as answer:
         assert answer.status == status
-    together.leader.stop()
-    await together.end()
+    await together.stop()
 
 
 async def test_only_so_many_may_look_on(tmp_path: Path, browser: Browser) -> None:
@@ -176,8 +170,7 @@ async def test_only_so_many_may_look_on(tmp_path: Path, browser: Browser) -> Non
     with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
         await browser.look_on(together)
     assert caught.value.status == 503
-    together.leader.stop()
-    await together.end()
+    await together.stop()
 
 
 async def test_a_fault_of_the_monitor_does_not_end_the_session(
@@ -195,5 +188,4 @@ async def test_a_fault_of_the_monitor_does_not_end_the_session(
     assert (await until(socket, "end"))["outcome"] == "the monitor has failed"
     ticks = together.leader.ticker.statistics.ticks
     await together.until(lambda: together.leader.ticker.statistics.ticks > ticks)
-    together.leader.stop()
-    assert (await together.end()).outcome == "stopped"
+    assert (await together.stop()).outcome == "stopped"

@@ -55,8 +55,7 @@ async def test_a_recording_is_started_marked_and_ended(
         marks = [event["mark"] for event in recorded.events if "mark" in event]
         assert marks == ["wood begins"]
     assert await order(socket, do="record", on=False) == (False, "no recording runs")
-    together.leader.stop()
-    summary = await together.end()
+    summary = await together.stop()
     assert summary.recording["file"] == str(file)
     await following
 
@@ -87,8 +86,7 @@ async def test_what_cannot_be_done_is_said_in_words(tmp_path: Path, browser: Bro
         answer = await until(socket, "answer")
         assert not answer["ok"]
         assert "a JSON object" in answer["text"]
-    together.leader.stop()
-    await together.end()
+    await together.stop()
 
 
 async def test_the_disk_says_why_it_takes_no_recording(
@@ -101,8 +99,7 @@ async def test_the_disk_says_why_it_takes_no_recording(
     good, sentence = await order(socket, do="record", on=True)
     assert not good
     assert "mmt-monitor" in sentence
-    together.leader.stop()
-    assert (await together.end()).outcome == "stopped"
+    assert (await together.stop()).outcome == "stopped"
 
 
 async def test_streamed_vibration_can_be_held_on_to(tmp_path: Path, browser: Browser) -> None:
@@ -115,5 +112,4 @@ async def test_streamed_vibration_can_be_held_on_to(tmp_path: Path, browser: Bro
     assert good
     while (await until(socket, "controls"))["forced"] != "auto":
         pass
-    together.leader.stop()
-    await together.end()
+    await together.stop()

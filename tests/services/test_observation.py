@@ -53,8 +53,7 @@ def endless(count: int = 20_000) -> MadeSource:
 
 
 async def test_health_follows_the_session(tmp_path: Path, http: aiohttp.ClientSession) -> None:
-    together = Together.of(small_scene(tmp_path))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path))
     port = together.leader.port
     status, table = await health_of(http, port)
     assert status == 200
@@ -79,16 +78,14 @@ async def test_health_follows_the_session(tmp_path: Path, http: aiohttp.ClientSe
     assert (status, table["ok"], table["faults"]) == (503, False, ["follower lost"])
     follower.stop()
     await following
-    together.leader.stop()
-    await together.end()
+    await together.stop()
 
 
 async def test_metrics_are_what_the_summary_counts(
     tmp_path: Path, http: aiohttp.ClientSession, unused_tcp_port: int
 ) -> None:
     scene = small_scene(tmp_path, metrics={"follower_port": unused_tcp_port})
-    together = Together.of(scene)
-    await together.listen()
+    together = await Together.listening(scene)
     source = endless()
     gap, broken = made_frames(10, 1), made_frames(11, 1)
     broken["force_n"] = float("nan")
@@ -97,8 +94,7 @@ async def test_metrics_are_what_the_summary_counts(
     await together.until(lambda: together.leader.time_s > 0.2)
     up = await metrics_of(http, together.leader.port)
     down = await metrics_of(http, unused_tcp_port)
-    together.leader.stop()
-    leader, follower = await together.end(), await following
+    leader, follower = await together.stop(), await following
     identity = leader.session["id"]
     for figures, service in ((up, "leader"), (down, "follower")):
         (labels,) = [dict(key[1]) for key in figures if key[0] == "mmt_session_info"]
@@ -130,8 +126,7 @@ async def test_metrics_are_what_the_summary_counts(
 
 async def test_the_model_is_in_the_metrics(tmp_path: Path, http: aiohttp.ClientSession) -> None:
     scene = small_scene(tmp_path, metrics={}, texture={}, rendering={})
-    together = Together.of(scene)
-    await together.listen()
+    together = await Together.listening(scene)
     together.leader.log.update_seconds += [0.25, 0.5]
     figures = await metrics_of(http, together.leader.port)
     assert figures["mmt_model_samples", ()] == 0
@@ -140,27 +135,23 @@ async def test_the_model_is_in_the_metrics(tmp_path: Path, http: aiohttp.ClientS
     for task in ("segmenting", "fitting", "synthesizing", "completing"):
         for name in ("queue_items", "queue_most_items", "median_seconds", "items_total"):
             assert figures[f"mmt_task_{name}", (("task", task),)] == 0
-    together.leader.stop()
-    await together.end()
+    await together.stop()
 
 
 async def test_without_the_table_there_are_no_metrics(
     tmp_path: Path, http: aiohttp.ClientSession
 ) -> None:
-    together = Together.of(small_scene(tmp_path))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path))
     async with http.get(f"http://127.0.0.1:{together.leader.port}/metrics") as answer:
         assert answer.status == 404
-    together.leader.stop()
-    await together.end()
+    await together.stop()
 
 
 async def test_a_stranger_learns_but_whether_all_is_well(
     tmp_path: Path, http: aiohttp.ClientSession, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(TOKEN_VARIABLE, TOKEN)
-    together = Together.of(small_scene(tmp_path, metrics={}))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path, metrics={}))
     port = together.leader.port
     assert await health_of(http, port) == (200, {"ok": True})
     async with http.get(f"http://127.0.0.1:{port}/metrics") as answer:
@@ -168,19 +159,16 @@ async def test_a_stranger_learns_but_whether_all_is_well(
     bearer = {"Authorization": f"Bearer {TOKEN}"}
     assert (await health_of(http, port, **bearer))[1]["phase"] == "waiting"
     assert ("mmt_connected", ()) in await metrics_of(http, port, **bearer)
-    together.leader.stop()
-    await together.end()
+    await together.stop()
 
 
 async def test_a_follower_port_that_is_taken_is_explained(tmp_path: Path) -> None:
     taken = await asyncio.start_server(lambda *_: None, "127.0.0.1", 0)
     port = taken.sockets[0].getsockname()[1]
-    together = Together.of(small_scene(tmp_path, metrics={"follower_port": port}))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path, metrics={"follower_port": port}))
     with pytest.raises(Exception, match=r"set follower_port of \[metrics\] to"):
         await together.follow(MadeSource([]))
-    together.leader.stop()
-    await together.end()
+    await together.stop()
     taken.close()
     await taken.wait_closed()
 
@@ -194,8 +182,7 @@ def test_metrics_need_a_link(tmp_path: Path) -> None:
 async def test_a_follower_that_is_too_slow_is_named_at_once_and_at_health_but_no_network(
     tmp_path: Path, http: aiohttp.ClientSession, slow: str
 ) -> None:
-    together = Together.of(small_scene(tmp_path))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path))
     client = FollowerClient(
         f"http://127.0.0.1:{together.leader.port}",
         FollowerHello(together.leader.scene.channels(), "slow"),

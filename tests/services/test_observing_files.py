@@ -39,7 +39,7 @@ async def names_of(http: aiohttp.ClientSession, port: int | None) -> set[str]:
 
 async def test_what_is_asked_for_is_what_a_run_gives(tmp_path: Path, unused_tcp_port: int) -> None:
     sound = "mmt.testing.emulated.haptuator:emulated_haptuator"
-    together = Together.of(
+    together = await Together.listening(
         small_scene(
             tmp_path,
             metrics={"follower_port": unused_tcp_port},
@@ -48,13 +48,11 @@ async def test_what_is_asked_for_is_what_a_run_gives(tmp_path: Path, unused_tcp_
             actuator={"driver": sound, "volts_per_m_s2": 0.05, "full_scale_v": 3.0},
         )
     )
-    await together.listen()
     following = asyncio.create_task(together.follow())
     await together.until(lambda: together.leader.log.update)
     async with aiohttp.ClientSession() as http:
         served = await names_of(http, together.leader.port) | await names_of(http, unused_tcp_port)
-    together.leader.stop()
-    await together.end()
+    await together.stop()
     await following
     asked = set(re.findall(r"\b(?:mmt|process)_\w+", f"{queries()} {ALERTS.read_text()}"))
     assert len(asked) > 20
@@ -69,12 +67,10 @@ async def test_a_handle_says_whether_it_is_lost(tmp_path: Path) -> None:
         pytest.skip(str(error))
     device.start()
     handle = {"driver": "openhaptics", "library": device.address}
-    together = Together.of(small_scene(tmp_path, metrics={}, hand=None, handle=handle))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path, metrics={}, hand=None, handle=handle))
     async with aiohttp.ClientSession() as http:
         assert "mmt_handle_lost" in await names_of(http, together.leader.port)
-    together.leader.stop()
-    await together.end()
+    await together.stop()
     device.stop()
 
 

@@ -75,8 +75,7 @@ async def test_arms_that_are_unplugged_while_they_run_come_back_and_the_recordin
     (tmp_path / "still_sensor.py").write_text(STILL)
     monkeypatch.syspath_prepend(str(tmp_path))
     file = tmp_path / "session.mcap"
-    together = Together.of(scene_of(emulated, file, 4.0, on_lost="hold"))
-    await together.listen()
+    together = await Together.listening(scene_of(emulated, file, 4.0, on_lost="hold"))
     following = asyncio.create_task(together.follow())
     await together.until(lambda: together.leader.time_s > 0.5)
     emulated.unplug()

@@ -21,8 +21,7 @@ async def test_the_recorded_output_has_five_samples_a_millisecond(
         session={"duration_s": 3.0, "acceleration_rate_hz": 1000 * K},
         rendering=rendering,
     )
-    together = Together.of(scene)
-    await together.listen()
+    together = await Together.listening(scene)
     await together.follow()
     summary = await together.end()
     session = mmt.read_session(tmp_path / "session.mcap")

@@ -25,8 +25,7 @@ async def test_silence_before_the_start_criterion_plays_no_stream(tmp_path: Path
         texture={"start_share": 0.9999, "stop_share": 0.9999},  # neither is met in five seconds
         rendering={"before": "silent"},
     )
-    together = Together.of(scene)
-    await together.listen()
+    together = await Together.listening(scene)
     await together.follow()
     summary = await together.end()
     assert summary.vibration["switches"] == []

@@ -19,8 +19,7 @@ async def test_vibration_goes_on_where_frames_are_lost(tmp_path: Path, way: str)
         playout={"conceal": way},
         network={"direction": "up", "loss": 0.2, "burst_messages": 12},
     )
-    together = Together.of(scene)
-    await together.listen()
+    together = await Together.listening(scene)
     following = asyncio.create_task(together.follow())
     playout = together.leader.parts.playout.buffer
     assert playout is not None
@@ -30,8 +29,7 @@ async def test_vibration_goes_on_where_frames_are_lost(tmp_path: Path, way: str)
         return lost > 400 and playout.statistics().bridged > 200
 
     await together.until(enough_is_lost)
-    together.leader.stop()
-    assert (await together.end()).problem is None
+    assert (await together.stop()).problem is None
     await following
     recorded = read_session(tmp_path / "session.mcap")
     played = np.concatenate([block.vibration_m_s2 for block in recorded.outputs])

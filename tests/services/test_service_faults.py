@@ -100,8 +100,7 @@ async def test_a_follower_that_fails_says_why_on_both_sides(tmp_path: Path) -> N
 
 
 async def test_a_mistake_in_a_source_comes_out_but_the_leader_is_told(tmp_path: Path) -> None:
-    together = Together.of(small_scene(tmp_path))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path))
     with pytest.raises(ZeroDivisionError):
         await together.follow(MadeSource([made_frames(0, 50)], error=ZeroDivisionError("oops")))
     assert (await together.end()).problem == "follower failed: oops"
@@ -190,21 +189,18 @@ async def test_a_mistake_on_a_frame_ends_the_session_and_comes_out(
 async def test_a_recording_that_cannot_be_made_is_explained_at_the_start(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
     file = tmp_path / "file" / "session.mcap"
-    together = Together.of(small_scene(tmp_path, recording={"file": str(file)}))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path, recording={"file": str(file)}))
     with pytest.raises(InputError, match=r"session\.mcap: (Not a directory|File exists)"):
         await together.end()
 
 
 async def test_a_port_that_is_taken_leaves_an_older_recording_alone(tmp_path: Path) -> None:
-    first = Together.of(small_scene(tmp_path))
-    await first.listen()
+    first = await Together.listening(small_scene(tmp_path))
     recording = tmp_path / "older.mcap"
     recording.write_bytes(b"precious")
-    second = Together.of(
+    second = await Together.listening(
         small_scene(tmp_path, link={"port": first.leader.port}, recording={"file": str(recording)})
     )
-    await second.listen()
     with pytest.raises(MmtError, match="cannot listen on"):
         await second.end()
     assert recording.read_bytes() == b"precious"

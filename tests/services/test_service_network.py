@@ -132,8 +132,7 @@ async def test_the_metrics_have_the_clocks_and_the_emulation(tmp_path: Path) -> 
 async def test_what_is_left_out_is_not_in_the_summary(
     tmp_path: Path, table: dict[str, Any]
 ) -> None:
-    together = Together.of(small_scene(tmp_path, **table))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path, **table))
     followed = await together.follow(MadeSource([made_frames(0, 20)]))
     leader = await together.end()
     for summary in (followed, leader):

@@ -112,8 +112,7 @@ async def led(
         rendering=rendering,
         **tables,
     )
-    together = Together.of(scene)
-    await together.listen()
+    together = await Together.listening(scene)
     source = GatedSource(over_two_surfaces(), gates, together.leader)
     await together.follow(source)  # type: ignore[arg-type]
     summary = await together.end()
@@ -217,15 +216,13 @@ async def test_a_word_that_the_leader_cannot_take_is_refused(
 ) -> None:
     if token:
         monkeypatch.setenv("MMT_LINK_TOKEN", "0123456789abcdef")
-    together = Together.of(small_scene(tmp_path, monitor=monitor))
-    await together.listen()
+    together = await Together.listening(small_scene(tmp_path, monitor=monitor))
     port = together.leader.port
     with surface_command(tmp_path, port, surface, MMT_LINK_TOKEN=token) as command:
         assert await asyncio.to_thread(command.end) == code
     assert sentence in command.stderr
     assert "Traceback" not in command.stderr
-    together.leader.stop()
-    await together.end()
+    await together.stop()
 
 
 @pytest.mark.parametrize(

@@ -28,8 +28,7 @@ async def test_a_leader_renders_what_it_has_learnt_where_its_hand_meets_the_surf
     frames, _ = mmt.simulate_session(scene, duration_s=14.0)
     quick = np.array_split(frames[:LEARNT_FRAMES], LEARNT_FRAMES // 20)
     slow = np.array_split(frames[LEARNT_FRAMES:], len(frames) - LEARNT_FRAMES)
-    together = Together.of(scene)
-    await together.listen()
+    together = await Together.listening(scene)
     part = together.leader.parts.vibration
     assert part is not None
     begun: list[tuple[int, np.ndarray]] = []
