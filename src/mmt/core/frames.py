@@ -156,8 +156,8 @@ def channels_of(dtype: np.dtype[np.void]) -> tuple[Channel, ...]:
     return tuple(channel for channel in ALL_CHANNELS if FIELD_OF_CHANNEL[channel] in names)
 
 
-def check_frames(frames: object, channels: Iterable[Channel] = CHANNELS) -> None:
-    """Check that a value is an array of frames (n,) with at least these channels.
+def check_frames(frames: object) -> None:
+    """Check that a value is an array of frames (n,) with at least the usual channels.
 
     Raises
     ------
@@ -171,10 +171,10 @@ def check_frames(frames: object, channels: Iterable[Channel] = CHANNELS) -> None
             f"frames are of type {type(frames).__name__}, shape {shape}: a structured array (n,) "
             "is needed, as mmt.read_session(...).frames is"
         )
-    missing = [channel for channel in channels if FIELD_OF_CHANNEL[channel] not in names]
+    missing = [channel for channel in CHANNELS if FIELD_OF_CHANNEL[channel] not in names]
     if missing:
         raise InputError(
-            f"frames without {', '.join(missing)}: {', '.join(channels)} are needed; add the "
+            f"frames without {', '.join(missing)}: {', '.join(CHANNELS)} are needed; add the "
             "channels to the scene"
         )
 

@@ -115,9 +115,6 @@ class Ticker:
         the ticker, and `wait` raises it.
     statistics
         Whether to measure periods and lateness, about 1 us a tick.
-    clock_ns
-        The monotonic time in ns; None for the system's. With another clock, as in a simulation,
-        the loop's own timers tick, and the loop's time must follow that clock.
 
     Raises
     ------
@@ -126,12 +123,7 @@ class Ticker:
     """
 
     def __init__(
-        self,
-        period_ns: int,
-        callback: Callable[[int], None],
-        *,
-        statistics: bool = True,
-        clock_ns: Callable[[], int] | None = None,
+        self, period_ns: int, callback: Callable[[int], None], *, statistics: bool = True
     ) -> None:
         if period_ns <= 0:
             message = f"period_ns is {period_ns}: it must be positive"
@@ -139,9 +131,8 @@ class Ticker:
         self._period_ns = period_ns
         self._callback = callback
         self._measures = statistics
-        self._clock_ns = clock_ns or time.monotonic_ns
-        self._simulated = clock_ns is not None
-        self._periods = TimeHistogram()
+        self.periods = TimeHistogram()
+        """The times from tick to tick."""
         self._ticks = 0
         self._missed = 0
         self._late = 0
@@ -158,11 +149,6 @@ class Ticker:
         return self._done is not None and not self._done.done()
 
     @property
-    def periods(self) -> TimeHistogram:
-        """The times from tick to tick."""
-        return self._periods
-
-    @property
     def lateness(self) -> tuple[int, int]:
         """Number of ticks so far, and number of those that were over 1 ms late."""
         return self._ticks, self._late
@@ -174,8 +160,8 @@ class Ticker:
         return TickStatistics(
             ticks=self._ticks,
             missed=self._missed,
-            period_p50_ms=self._periods.quantile_ms(0.5),
-            period_p99_ms=self._periods.quantile_ms(0.99),
+            period_p50_ms=self.periods.quantile_ms(0.5),
+            period_p99_ms=self.periods.quantile_ms(0.99),
             late_share_1ms=self._late / self._ticks if measured else None,
         )
 
@@ -192,8 +178,8 @@ class Ticker:
             raise RuntimeError(message)
         self._loop = asyncio.get_running_loop()
         self._done = self._loop.create_future()
-        self._due_ns = self._clock_ns() + self._period_ns
-        self._timer = None if self._simulated else open_timer()
+        self._due_ns = time.monotonic_ns() + self._period_ns
+        self._timer = open_timer()
         if self._timer is None:
             self._schedule(self._loop)
         else:
@@ -241,11 +227,11 @@ class Ticker:
             self._tick(elapsed)
 
     def _schedule(self, loop: asyncio.AbstractEventLoop) -> None:
-        wait_s = (self._due_ns - self._clock_ns()) / 1e9
+        wait_s = (self._due_ns - time.monotonic_ns()) / 1e9
         self._handle = loop.call_at(loop.time() + wait_s, self._on_deadline, loop)
 
     def _on_deadline(self, loop: asyncio.AbstractEventLoop) -> None:
-        elapsed = (self._clock_ns() - self._due_ns) // self._period_ns + 1
+        elapsed = (time.monotonic_ns() - self._due_ns) // self._period_ns + 1
         if elapsed > 0:  # the loop may wake us early by its clock's resolution
             self._tick(elapsed)
         if self.running:
@@ -263,9 +249,9 @@ class Ticker:
             self._finish(error)
 
     def _measure(self, elapsed: int) -> None:
-        now_ns = self._clock_ns()
+        now_ns = time.monotonic_ns()
         if self._last_ns:
-            self._periods.add(now_ns - self._last_ns)
+            self.periods.add(now_ns - self._last_ns)
         self._last_ns = now_ns
         late_ns = now_ns - self._due_ns - LATE_NS
         if late_ns > 0:

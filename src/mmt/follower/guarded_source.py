@@ -10,7 +10,7 @@ from mmt.devices.protocols import Vector
 from mmt.follower.command_guard import CommandGuard
 from mmt.follower.motion_limit import MotionLimit
 from mmt.follower.sources import DeviceBackedSource, FollowerSource
-from mmt.scene import Link, MotionLimits, Scene, Texture
+from mmt.scene import Link, Scene, Texture
 
 if TYPE_CHECKING:
     from mmt.follower.feedback import FollowerFeedback
@@ -51,7 +51,10 @@ class GuardedSource:
         self.guard = None if scene.replay is not None else _guard(scene, say)
         """The command guard; None if a recording is replayed, which follows no commands."""
         limits = scene.motion_limits
-        self._limit = None if limits is None else _limit(scene, limits)
+        self._limit = None
+        if limits is not None:
+            limit_mm_s = (scene.link or Link()).limit_mm_s
+            self._limit = MotionLimit(limits, limit_mm_s, scene.session.rate_hz)
         self._of_devices = source if isinstance(source, DeviceBackedSource) else None
         if self._of_devices is not None:
             self._of_devices.on_loss(self._on_device)
@@ -126,10 +129,6 @@ class GuardedSource:
                 self._limit.restart()
         does = "holding" if devices.on_lost == "hold" else "retracting"
         self._say(f"{sentence}{f': {does}' if lost else ': taking commands again'}")
-
-
-def _limit(scene: Scene, limits: MotionLimits) -> MotionLimit:
-    return MotionLimit(limits, (scene.link or Link()).limit_mm_s, scene.session.rate_hz)
 
 
 def _guard(scene: Scene, say: Callable[[str], None]) -> CommandGuard:

@@ -39,7 +39,8 @@ class SessionNumbering:
         self._period_ns = period_ns
         self._shortest_ns = shortest_period_ns(1e9 / period_ns, fastest)
         self._first: int | None = None
-        self._newest = -1
+        self.newest = -1
+        """The newest frame's number, -1 before the first."""
         self._newest_time_ns = 0
         self._first_arrival_ns = 0
         self._reconnected = False
@@ -47,7 +48,8 @@ class SessionNumbering:
         self.anew = False
         """Whether the connected follower is known to be another process than the one before."""
         self._run_id = ""
-        self._shift = 0
+        self.shift = 0
+        """The session's numbers minus those of the connected follower."""
         self._time_shift_ns = 0
         self.follower_time_ns = 0
         """The newest frame's time by the follower's own clock; 0 before the first of each
@@ -58,17 +60,7 @@ class SessionNumbering:
     @property
     def frames(self) -> int:
         """Number of frames from the session's first to its newest, missing ones included."""
-        return 0 if self._first is None else self._newest + 1 - self._first
-
-    @property
-    def newest(self) -> int:
-        """The newest frame's number, -1 before the first."""
-        return self._newest
-
-    @property
-    def shift(self) -> int:
-        """The session's numbers minus those of the connected follower."""
-        return self._shift
+        return 0 if self._first is None else self.newest + 1 - self._first
 
     def reconnect(self, run_id: str = "") -> None:
         """Prepare for a connection of the same follower or of another one.
@@ -93,35 +85,35 @@ class SessionNumbering:
         """
         left_out, sequence = 0, int(frames["sequence"][0])
         if self._first is None:
-            self._shift = -sequence if sequence >= SEQUENCES // 2 else 0
-            self._first, self._first_arrival_ns = sequence + self._shift, arrival_ns
-        elif self._reconnected or steps_ahead(sequence, self._newest - self._shift) <= 0:
+            self.shift = -sequence if sequence >= SEQUENCES // 2 else 0
+            self._first, self._first_arrival_ns = sequence + self.shift, arrival_ns
+        elif self._reconnected or steps_ahead(sequence, self.newest - self.shift) <= 0:
             self._reconnected = False
             left_out = self._go_on(sequence, int(frames["time_ns"][0]), arrival_ns)
         self.follower_time_ns = int(frames["time_ns"][-1])
         self.arrival_ns = arrival_ns
         frames = self.renumber(frames)
-        self._newest = int(frames["sequence"][-1])
+        self.newest = int(frames["sequence"][-1])
         self._newest_time_ns = int(frames["time_ns"][-1])
         return frames, left_out
 
     def renumber(self, frames: RecordArray) -> RecordArray:
         """Return frames (n,) of the connected follower, in the session's numbers and times."""
-        if self._shift or self._time_shift_ns:
+        if self.shift or self._time_shift_ns:
             frames = frames.copy()
             own = frames["sequence"].astype(np.int64)
-            frames["sequence"] = self._newest + steps_ahead(own, self._newest - self._shift)
+            frames["sequence"] = self.newest + steps_ahead(own, self.newest - self.shift)
             frames["time_ns"] += self._time_shift_ns
         return frames
 
     def of_session(self, number: int) -> int:
         """Return the session's number for a number of the connected follower."""
-        return self._newest + steps_ahead(number, self._newest - self._shift)
+        return self.newest + steps_ahead(number, self.newest - self.shift)
 
     def extend(self, stop: int) -> None:
         """Extend the session's numbers up to `stop`, for frames that are missing at the end."""
         if self._first is not None:
-            self._newest = max(self._newest, stop - 1)
+            self.newest = max(self.newest, stop - 1)
 
     def expected_arrival_ns(self, time_ns: int, now_ns: int) -> int:
         """Return when a frame of this time would have arrived, judged by the newest frame."""
@@ -129,7 +121,7 @@ class SessionNumbering:
         return min(max(arrival_ns, 0), now_ns)
 
     def _go_on(self, sequence: int, time_ns: int, arrival_ns: int) -> int:
-        ahead = steps_ahead(sequence, self._newest - self._shift)
+        ahead = steps_ahead(sequence, self.newest - self.shift)
         silence_ns = arrival_ns - self.arrival_ns
         most = largest_advance(silence_ns, self._shortest_ns)
         if self._same:
@@ -138,7 +130,7 @@ class SessionNumbering:
         if not self.anew and 0 < ahead <= most:
             return 0
         missing = max(1, round(silence_ns / self._period_ns))
-        self._shift = self._newest + 1 + missing - sequence
+        self.shift = self.newest + 1 + missing - sequence
         expected_ns = self._newest_time_ns + (missing + 1) * self._period_ns
         behind_ns = expected_ns - time_ns
         self._time_shift_ns = behind_ns if abs(behind_ns) > _SAME_CLOCK_NS else 0

@@ -70,9 +70,10 @@ class Leader:
         self.ticks = 0
         """Ticks so far, missed ones included."""
         self.parts = build_parts(self.session, modelling=modelling)
-        self._remote: RemoteFollower | None = None
+        self.remote: RemoteFollower | None = None
+        """The follower, or None if the scene has no link."""
         if scene.link is not None:
-            self.session.remote = self._remote = RemoteFollower(
+            self.session.remote = self.remote = RemoteFollower(
                 self.session, self._extra_handler(), self.parts.modelling
             )
         self.health = RunHealth(self.session, self.parts.completing, self.parts.vibration)
@@ -87,11 +88,6 @@ class Leader:
         if displayed is not None and displayed.feedback.event is not None:
             return displayed.feedback
         return hand.contact if hand is not None and self.scene.reports_contact else None
-
-    @property
-    def remote(self) -> RemoteFollower | None:
-        """The follower, or None if the scene has no link."""
-        return self._remote
 
     @property
     def port(self) -> int | None:

@@ -112,7 +112,8 @@ class FollowerClient:
         self._clock_hz = clock_hz
         self.clock = ClockRequester(endpoint.reader, endpoint.outbox, endpoint.notify_jump)
         """Estimate of the leader's clock."""
-        self._round_trip = TimeHistogram()
+        self.round_trip = TimeHistogram()
+        """Times from a frame to the command that echoes it."""
         self._connection = LeaderConnection(
             url,
             hello.to_auth(),
@@ -135,11 +136,6 @@ class FollowerClient:
         return self.endpoint.reader.latency
 
     @property
-    def round_trip(self) -> TimeHistogram:
-        """Times from a frame to the command that echoes it."""
-        return self._round_trip
-
-    @property
     def statistics(self) -> LinkStatistics:
         """Counts since the start; takes a few hundred microseconds to compute."""
         endpoint = self.endpoint
@@ -147,7 +143,7 @@ class FollowerClient:
             frames=endpoint.outbox.records,
             commands=endpoint.reader.records,
             clock=self.clock.statistics,
-            round_trip=self._round_trip,
+            round_trip=self.round_trip,
         )
 
     @property
@@ -289,7 +285,7 @@ class FollowerClient:
         data = block.tobytes()  # the buffer protocol of an array takes forty times as long
         echo_time_ns, echo_age_ns = _ECHO.unpack_from(data, len(data) + _ECHO_FROM_END)
         if echo_time_ns:
-            self._round_trip.add(arrival_ns - echo_time_ns - echo_age_ns)
+            self.round_trip.add(arrival_ns - echo_time_ns - echo_age_ns)
         self.endpoint.notify(self._events.on_commands, block, arrival_ns)
 
     def _on_stop(self, *arguments: object) -> None:
