@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from mmt.scene import Hand, Simulated
+from mmt.testing.simulation.arm import nominal_compliance_mm_n
 from mmt.testing.simulation.hand import SimulatedHand
-from mmt.testing.simulation.robot import SimulatedRobot, nominal_compliance_mm_n
+from mmt.testing.simulation.robot import SimulatedRobot
 
 TICKS = 18_000
 CENTRES = [((2 * i + 1) / 6, (2 * j + 1) / 6) for i in range(3) for j in range(3)]

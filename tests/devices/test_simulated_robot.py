@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.scene import Simulated
-from mmt.testing.simulation.robot import SimulatedRobot, nominal_compliance_mm_n
+from mmt.testing.simulation.arm import nominal_compliance_mm_n
+from mmt.testing.simulation.robot import SimulatedRobot
 
 
 @pytest.mark.parametrize("bandwidth", [5.0, 15.0, 40.0])

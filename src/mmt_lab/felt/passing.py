@@ -17,10 +17,10 @@ from mmt.devices.protocols import Vector
 from mmt.link.impairments import MessageImpairments
 from mmt.scene import Hand, Network, Simulated
 from mmt.testing.simulation import PERIOD_NS
+from mmt.testing.simulation.arm import nominal_compliance_mm_n
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.known_surfaces import KnownSurface
-from mmt.testing.simulation.robot import nominal_compliance_mm_n
 
 COMMAND_BYTES: Final = 60
 FRAME_BYTES: Final = 80

@@ -73,8 +73,8 @@ class HandPart(Part):
         """
         scene = session.scene
         if scene.hand is not None:
+            from mmt.testing.simulation.arm import nominal_compliance_mm_n
             from mmt.testing.simulation.hand import SimulatedHand
-            from mmt.testing.simulation.robot import nominal_compliance_mm_n
 
             compliance_mm_n = nominal_compliance_mm_n(scene.simulated or Simulated())
             hand = SimulatedHand(scene.hand, scene.session.seed, compliance_mm_n=compliance_mm_n)

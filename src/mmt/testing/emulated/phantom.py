@@ -22,7 +22,8 @@ from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.devices.protocols import Vector
 from mmt.testing.emulated.drivers import LAB, HandleLabOptions, LabOptions, take_lab_options
 from mmt.testing.emulated.hd import EmulatedHd
-from mmt.testing.simulation.robot import START_MM, TipState
+from mmt.testing.simulation.arm import START_MM
+from mmt.testing.simulation.robot import TipState
 
 if TYPE_CHECKING:
     from mmt.testing.emulated.clockwork import Clockwork

@@ -8,8 +8,8 @@ from mmt.devices.protocols import Vector
 from mmt.scene import Simulated
 from mmt.testing.emulated.clockwork import Clockwork
 from mmt.testing.simulation import RATE_HZ
+from mmt.testing.simulation.arm import START_MM
 from mmt.testing.simulation.follower import MovedTip, SimulatedFollower
-from mmt.testing.simulation.robot import START_MM
 from mmt.testing.simulation.textures import get_surface
 
 TICK_NS: Final = 1_000_000

@@ -9,21 +9,13 @@ from mmt.contact.normal import ContactLaw, Drive, step_normal, substeps
 from mmt.devices.protocols import Vector
 from mmt.scene import Simulated
 from mmt.testing.simulation import PERIOD_S
-
-TIP_MASS_KG: Final = 0.08
-"""Moving mass felt at the tip of a small arm."""
+from mmt.testing.simulation.arm import START_MM, TIP_MASS_KG, pole_of
 
 DISSIPATION_S_M: Final = 0.3
 """Hunt-Crossley dissipation of the surface: restitution 0.98 at 0.1 m/s."""
 
-START_MM: Final[Vector] = (0.0, 0.0, 5.0)
-"""Where the tip waits above the surface until the first command."""
-
 REACH_MM: Final = 1000.0
 """Largest distance of the tip from the centre along each axis; commands are cut to it."""
-
-_THREE_POLES = math.sqrt(2.0 ** (1.0 / 3.0) - 1.0)
-"""Bandwidth (-3 dB) of three equal real poles, over the pole."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,15 +37,9 @@ def tip_drive(bandwidth_hz: float) -> tuple[Drive, float]:
     damped mass on its spring, one that smooths the steps of a sampled command. Together
     they are 3 dB down at `bandwidth_hz`, and nothing overshoots.
     """
-    pole_rad_s = 2.0 * math.pi * bandwidth_hz / _THREE_POLES
+    pole_rad_s = pole_of(bandwidth_hz)
     drive = Drive(TIP_MASS_KG, TIP_MASS_KG * pole_rad_s**2, 2.0 * TIP_MASS_KG * pole_rad_s)
     return drive, pole_rad_s
-
-
-def nominal_compliance_mm_n(settings: Simulated) -> float:
-    """Return how far (mm) the command must go below the surface for each newton."""
-    drive, _ = tip_drive(settings.robot_bandwidth_hz)
-    return 1000.0 / drive.stiffness_n_m + 1.0 / settings.surface_stiffness_n_mm
 
 
 class SimulatedRobot:
