@@ -130,18 +130,6 @@ def test_a_robot_that_is_not_measured_begins_at_the_first_command() -> None:
     assert guard.step(1, lambda: None) == (3.0, 2.0, 1.0)
 
 
-def test_in_silence_the_last_position_is_held() -> None:
-    robot = Guarded()
-    robot.run(10, (0.0, 0.0, 4.5))
-    robot.run(99)
-    assert robot.said == []
-    robot.run(401)
-    assert robot.said == ["leader silent for 0.1 s: holding"]
-    assert robot.newest == (0.0, 0.0, 4.5)
-    assert robot.guard.summary["silences"] == 1
-    assert robot.guard.summary["silent_s"] == pytest.approx(0.401)
-
-
 @pytest.mark.parametrize("normal", ["x", "y", "z"])
 def test_in_silence_the_robot_retracts_along_the_normal(normal: str) -> None:
     robot = Guarded(normal=normal, on_silence="retract", retract_mm=8.0, silence_ms=40.0)
@@ -154,19 +142,6 @@ def test_in_silence_the_robot_retracts_along_the_normal(normal: str) -> None:
     np.testing.assert_allclose(moved, expected)
     assert max(steps_mm(robot.positions)) == pytest.approx(0.05)
     assert robot.said == ["leader silent for 0.04 s: retracting"]
-
-
-def test_commands_are_taken_up_again_without_a_jump_while_the_hand_moves_on() -> None:
-    robot = Guarded(recovery_mm_s=100.0)
-    robot.run(10, HOME)
-    robot.run(500)
-    for k in range(600):  # the hand is 20 mm off by now and goes on at 150 mm/s
-        robot.run(1, (20.0 + 0.15 * k, 0.0, 5.0))
-    assert robot.said[-1] == "leader is back after 0.5 s: taking up its commands at 100 mm/s"
-    steps = steps_mm(robot.positions[500:])
-    assert max(steps) == pytest.approx(0.25, abs=1e-4)  # the hand's own motion and the recovery's
-    assert steps[0] == 0.0
-    assert robot.newest == pytest.approx((20.0 + 0.15 * 599, 0.0, 5.0))
 
 
 @pytest.mark.parametrize(
