@@ -22,20 +22,10 @@ SETTINGS = PassivitySettings()
 
 
 class Handle:
+    """A display, which is not read."""
+
     def __init__(self) -> None:
         self.force_n: Vector = (0.0, 0.0, 0.0)
-
-    def connect(self) -> None:
-        pass
-
-    def calibrate(self) -> None:
-        pass
-
-    def close(self) -> None:
-        pass
-
-    def read(self, elapsed_ticks: int) -> InterfaceState:
-        raise AssertionError("a display is not read")
 
     def write(self, force_n: Vector) -> None:
         self.force_n = force_n

@@ -7,24 +7,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.arrays import RecordArray
-from mmt.devices.protocols import InterfaceState, Vector
+from mmt.devices.protocols import Vector
 from mmt.leader.motion.feedback import StreamedForce
 
 
 class Handle:
-    """An interface that notes what it displays."""
+    """A display, which is not read, that notes what it is given."""
 
     def __init__(self) -> None:
         self.forces: list[Vector] = []
-
-    def connect(self) -> None: ...
-
-    def calibrate(self) -> None: ...
-
-    def close(self) -> None: ...
-
-    def read(self, elapsed_ticks: int) -> InterfaceState:
-        raise AssertionError("a display is not read")
 
     def write(self, force_n: Vector) -> None:
         self.forces.append(force_n)
