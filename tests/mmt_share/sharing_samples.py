@@ -50,9 +50,9 @@ def samples_of(
     )
 
 
-def model_of(count: int) -> TextureModel:
+def model_of(count: int, order: int = 6) -> TextureModel:
     """A model whose first samples are those of a smaller one."""
-    return TextureModel(samples_of(range(count)))
+    return TextureModel(samples_of(range(count), order))
 
 
 def about(samples: int, *, ready: bool = True) -> ModelDescription:
