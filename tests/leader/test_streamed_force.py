@@ -44,6 +44,20 @@ def test_the_newest_force_is_displayed_within_the_limit_in_its_direction() -> No
     assert force.summary["largest_n"] == 3.0
 
 
+def test_after_a_pause_the_force_comes_back_from_zero() -> None:
+    handle = Handle()
+    force = StreamedForce(handle, limit_n=3.0, silence_ticks=40)
+    for tick in range(180):
+        force.on_frames(forced(0.0, 0.0, 2.0))
+        if 60 <= tick < 120:
+            force.pause(1)
+        else:
+            force.tick(1, None)
+    assert handle.forces[59:120] == [(0.0, 0.0, 2.0)] + [(0.0, 0.0, 0.0)] * 60
+    back = [z for _, _, z in handle.forces[120:]]
+    assert back == pytest.approx([0.05 * k for k in range(1, 41)] + [2.0] * 20)
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(st.integers(1, 200), st.floats(0.0, 3.0)), min_size=1, max_size=12))
 def test_a_force_that_comes_and_goes_never_steps(stretches: list[tuple[int, float]]) -> None:
