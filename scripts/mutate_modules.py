@@ -79,9 +79,18 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
         "session/test_session_stock_reader.py",
     ),
     "texture/completion/criterion": ("texture/test_completion_by_uncertainty.py",),
-    "texture/completion/distance": ("texture/test_completion.py",),
+    "texture/completion/distance": (
+        "texture/test_completion.py",
+        "evaluation/test_strokes_made.py",
+    ),
     "texture/model/file": ("texture/test_model_file.py",),
-    "texture/model/texture_model": ("texture/test_model.py", "texture/test_model_options.py"),
+    "texture/model/texture_model": (
+        "texture/test_model.py",
+        "texture/test_model_options.py",
+        "texture/test_model_file.py",
+        "texture/test_resampled_models.py",
+        "evaluation/test_plotting.py",
+    ),
     "texture/segmentation/segmenter": (
         "texture/test_segmentation.py",
         "texture/test_segmentation_online.py",

@@ -1,5 +1,6 @@
 """What a model is made of, and what it tells of itself."""
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,22 @@ def test_a_model_holds_what_its_method_renders() -> None:
         again = TextureModel.from_bytes(model.to_bytes())
         assert made <= again.__dict__.keys()
         assert (again.method, again.rate_hz) == (model.method, 800.0)
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_a_pickled_model_has_what_was_prepared_and_no_more(*, at_once: bool) -> None:
+    model = TextureModel(drawn(15), rate_hz=800.0, at_once=at_once)
+    again = pickle.loads(pickle.dumps(model))
+    assert again.to_bytes() == model.to_bytes()
+    assert ("kernel_parameters" in again.__dict__) == ("interpolant" in again.__dict__) == at_once
+
+
+@pytest.mark.parametrize(("speed", "shape"), [(50.0, (3,)), ([50.0], (1, 3)), ([50, 60], (2, 3))])
+def test_a_spectrum_has_a_row_for_each_moment_of_arrays(
+    speed: float | list[float], shape: tuple[int, ...]
+) -> None:
+    density = TextureModel(drawn(15)).spectrum(speed, 1.0, frequencies_hz=[20.0, 100.0, 400.0])
+    assert density.shape == shape
 
 
 def test_the_level_in_db_is_that_of_the_field_at_the_inputs() -> None:
