@@ -77,6 +77,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "session/mcap_writer": (
         "session/test_session_files.py",
         "session/test_session_stock_reader.py",
+        "session/test_session_rates.py",
     ),
     "texture/completion/criterion": ("texture/test_completion_by_uncertainty.py",),
     "texture/completion/distance": (
