@@ -273,6 +273,13 @@ def test_objects_and_lists_of_json_are_columns(tmp_path):
     assert any("last line is cut off" in warning for warning in report.warnings)
 
 
+def test_arrays_of_json_count_more_than_a_shorter_list_of_objects(tmp_path):
+    content = {"t": TIME_S.tolist(), "f": FORCE_N.tolist(), "sensors": [{"name": "a"}] * 3}
+    (tmp_path / "a.json").write_text(json.dumps(content))
+    frames = import_session(tmp_path / "a.json", columns={"time": "t", "force": "f"}).frames
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [

@@ -32,8 +32,7 @@ def read_json(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         else:
             content = list(_lines(file, notes))
         if isinstance(content, dict):
-            tables = [member for member in content.values() if _is_table(member)]
-            content = tables[0] if len(tables) == 1 else content
+            content = _rows_in(content)
         if isinstance(content, dict):
             columns = {name: array for name, array in _leaves(content) if isinstance(array, list)}
             names = list(columns)
@@ -43,6 +42,14 @@ def read_json(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
             raise InputError("it holds neither rows nor arrays")
         arrays = {name: _array(column, name) for name, column in columns.items() if wanted(name)}
     return SourceColumns(origin=origin, names=names, notes=notes, **columns_of(arrays, origin))
+
+
+def _rows_in(content: dict[str, Any]) -> Any:
+    """Return the one list of rows in an object, if it is longer than any array; else the object."""
+    tables = [member for member in content.values() if _is_table(member)]
+    beside = {name: member for name, member in content.items() if not _is_table(member)}
+    longest = max((len(each) for _, each in _leaves(beside) if isinstance(each, list)), default=0)
+    return tables[0] if len(tables) == 1 and len(tables[0]) > longest else content
 
 
 def _is_table(member: Any) -> bool:
