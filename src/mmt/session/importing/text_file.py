@@ -6,7 +6,7 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Final, TextIO
 
@@ -92,8 +92,8 @@ def _lines(stream: TextIO, cut: list[str]) -> Iterator[str]:
     try:
         while line := stream.readline(_LONGEST_LINE):
             if "\0" in line:
-                rest = (line[line.index("\0") :], *iter(partial(stream.read, 1 << 20), ""))
-                if any(part.strip("\0\r\n") for part in rest):
+                rest = iter(partial(stream.read, 1 << 20), "")
+                if any(part.strip("\0\r\n") for part in chain([line[line.index("\0") :]], rest)):
                     raise InputError("this is not text in columns, it holds zero bytes")
                 cut.append("the file ends in zero bytes: it was read to the line before them")
             elif len(line) == _LONGEST_LINE:
