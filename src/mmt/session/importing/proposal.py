@@ -267,7 +267,7 @@ def _target(name: str) -> str | None:
         last = name.rsplit(".", 1)[-1]
         of_message = next((q for q, parts in MESSAGE_PARTS.items() if last in parts), None)
         other = _target(f".{last}") if "." in name else None
-        return of_message or (other if other in _COMPONENTS.union(CHANNELS) else None)
+        return of_message or (other if other and quantity_of(other) in CHANNELS else None)
     spaced = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", name.rsplit(".", 1)[-1])
     words = re.findall(r"[a-z]+[0-9]?", spaced.lower())
     for end in range(len(words), max(0, len(words) - 3), -1):  # the last words may be a unit
