@@ -109,9 +109,8 @@ class SessionWriter:
         self._plot = PlotCodec(channels)
         self._output = OutputCodec()
         self._log = LogCodec()
-        self._vibration = vibration_codec()
         several = samples_per_frame > 1
-        self._with_scalars = scalars
+        self._vibration = vibration_codec() if scalars else None
         self._scalars = {
             ACCELERATION_TOPIC if k > 1 else SCALARS_TOPIC: ScalarCodec(
                 ACCELERATION_SAMPLE if k > 1 else SCALARS, part
@@ -126,9 +125,10 @@ class SessionWriter:
             OUTPUT_TOPIC: self._output,
             EVENTS_TOPIC: event_codec(),
             LOG_TOPIC: self._log,
-            VIBRATION_TOPIC: self._vibration,
             **self._scalars,
         }
+        if self._vibration is not None:
+            self._codecs[VIBRATION_TOPIC] = self._vibration
         self._utc_offset_ns = utc_offset_ns
         self._samples_per_frame = samples_per_frame
         self._models = 0
@@ -188,7 +188,7 @@ class SessionWriter:
         log_time_ns = max(0, log_time_ns)
         data = self._output.encode(log_time_ns, mode, vibration_m_s2)
         self._add(OUTPUT_TOPIC, data, log_time_ns, log_time_ns)
-        if self._with_scalars:
+        if self._vibration is not None:
             for sample, value in enumerate(vibration_m_s2.tolist()):
                 at_ns = log_time_ns + sample * FRAME_PERIOD_NS // self._samples_per_frame
                 data = self._vibration.pack(time_ns=at_ns, vibration_m_s2=value)
