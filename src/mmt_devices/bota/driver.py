@@ -105,7 +105,6 @@ class BotaSerial(WrenchSensor):
         """
         self.close()
         self._line.open()
-        self._line.received.clear()
         try:
             self._set_up()
             self._await_first_frame()

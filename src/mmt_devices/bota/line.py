@@ -27,6 +27,11 @@ class BotaLine(SerialLine):
         self.received = bytearray()
         """Newest bytes received, for explaining faults."""
 
+    def open(self) -> None:
+        """Open the port; see `SerialLine`."""
+        super().open()
+        self.received.clear()
+
     def note(self, content: bytes) -> None:
         """Add bytes to `received`, of which the newest are kept."""
         self.received += content

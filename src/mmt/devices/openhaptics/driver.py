@@ -210,6 +210,7 @@ class HdDriver(ABC, Generic[AnyServo]):
         self._disconnect()
 
     def _disconnect(self) -> None:
+        """Release the device; what a subclass does beside in `close` is left as it is."""
         stack, self._stack = self._stack, None
         atexit.unregister(self._disconnect)
         if stack is None:
