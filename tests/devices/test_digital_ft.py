@@ -127,6 +127,15 @@ def test_silence_is_lost(emulated, sensor):
     read_until_lost(sensor, r"no record for \d+ ms; check the sensor's power")
 
 
+def test_records_with_the_error_bit_alone_are_lost(emulated, sensor):
+    read_some(sensor)
+    emulated.error = True
+    read_until_lost(sensor, "100 ms no record was usable")
+    assert sensor.faults["error bit"] > 0
+    with pytest.raises(MmtError, match="1000 ms no record was usable"):
+        sensor.connect()
+
+
 def test_saturation_and_overload_are_counted(started, connected):
     emulated = started(EmulatedDigitalFt(lambda _time_ns: (0.0, 0.0, 16.5), 115_200))
     sensor = connected(digital_ft(**emulated.options))

@@ -45,6 +45,13 @@ def test_missed_ticks_count_for_the_silence_alone() -> None:
     assert shares(ramp, 3, elapsed=50) == [0.75, 0.5, 0.25]
 
 
+def test_a_source_that_has_left_is_silent_at_once() -> None:
+    ramp = ForceRamp(silence_ticks=2, ramp_ticks=4)
+    ramp.fall_silent()
+    assert ramp.silent
+    assert shares(ramp, 5) == [0.75, 0.5, 0.25, 0.0, 0.0]
+
+
 def test_after_a_rest_the_force_returns_from_zero() -> None:
     ramp = ForceRamp(silence_ticks=2, ramp_ticks=4)
     shares(ramp, 1)

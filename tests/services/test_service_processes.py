@@ -29,6 +29,7 @@ class Run:
     leader: Service
     follower: Service
     second_follower: Service
+    second_leader: Service
     codes: tuple[int, int]
 
     def recording(self) -> RecordedSession:
@@ -41,11 +42,18 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
     arguments = ("--record", "session.mcap", "--duration", DURATION_S)
     surface = {"MMT_SIMULATED__SURFACE": "plastic"}
     with session(directory, "demo", *arguments, **surface) as (leader, follower):
+        port = leader.port()
         leader.wait_for(lambda: streamed_s(leader) > 0.0)  # else the second may be the first
-        with follower_of(leader, "demo", directory) as second_follower:
+        with (
+            follower_of(leader, "demo", directory) as second_follower,
+            Service(
+                "leader", scene("stream-only"), "--port", port, *arguments, cwd=directory
+            ) as second_leader,
+        ):
             second_follower.end()
+            second_leader.end()
             codes = (leader.end(), follower.end())
-            yield Run(directory, leader, follower, second_follower, codes)
+            yield Run(directory, leader, follower, second_follower, second_leader, codes)
 
 
 def test_both_end_well_and_say_how(run: Run) -> None:
@@ -129,6 +137,14 @@ def test_a_second_follower_is_refused_while_the_first_goes_on(run: Run) -> None:
     assert sum("follower connected" in event for event in run.leader.events()) == 1
 
 
+def test_a_second_leader_on_the_port_leaves_the_recording_alone(run: Run) -> None:
+    assert run.second_leader.end() == 1
+    assert run.second_leader.stderr.count("cannot listen on 127.0.0.1 port") == 1
+    assert "(Address already in use)" in run.second_leader.stderr
+    assert "Traceback" not in run.second_leader.stderr
+    assert len(run.recording().frames) >= DURATION_S * 1000
+
+
 @pytest.fixture(scope="module")
 def replayed(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
     """The first seconds of the session again, in the form for people."""
@@ -154,7 +170,7 @@ def replayed(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run
             cwd=directory,
         ) as follower:
             codes = (leader.end(), follower.end())
-            yield Run(directory, leader, follower, follower, codes)
+            yield Run(directory, leader, follower, follower, leader, codes)
 
 
 def _summary(run: Run, name: str) -> dict[str, Any]:
