@@ -33,7 +33,6 @@ HELD_OUT: Final = 5
 """Number of segments taken out; fewer if the model has less than twice as many samples."""
 
 REALISATIONS: Final = 4
-_WARM_UP_S: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -108,16 +107,15 @@ class HeldOutRecording:
     def approximate(self, model: TextureModel, seed: int) -> Approximation:
         """Compare the recorded vibration with what a model renders in its place.
 
-        One long stretch is rendered at the segment's mean inputs, and cut into
-        realisations of the segment's length after the filter has warmed up.
+        One long stretch is rendered at the segment's mean inputs, stationary from its first
+        sample, and cut into realisations of the segment's length.
         """
         inputs = self.inputs(model)
         length = len(self.segment.vibration_m_s2)
-        warm_up = round(_WARM_UP_S * self._rate_hz)
-        count = warm_up + REALISATIONS * length
+        count = REALISATIONS * length
         synthesizer = Synthesizer(model, seed=seed, renewal_samples=count, limit_m_s2=np.inf)
         rendered = synthesizer.render(*(np.full(count, value) for value in inputs[0]))
-        pieces = rendered[warm_up:].reshape(REALISATIONS, length)
+        pieces = rendered.reshape(REALISATIONS, length)
         _, amplitudes = amplitude_spectra(pieces, self._rate_hz, self._window)
         measured = np.broadcast_to(self.amplitude, amplitudes.shape)
         return Approximation(

@@ -28,7 +28,7 @@ from mmt.evaluation.levels import (
     LOWEST_HZ,
     WELCH_S,
     band_edges_hz,
-    band_errors_db,
+    band_membership,
     bounded_error_db,
     power_above_felt,
     power_level_error_db,
@@ -54,10 +54,14 @@ def _density_hz(rate_hz: float) -> FloatArray:
 
 
 class _Spectra(NamedTuple):
-    """Densities (k, f), amplitudes (k, b) as by Welch, and powers (k,), up to half the rate."""
+    """Up to half the rate: densities (k, f), none below `LEAST_DENSITY`, and power.
+
+    ``bands`` (k, b) is their sum by bands, ``amplitude`` (k, w) as by Welch, ``power`` (k,).
+    """
 
     rate_hz: float
     density: FloatArray
+    bands: FloatArray
     amplitude: FloatArray
     power: FloatArray
 
@@ -162,10 +166,10 @@ class KnownTexture:
         count = len(np.unique(self.plane.strokes.heading_rad))
         means = (
             np.repeat(values.reshape(-1, count, *values.shape[1:]).mean(axis=1), count, axis=0)
-            for values in (truth.density, np.square(truth.amplitude), truth.power)
+            for values in (truth.density, truth.bands, np.square(truth.amplitude), truth.power)
         )
-        density, square, power = means
-        return _errors(_Spectra(truth.rate_hz, density, np.sqrt(square), power), truth)
+        density, bands, square, power = means
+        return _errors(_Spectra(truth.rate_hz, density, bands, np.sqrt(square), power), truth)
 
     def power_map(self, errors: GridErrors) -> PowerMap:
         """Return errors over the grid as a map of the plane.
@@ -250,7 +254,9 @@ def _spectra_of(model: TextureModel, strokes: Strokes) -> _Spectra:
 
 def _spectra(rate_hz: float, density: FloatArray, power: FloatArray) -> _Spectra:
     amplitude = expected_amplitude(density, round(WELCH_S * rate_hz))[:, _BINS]
-    return _Spectra(rate_hz, density[:, _COMPARED], amplitude, power)
+    density = np.maximum(density[:, _COMPARED], LEAST_DENSITY)
+    member = band_membership(_density_hz(rate_hz)[_COMPARED], band_edges_hz(rate_hz))
+    return _Spectra(rate_hz, density, density @ member, amplitude, power)
 
 
 def _felt_power(
@@ -264,14 +270,12 @@ def _felt_power(
 
 
 def _errors(own: _Spectra, truth: _Spectra) -> GridErrors:
-    density, reference = (np.maximum(each.density, LEAST_DENSITY) for each in (own, truth))
-    ratio_db = bounded_error_db(density, reference)
-    frequencies_hz, edges_hz = _density_hz(truth.rate_hz)[_COMPARED], band_edges_hz(truth.rate_hz)
+    ratio_db = bounded_error_db(own.density, truth.density)
     return GridErrors(
         gfc=gfc_of_rows(own.amplitude, truth.amplitude),
         power_error_db=power_level_error_db(own.power, truth.power),
         log_spectral_db=np.sqrt(np.mean(np.square(ratio_db), axis=1)),
-        bands_db=band_errors_db(density, reference, frequencies_hz, edges_hz),
+        bands_db=bounded_error_db(own.bands, truth.bands),
     )
 
 
