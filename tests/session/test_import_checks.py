@@ -145,6 +145,10 @@ SIDEWAYS = (
 LARGE = (
     "force: it exceeds 99 N, a hand presses with 0.2 to 10; is it in mN? Then say --unit force=mN"
 )
+COUNTS = (
+    "force: it exceeds 1.98e+06 N, a hand presses with 0.2 to 10; counts become N by a factor, as "
+    "in --map force_z=NAME*1e-6"
+)
 SMALL = "force: it stays below 0.02 N, so nothing is touched; is it in kN? Then say --unit force=kN"
 PULLING = (
     "force: z is -0.5 N on average in contact; it must be the surface's force on the tool, away "
@@ -162,6 +166,7 @@ CLIPPED = "force: z stands at 0.9 in {} rows, the end of its range?"
     ("force", "expected"),
     [
         (np.outer(np.linspace(0, 100, ROWS), [0, 0, 1]), LARGE),
+        (np.outer(np.linspace(0, 2e6, ROWS), [0, 0, 1]), COUNTS),
         (np.outer(np.linspace(0, 0.02, ROWS), [0, 0, 1]), SMALL),
         (-FORCE_N, PULLING),
         (CONTACT_N, SIDEWAYS),

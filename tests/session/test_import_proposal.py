@@ -45,6 +45,13 @@ X = " position_x=x position_y=0 position_z=0"
         ("DATE,load", "time=DATE force=load"),
         ("ts,load", "time=ts force=load"),
         ("log.Epoch,load", "time=log.Epoch force=load"),
+        ("duration,load", "time=duration force=load"),
+        ("duration,t,load", "time=t force=load"),
+        (
+            "t,linearAcceleration-x,linear_accel_y,LinearAccZ",
+            "time=t acceleration_x=linearAcceleration-x acceleration_y=linear_accel_y "
+            "acceleration_z=LinearAccZ",
+        ),
         ("time_s,t,load", "force=load"),
         ("time_s,force_n[0],force_n[1]", ""),
         ("t,time,load", "time=t force=load"),

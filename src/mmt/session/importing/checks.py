@@ -211,8 +211,10 @@ def _of_force(force_n: FloatArray, options: ImportOptions) -> list[str]:
     size_n = np.linalg.norm(force_n, axis=1)
     high_n = float(np.percentile(size_n, 99))
     if high_n > _LARGEST_FORCE_N:
-        unit = _other_unit("force", "mN", options)
-        return [f"force: it exceeds {high_n:.3g} N, a hand presses with 0.2 to 10; {unit}"]
+        about = f"force: it exceeds {high_n:.3g} N, a hand presses with 0.2 to 10"
+        if high_n > 1e3 * _LARGEST_FORCE_N:
+            return [f"{about}; counts become N by a factor, as in --map force_z=NAME*1e-6"]
+        return [f"{about}; {_other_unit('force', 'mN', options)}"]
     if high_n < _SMALLEST_FORCE_N:
         unit = _other_unit("force", "kN", options)
         return [f"force: it stays below {high_n:.2g} N, so nothing is touched; {unit}"]

@@ -28,12 +28,14 @@ from mmt.session.importing.recording import check_kinds, import_columns, read_co
 _WORDS: Final = {
     "position": "p|pos|position|tip|tcp|pen|stylus|tool",
     "force": "f|force|forces|load",
-    "acceleration": "a|acc|accel|acceleration|accelerometer|imu|vibration",
+    "acceleration": "(?:linear)?a(?:cc(?:el(?:eration)?)?)?|accelerometer|imu|vibration",
     "speed": "v|vel|velocity|speed",
 }
 _TIME: Final = re.compile(
-    r"^(ts?|times?|timestamps?|stamps?|epoch|clock|(tv)?secs?|seconds|zeit|temps|tiempo|tempo|date|datetime|xvalue)$"
+    r"^(ts?|times?|timestamps?|stamps?|epoch|clock|(tv)?secs?|seconds|zeit|temps|tiempo|tempo|duration|date|datetime|xvalue)$"
 )
+_LAST: Final = ("date", "duration")
+"""Names that are those of the time only if no other is."""
 _FRACTION: Final = re.compile(r"^(tv)?(n|nano|u|micro|m|milli)s(ecs?|econds?)?$")
 """Matches the name of a part of a second, which may stand beside one of `_SECONDS`."""
 _SECONDS: Final = re.compile(r"(^|[._\s])s(ecs?|econds)?$")
@@ -162,7 +164,7 @@ def _guess(names: Sequence[str], units: Mapping[str, str]) -> dict[str, str]:
     columns = _of_robots(names)
     found = [match for name in names if (match := _AXIS_OF.fullmatch(name))]
     owners = {match[0 if match[2] in "wW" else 1] for match in found}  # a quaternion is no position
-    for name in sorted(_with_vectors(names), key=lambda name: name.lower() == "date"):
+    for name in sorted(_with_vectors(names), key=lambda name: name.lower() in _LAST):
         target = _target_of_column(name, units.get(name, ""), owners)
         if target and target not in columns and STANDARD_NAMES.get(target) not in names:
             columns[target] = name
