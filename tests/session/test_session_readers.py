@@ -401,14 +401,92 @@ def test_a_counter_that_wraps_goes_on(start, unit, count):
 
 @pytest.mark.parametrize("again", [True, False])
 def test_a_recorder_that_began_anew_gives_both_parts(tmp_path, again):
-    lines = text([TIME_S, FORCE_N[:, 2]], [["t", "Fz"]], ",", comma=False, above=[]).splitlines()
+    lines, others = (
+        text([TIME_S, part], [["t", "Fz"]], ",", comma=False, above=[]).splitlines()
+        for part in (FORCE_N[:, 2], FORCE_N[:, 2] + 1)
+    )
     path = tmp_path / "a.csv"
-    path.write_text("\n".join([*lines, *(lines if again else lines[1:])]))
+    path.write_text("\n".join([*lines, *(others if again else others[1:])]))
     session, report = import_recording(path, ImportOptions({"time": "t", "force": "Fz"}))
     assert len(session.frames) == 2 * ROWS
-    np.testing.assert_allclose(session.frames["force_n"][:, 2], [*FORCE_N[:, 2]] * 2, rtol=1e-6)
+    both_n = [*FORCE_N[:, 2], *FORCE_N[:, 2] + 1]
+    np.testing.assert_allclose(session.frames["force_n"][:, 2], both_n, rtol=1e-6)
     assert any("begins anew" in warning for warning in report.warnings)
     assert any("1 lines of text were left out" in warning for warning in report.warnings) == again
+
+
+@given(
+    cuts=st.lists(st.integers(0, ROWS), min_size=3, max_size=3, unique=True).map(sorted),
+    twice=st.booleans(),
+    map_speed=st.booleans(),
+)
+@settings(max_examples=30, deadline=None)
+def test_rows_written_late_or_twice_are_put_in_order(cuts, twice, map_speed):
+    first, second, third = cuts
+    assume(third > second + 1 if twice else first > 0 or third < ROWS)
+    rows = np.arange(ROWS)
+    if twice:  # those from the second cut to the third
+        rows = np.concatenate([rows[:third], rows[second:]])
+    else:
+        rows = np.concatenate([rows[:first], rows[second:third], rows[first:second], rows[third:]])
+    columns = {"time": "t", "force": "Fz"} | ({"speed": "v"} if map_speed else {})
+    with TemporaryDirectory() as folder:
+        paths = [
+            rows_of(Path(folder, f"{number}.csv"), ["t", "Fz", "v"], each)
+            for number, each in enumerate(
+                [c[chosen] for c in (TIME_S, FORCE_N[:, 2], POSITION_MM[:, 0])]
+                for chosen in (rows, np.arange(ROWS))
+            )
+        ]
+        found, expected = (import_recording(each, ImportOptions(columns)) for each in paths)
+    np.testing.assert_array_equal(found[0].frames, expected[0].frames)
+    said = f", and {third - second} that were written twice were left out" if twice else ""
+    assert f"t falls: the rows were put in the order of their times{said}" in found[1].warnings
+
+
+@pytest.mark.parametrize("names", ["t,Fz", "Frame,X", "note,left"])
+def test_a_second_table_of_as_many_columns_is_left_out(tmp_path, names):
+    path = table_of(tmp_path / "a.csv", TIME_S)
+    later = [f"{when:.3f},7" for when in TIME_S + 1]
+    path.write_text("\n".join([path.read_text(), names, "s,N", *later]))
+    options = ImportOptions({"time": "t", "force": "Fz"})
+    session, report = import_recording(path, options)
+    goes_on = names == "t,Fz"
+    assert (session.frames["force_n"][-1, 2] == 7) == goes_on
+    said = f"another table begins above line {ROWS + 4}: it was left out, as all below"
+    assert (said in report.warnings) != goes_on
+
+
+@pytest.mark.parametrize("keys", [("Name=", "Range=", "Unit="), ("", "", ""), ("t", "", "s")])
+def test_settings_of_the_columns_are_no_names(tmp_path, keys):
+    above = ["Interval=\t0.001 s"]
+    header = [*zip(keys, ["Fz", "10 V", "mN"], ["Acc", "±2.5 V", "g"], strict=True)]
+    columns = [TIME_S, 1e3 * FORCE_N[:, 2], ACCELERATION_M_S2[:, 2] / 9.80665]
+    path = tmp_path / "a.txt"
+    path.write_text(text(columns, header, "\t", comma=False, above=above), encoding="utf-8")
+    found = propose(path)
+    first = keys[0].rstrip("=") if keys[0] == "t" else "1"
+    assert found.names == [first, "Fz", "Acc"]
+    frames = import_session(path, columns={**found.options.columns, "time": first}).frames
+    np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-5)
+    np.testing.assert_allclose(
+        frames["acceleration_m_s2"][:, 2], ACCELERATION_M_S2[:, 2], rtol=1e-5
+    )
+
+
+@pytest.mark.parametrize(
+    ("rows", "begins"),
+    [
+        (["0.000 s,1.5 N", "0.001 s,1.5 N"], "0.000 s"),
+        (["0.0D+00,1D+00", "1D-03,1D+00"], "0.0D+00"),
+    ],
+)
+def test_a_table_without_plain_numbers_is_refused_with_its_first_cell(tmp_path, rows, begins):
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(["t,Fz", *rows]))
+    with pytest.raises(InputError, match="no line holds numbers alone; the first, line 2") as error:
+        import_session(path, columns={"time": "t", "force": "Fz"})
+    assert f"begins with {begins!r}" in str(error.value)
 
 
 @pytest.mark.parametrize(

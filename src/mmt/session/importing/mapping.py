@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
 from mmt.core.frames import ALL_CHANNELS, CHANNELS, FIELD_OF_CHANNEL, Channel, axes_of
 from mmt.core.units import DATE, QUANTITIES, unit_factor, unit_in_name
@@ -22,7 +22,7 @@ from mmt.session.importing.columns import (
 )
 from mmt.session.importing.options import ImportOptions, Source
 from mmt.session.importing.quaternions import components_mapped, normalised
-from mmt.session.importing.samples import Samples, continued, name_of
+from mmt.session.importing.samples import Samples, continued, name_of, order_of
 
 
 def to_samples(columns: SourceColumns, options: ImportOptions) -> Samples:
@@ -66,6 +66,9 @@ class _Mapping:
                     f"{self._origin}: {channel} has {len(vectors)} rows, its times "
                     f"({name}) {len(time_s)}"
                 )
+            if (order := self._order(time_s, name)) is not None:
+                vectors, time_s = vectors[order], time_s[order]
+                names[channel] = partial(name_of, names[channel], order)
             if vectors.ndim == 3:
                 several = vectors.shape[1]
                 steps_s = np.diff(time_s) if sequence is None else FRAME_PERIOD_S
@@ -149,9 +152,13 @@ class _Mapping:
         speed = self._column("speed", "speed") if "speed" in self._options.columns else None
         if speed is None:
             return None
-        time_s = self._time("position", len(speed))[1]
-        steps_mm = np.diff(time_s) * (speed[1:] + speed[:-1]) / 2
-        x_mm = np.where(np.isfinite(speed), np.nancumsum([0.0, *steps_mm]), np.nan)
+        name, time_s = self._time("position", len(speed))
+        order = self._order(time_s, name)
+        rows = slice(None) if order is None else order
+        steps_mm = np.diff(time_s[rows]) * (speed[rows][1:] + speed[rows][:-1]) / 2
+        x_mm = np.full(len(speed), np.nan)
+        x_mm[rows] = np.nancumsum([0.0, *steps_mm])
+        x_mm[~np.isfinite(speed)] = np.nan
         self._note(
             f"position was made of {self._options.columns['speed']}: a straight path along x"
         )
@@ -187,8 +194,9 @@ class _Mapping:
         if target.endswith("time"):
             scaled = self._with_fraction(target, source.name, scaled)
             of_day = self._columns.units.get(source.name) == DATE
-            scaled, notes = continued(scaled, abs(factor), of_day=of_day)
-            self._note(*(f"{source.name} {note}" for note in notes))
+            if self._order(scaled, source.name) is None:
+                scaled, notes = continued(scaled, abs(factor), of_day=of_day)
+                self._note(*(f"{source.name} {note}" for note in notes))
         return scaled
 
     def _with_fraction(self, target: str, name: str, seconds_s: FloatArray) -> FloatArray:
@@ -286,6 +294,18 @@ class _Mapping:
                 f"{rows} last {span_s:.6g} s, was left out"
             )
         return "row number", np.arange(rows) / rate_hz
+
+    def _order(self, time_s: FloatArray, name: str) -> IntArray | None:
+        """Return `order_of` times of a name, for rows without frame numbers, and note it."""
+        columns = self._columns.values
+        if "sequence" in columns:
+            return None
+        order = order_of(time_s, (c for c in columns.values() if c.shape[:1] == time_s.shape))
+        if order is not None:
+            twice = len(time_s) - len(order)
+            left = f", and {twice} that were written twice were left out" if twice else ""
+            self._note(f"{name} falls: the rows were put in the order of their times{left}")
+        return order
 
     def _stamps(self, channel: Channel) -> tuple[str, FloatArray] | None:
         """Return the name and the times (n,) of a channel in the file, or None."""

@@ -1,6 +1,6 @@
 """The channels of a recording with their times, checked."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
@@ -175,6 +175,32 @@ class Samples:
 def name_of(name: Callable[[int], str], rows: IntArray | Sequence[int], place: int) -> str:
     """Return the name of the row whose number is at index `place` of `rows` (n,)."""
     return name(int(rows[place]))
+
+
+def order_of(time_s: FloatArray, columns: Iterable[FloatArray]) -> IntArray | None:
+    """Return the order of rows with falling times (n,), if they were written late or twice.
+
+    Rows that repeat a time and all `columns` (n, ...) are left out. Late rows leave a jump behind
+    that is gone in the order of time; it is not if a clock was set, wrapped or began anew.
+    """
+    steps_s = np.diff(time_s)
+    falls = np.count_nonzero(steps_s < 0)
+    if not falls or len(time_s) < _FEW_ROWS or not np.isfinite(time_s).all():
+        return None
+    order = np.argsort(time_s, kind="stable")
+    twice = np.diff(time_s[order]) == 0
+    for column in columns:
+        rows = column[order]
+        alike = (rows[1:] == rows[:-1]) | (np.isnan(rows[1:]) & np.isnan(rows[:-1]))
+        twice &= alike.reshape(len(twice), -1).all(axis=1)
+    left_out = np.sort(order[1:][twice])
+    order = order[np.r_[True, ~twice]]
+    ordered_s = np.diff(time_s[order])
+    jump_s = 1.5 * np.median(ordered_s)
+    gone = np.count_nonzero(steps_s > jump_s) - np.count_nonzero(ordered_s > jump_s)
+    stretches = np.split(left_out, np.flatnonzero(np.diff(left_out) > 1) + 1)
+    repeated = sum(len(stretch) > 1 for stretch in stretches)  # one row alone may be chance
+    return order if (ordered_s > 0).all() and falls <= gone + repeated else None
 
 
 def continued(

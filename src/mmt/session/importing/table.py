@@ -1,5 +1,6 @@
 """Convert rows of cells, from text and spreadsheets, to columns of numbers."""
 
+import re
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -27,6 +28,7 @@ _NAMES_NEAR: Final = 6
 """Number of rows in which the names follow notes that look like numbers."""
 _FEWEST_NAMES = 3
 """Least number of columns for which a first row 0, 1, ... or 1, 2, ... is taken for names."""
+_QUANTITY: Final = re.compile(r"[-+±]?[\d.,]+\s*([^\d\s].*)")
 
 
 def read_table(
@@ -37,7 +39,8 @@ def read_table(
 ) -> SourceColumns:
     """Return the wanted columns of a table.
 
-    The header is the row above the first row of numbers, or the row that the options name.
+    The header is the row above the first row of numbers and any settings of the columns such as
+    ``10 V``, or the row that the options name.
     Units are read from a row between the two, or from brackets after a name. Without a header the
     columns are named "1", "2" and on. Cells without a value become NaN, but are left out at a
     column's end: columns may differ in length. Dates become seconds since 1970, times of day
@@ -65,13 +68,11 @@ def read_table(
         units |= {
             name: unit.strip("[]() ")
             for name, unit in zip(called, told, strict=False)
-            if unit.lower() not in MISSING
+            if unit.lower() not in MISSING and unit[-1] != "="
         }
         places |= {name: place for place, name in enumerate(called) if wanted(name)}
     number = Numbers(options)
-    columns, lines, remarks = _read_rows(
-        origin, chain(start[begin:], rest), begin + 1, places, number
-    )
+    columns, lines, remarks = _read_rows(origin, chain(start[begin:], rest), header, places, number)
     number.check(origin)
     dated = [n for n, p in places.items() if any(_is_date(row, p) for row in start[begin:])]
     return SourceColumns(
@@ -88,22 +89,24 @@ def read_table(
 def _read_rows(
     origin: str,
     rows: Iterable[Sequence[Cell]],
-    begin: int,
+    header: "_Header",
     places: Mapping[str, int],
     number: Numbers,
 ) -> tuple[dict[str, FloatArray], IntArray, list[str]]:
     """Return the numbers by column, the line number of each row, and notes on skipped lines."""
     columns = {name: array("d") for name in places}
     lines, widths, texts, notes = array("q"), array("q"), [], []
-    names: Sequence[Cell] = ()
-    for line, row in enumerate(rows, start=begin):
+    own, below = list(map(text_of, header.names)), ""
+    names: Sequence[str] = ()
+    for line, row in enumerate(rows, start=header.begin + 1):
         cells = [row[place] if place < len(row) else None for place in places.values()]
         try:
             values = [None if cell is None or cell == "" else number(cell) for cell in cells]
         except ValueError as error:
             if not any(number.reads(cell) for cell in row):
                 texts.append(line)
-                names = row if _filled(row) > 1 else names
+                below = below or next(filter(None, map(text_of, row)), "")
+                names = _names_in(row) or names
                 continue
             name, cell = next(
                 (n, c) for n, c in zip(places, cells, strict=True) if not number.takes(c)
@@ -114,7 +117,7 @@ def _read_rows(
             ) from error
         if not row:
             continue
-        if names and widths and widths[-1] != _filled(row) == _filled(names):
+        if widths and names and names != own[: widths[-1]] and len(names) == _filled(row):
             notes.append(f"another table begins above line {line}: it was left out, as all below")
             break
         names = ()
@@ -124,6 +127,12 @@ def _read_rows(
                 column.append(value)
         lines.append(line)
         widths.append(len(row))
+    if texts and not lines:
+        raise InputError(
+            f"{origin}: below the names no line holds numbers alone; the first, line {texts[0]}, "
+            f"begins with {below[:_SHOWN_CHARACTERS]!r}: numbers are written as 0.5 or 5e-1, with "
+            "their unit in the header"
+        )
     if texts:
         notes.append(f"{len(texts)} lines of text were left out, the first is line {texts[0]}")
     damaged = _damaged(np.array(widths))
@@ -185,8 +194,8 @@ def _header(rows: Sequence[Sequence[Cell]], first: int | None, options: ImportOp
         if options.header > len(rows) or not _filled(rows[options.header - 1]):
             raise InputError(f"--header {options.header}: there is nothing in this line")
         begin = options.header if first is None else first
-        units = next((row for row in rows[options.header : begin] if _is_units(row)), ())
-        return _Header(rows[options.header - 1], begin, units=units)
+        below = rows[options.header : begin]
+        return _Header(rows[options.header - 1], begin, units=next(filter(_is_units, below), ()))
     if first is None:  # no numbers, only names
         named = next(n for n, row in enumerate(rows) if _filled(row))
         return _Header(rows[named], named + 1)
@@ -195,11 +204,15 @@ def _header(rows: Sequence[Sequence[Cell]], first: int | None, options: ImportOp
     while above and 2 * _filled(above[-1]) <= _filled(rows[first]):
         above.pop()
     if above:
-        units = above.pop() if len(above) > 1 and _is_units(above[-1]) else ()
+        units: Sequence[Cell] = ()
+        while len(above) > 1 and (_is_units(above[-1]) or _is_settings(above[-1])):
+            row = above.pop()
+            units = units or (row if _is_units(row) else ())
         over = above[-2] if len(above) > 1 else ()  # its names fill blanks in the row below
         wide = max(width, len(above[-1]))
         pairs = zip_longest(above[-1], over[:wide], range(1, wide + 1))
-        names = [text_of(name) or text_of(group) or str(place) for name, group, place in pairs]
+        each = [(text_of(name), text_of(group), str(place)) for name, group, place in pairs]
+        names = [next(text for text in texts if text and text[-1] != "=") for texts in each]
         if len(above[-1]) == width - 1 and _are_counted(rows[first:]):
             return _Header(["", *names[:-1]], first, units=units)
         return _Header(names, first, over, units)
@@ -255,10 +268,22 @@ def _is_data(rows: Sequence[Sequence[Cell]], number: Numbers) -> bool:
     return 2 * len(filled) >= len(mostly) and 2 * len(places(rows[0]) & filled) > len(filled)
 
 
+def _names_in(row: Sequence[Cell]) -> list[str]:
+    """Return the texts of a row of text that may be names for rows below, or none."""
+    texts = list(filter(None, map(text_of, row)))
+    return texts if 1 < len(texts) == len(set(texts)) and not _is_units(row) else []
+
+
 def _is_units(row: Sequence[Cell]) -> bool:
     """Return whether most non-empty cells are units, or dashes for no unit."""
     texts = [text_of(cell).strip("[]() ") for cell in row if text_of(cell)]
     return 2 * sum(text in ("-", "") or is_unit(text) for text in texts) > len(texts)
+
+
+def _is_settings(row: Sequence[Cell]) -> bool:
+    """Return whether most non-empty cells are quantities, as the range of each channel is."""
+    found = [_QUANTITY.fullmatch(text) for text in map(text_of, row) if text]
+    return 2 * sum(each is not None and is_unit(each[1]) for each in found) > len(found)
 
 
 def _is_date(row: Sequence[Cell], place: int) -> bool:
