@@ -67,6 +67,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "link/reader": ("link/test_link_reading.py",),
     "session/importing/cells": ("session/test_import_cells.py",),
     "session/importing/checks": ("session/test_import_checks.py",),
+    "session/importing/column_names": ("session/test_import_proposal.py",),
     "session/importing/columns": ("session/test_import_names.py",),
     "session/importing/framing": ("session/test_import_framing.py",),
     "session/importing/mapping": ("session/test_import_mapping.py",),

@@ -1,5 +1,6 @@
 """Options of an import are proposed from the names, units and times of a file's columns."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,18 @@ X = " position_x=x position_y=0 position_z=0"
         ("DATE,load", "time=DATE force=load"),
         ("ts,load", "time=ts force=load"),
         ("log.Epoch,load", "time=log.Epoch force=load"),
+        (
+            "acc_t,acc,force,t_force,pos_x,pos time_ms",
+            "acceleration=acc force=force position_x=pos_x position_y=0 position_z=0 "
+            "acceleration_time=acc_t force_time=t_force position_time=pos time_ms",
+        ),
+        (
+            "log.acc.t,log.acc.data,force.signals.values,force.time,robot.v,robot.t,rate",
+            "time=log.acc.t acceleration=log.acc.data force=force.signals.values speed=robot.v "
+            "force_time=force.time position_time=robot.t",
+        ),
+        ("run.t,run.acc,run.force.value", "time=run.t acceleration=run.acc force=run.force.value"),
+        ("tip.data,tip.note", "position=tip.data"),
         ("duration,load", "time=duration force=load"),
         ("duration,t,load", "time=t force=load"),
         (
@@ -114,7 +127,7 @@ X = " position_x=x position_y=0 position_z=0"
 )
 def test_columns_are_proposed_by_their_names(tmp_path, names, expected):
     proposed = propose(str(table(tmp_path, names))).options.columns
-    assert proposed == dict(pair.split("=") for pair in expected.split())
+    assert proposed == dict(re.findall(r"(\w+)=(.*?)(?= \w+=|$)", expected))
 
 
 FORMS = {"force_{}_n": None, "f{}": "f{}", "tip.force.{}": "tip.force.{}"}
@@ -285,3 +298,25 @@ def test_rows_with_blanks_are_left_out_if_that_is_all_that_prevents_the_import(t
     tried, report, error = try_proposal(tmp_path / "a.csv", proposal)
     assert (tried, report) == (proposal, None)
     assert "position_x is empty or NaN in line 11" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "rate_hz"),
+    [
+        ({"fs": 500}, 500.0),
+        ({"Fs": np.array([[2e3]])}, 2000.0),
+        ({"acc_sampling_rate_hz": 1250.0}, 1250.0),
+        ({"f_sample": 800.0, "t": np.arange(40) / 100}, None),
+        ({"rate": 0.0}, None),
+        ({"freq": np.inf}, None),
+        ({"rate": np.arange(40.0)}, None),
+        ({"rate": "high"}, None),
+        ({"fs": 500, "rate": 250}, None),
+        ({"offset": 500}, None),
+    ],
+)
+def test_a_rate_beside_arrays_without_times_is_proposed(tmp_path, arrays, rate_hz):
+    path = tmp_path / "a.npz"
+    np.savez(path, force=np.ones((40, 3)), **arrays)
+    assert propose(path).options.rate_hz == rate_hz
+    assert propose(path, ImportOptions(rate_hz=77.0)).options.rate_hz == 77.0

@@ -161,6 +161,7 @@ def wrong_value(row, axis, value):
         ),
         (wrong_value(49, 2, -np.inf), "force_z is -inf in row 49"),
         ({"time_s": np.zeros(1), "force_n": np.ones((1, 3))}, "has 1 rows, at least 2"),
+        ({"time_s": np.arange(2.0), "force_n": np.ones((2, 3)) * 1j}, "force_n holds complex128"),
         ({"time_s": np.array(["a", "b"]), "force_n": np.ones((2, 3))}, "does not hold numbers"),
         ({"time_s": np.arange(5) * 1e7, "force_n": np.ones((5, 3))}, "49 days at most"),
         ({"time_s": np.arange(50.0), "force_n": np.ones((50, 3))}, "are the times in seconds"),

@@ -345,6 +345,20 @@ def test_a_workbook_beside_a_text_keeps_its_numbers(tmp_path):
     )
 
 
+@pytest.mark.parametrize("imaginary", [0.0, 1e-9])
+def test_complex_numbers_without_an_imaginary_part_are_numbers(tmp_path, imaginary):
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"t": TIME_S, "force": FORCE_N + 1j * imaginary})
+    columns = {"time": "t", "force": "force"}
+    if imaginary:
+        with pytest.raises(InputError, match="force holds complex128, not numbers"):
+            import_session(path, columns=columns)
+    else:
+        assert propose(path).options.columns == columns
+        frames = import_session(path, columns=columns).frames
+        np.testing.assert_allclose(frames["force_n"], FORCE_N, rtol=1e-6)
+
+
 def rows_of(path, header, columns):
     path.write_text(text(columns, [header], ",", comma=False, above=[]), encoding="utf-8")
     return path

@@ -155,6 +155,8 @@ def numbers_in(values: Any, name: str, origin: str) -> tuple[FloatArray, str]:
         number.check(f"{origin}: {name}")
         unit = DATE if cells and seconds_of(cells[0]) is not None else ""
         array = np.array(found).reshape(array.shape)
+    elif array.dtype.kind == "c" and not array.imag.any():
+        array = array.real
     elif array.dtype.kind not in "iufb":
         raise InputError(f"{origin}: {name} holds {array.dtype}, not numbers")
     numbers: FloatArray = array.astype(np.float64)

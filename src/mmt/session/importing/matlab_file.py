@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
-from mmt.core.arrays import FloatArray
 from mmt.core.extras import require
 from mmt.session.importing.cells import columns_of
 from mmt.session.importing.columns import (
@@ -60,7 +60,7 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
     )
 
 
-def _flattened(name: str, value: Any) -> Iterator[tuple[str, FloatArray]]:
+def _flattened(name: str, value: Any) -> Iterator[tuple[str, npt.NDArray[Any]]]:
     kind = getattr(value, "dtype", None)
     if kind is not None and kind.names:
         for field in kind.names:
@@ -84,6 +84,6 @@ def _flattened(name: str, value: Any) -> Iterator[tuple[str, FloatArray]]:
             yield from _flattened(f"{name}{{{number}}}", each)
     elif (
         isinstance(value, np.ndarray | np.number | int | float)
-        and np.asarray(value).dtype.kind in "iufb"
+        and np.asarray(value).dtype.kind in "iufbc"
     ):
-        yield name, np.asarray(value, dtype=np.float64)
+        yield name, np.asarray(value)

@@ -3,7 +3,8 @@
 import re
 import shlex
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -14,8 +15,15 @@ from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.core.units import unit_factor, unit_in_name
 from mmt.session.importing.checks import ImportReport, unit_by_gravity, unit_by_speed
+from mmt.session.importing.column_names import (
+    AXIS_OF,
+    NUMBER,
+    VALUES,
+    last_part,
+    target_of,
+    target_of_column,
+)
 from mmt.session.importing.columns import (
-    MESSAGE_PARTS,
     STANDARD_NAMES,
     SourceColumns,
     Wanted,
@@ -25,25 +33,13 @@ from mmt.session.importing.options import ImportOptions, quantity_of
 from mmt.session.importing.reading_child import read_limited
 from mmt.session.importing.recording import check_kinds, import_columns, read_columns
 
-_WORDS: Final = {
-    "position": "p|pos|position|tip|tcp|pen|stylus|tool",
-    "force": "f|force|forces|load",
-    "acceleration": "(?:linear)?a(?:cc(?:el(?:eration)?)?)?|accelerometer|imu|vibration",
-    "speed": "v|vel|velocity|speed",
-}
-_TIME: Final = re.compile(
-    r"^(ts?|times?|timestamps?|stamps?|epoch|clock|(tv)?secs?|seconds|zeit|temps|tiempo|tempo|duration|date|datetime|xvalue)$"
-)
 _LAST: Final = ("date", "duration")
 """Names that are those of the time only if no other is."""
-_FRACTION: Final = re.compile(r"^(tv)?(n|nano|u|micro|m|milli)s(ecs?|econds?)?$")
-"""Matches the name of a part of a second, which may stand beside one of `_SECONDS`."""
 _SECONDS: Final = re.compile(r"(^|[._\s])s(ecs?|econds)?$")
-_AXIS_OF: Final = re.compile(r"(.+)[./]([xyzwXYZW])")
-"""Matches an axis of something, as in ``wrench.force.x``."""
-_NUMBER: Final = re.compile(r"\.\d+$")
-"""Matches the number that tells columns of one name apart."""
-_COMPONENTS: Final = {f"{channel}_{axis}" for channel in CHANNELS for axis in "xyz"}
+_RATE: Final = re.compile(
+    r"(^|[._])(fs|f_?s(amp(le|ling)?)?|(samp(le|ling)_?)?(rate|freq(uency)?))(_?hz)?$"
+)
+"""Matches the name of the rows a second."""
 _OF_ROS: Final = re.compile(r"(pose[./]position|translation)[./][xyz]$")
 _OF_ROBOTS: Final = (
     ("position", "actual_TCP_pose", 0, "m"),  # RTDE of Universal Robots
@@ -113,13 +109,7 @@ def propose(path: str | Path, options: ImportOptions | None = None) -> Proposal:
     options = replace(options, units={**options.units, **units})
     standard = {*names, *_with_vectors(names)}
     found = set(mapped) | {target for target, name in STANDARD_NAMES.items() if name in standard}
-    of_messages = any(text.startswith("/") for text in mapped.values())
-    timed = (
-        any(target.endswith("time") for target in found)
-        or of_messages
-        or bool(read.times)
-        or options.rate_hz is not None
-    )
+    timed = bool(read.times) or options.rate_hz is not None or _is_timed(names, mapped)
     lacking = [] if timed else ["time"]
     if "speed" in found:
         found.add("position")
@@ -151,8 +141,16 @@ def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOpti
     """Return the columns without values, the completed options, and the columns they use."""
     read = read_columns(path, Wanted(), options)
     guessed = _guess(read.names, read.units)
-    columns = {**guessed, **_own_times(read, guessed), **options.columns}
+    times = _own_times(read, guessed) or _times_beside(read.names, guessed)
+    columns = {**guessed, **times, **options.columns}
     options = replace(options, columns=columns)
+    rates = Wanted(name for name in read.names if _RATE.search(name.lower()))
+    if rates and options.rate_hz is None and not read.times and not _is_timed(read.names, columns):
+        with suppress(InputError):  # texts, for instance
+            arrays = read_columns(path, rates, options).values.values()
+            told_hz = np.concatenate([*map(np.ravel, arrays)]).tolist()
+            if len(told_hz) == 1 and 0 < told_hz[0] < np.inf:
+                options = replace(options, rate_hz=told_hz[0])
     return read, options, read_columns(path, wanted_names(options), options)
 
 
@@ -162,10 +160,10 @@ def _guess(names: Sequence[str], units: Mapping[str, str]) -> dict[str, str]:
     The first of several of one name is taken for an axis.
     """
     columns = _of_robots(names)
-    found = [match for name in names if (match := _AXIS_OF.fullmatch(name))]
+    found = [match for name in names if (match := AXIS_OF.fullmatch(name))]
     owners = {match[0 if match[2] in "wW" else 1] for match in found}  # a quaternion is no position
     for name in sorted(_with_vectors(names), key=lambda name: name.lower() in _LAST):
-        target = _target_of_column(name, units.get(name, ""), owners)
+        target = target_of_column(name, units.get(name, ""), owners)
         if target and target not in columns and STANDARD_NAMES.get(target) not in names:
             columns[target] = name
     if "time_fraction" in columns and not _SECONDS.search(columns.get("time", "").lower()):
@@ -191,7 +189,7 @@ def _guess(names: Sequence[str], units: Mapping[str, str]) -> dict[str, str]:
 def _of_robots(names: Sequence[str]) -> dict[str, str]:
     """Return the columns by target of names in `_OF_ROBOTS`, which may be part of something."""
     columns: dict[str, str] = {}
-    whole = {_last_part(base): base for base in map(_array_of, names)}
+    whole = {last_part(base): base for base in map(_array_of, names)}
     for channel, called, first, _ in _OF_ROBOTS:
         base = whole.get(called, called)
         found: dict[str, str] = {}
@@ -210,10 +208,6 @@ def _array_of(name: str) -> str:
     return re.sub(r"[\[(]\d+[\])]$|[_.]\d+$", "", name)
 
 
-def _last_part(name: str) -> str:
-    return re.split(r"[./]", name)[-1]
-
-
 def _robots_units(columns: SourceColumns, options: ImportOptions) -> dict[str, str]:
     """Return the units of columns in `_OF_ROBOTS` that neither file nor options state."""
     units: dict[str, str] = {}
@@ -221,7 +215,7 @@ def _robots_units(columns: SourceColumns, options: ImportOptions) -> dict[str, s
         name = options.columns.get(f"{channel}_x", "")
         base = _array_of(name)
         told = {name, base} & columns.units.keys() or channel in options.units
-        units |= {channel: unit} if _last_part(base) == called and not told else {}
+        units |= {channel: unit} if last_part(base) == called and not told else {}
     return units
 
 
@@ -229,8 +223,8 @@ def _own_times(read: SourceColumns, columns: Mapping[str, str]) -> dict[str, str
     """Return the time of each channel, if several of one name stand before columns."""
     own, last = {}, ""
     for name in read.names:
-        base = _NUMBER.sub("", name)
-        of_time = _target(base) == "time" or unit_factor("time", read.units.get(name, ""))
+        base = NUMBER.sub("", name)
+        of_time = target_of(base) == "time" or unit_factor("time", read.units.get(name, ""))
         last = name if base != name and of_time else last
         own[name] = last
     if len({*own.values(), ""}) < 3:
@@ -240,14 +234,31 @@ def _own_times(read: SourceColumns, columns: Mapping[str, str]) -> dict[str, str
     return {f"{channel}_time": times[channel] for channel in CHANNELS if times.get(channel)}
 
 
-def _target_of_whole(joined: str) -> str | None:
-    """Return the target of a quaternion, or of a part of a second, that joined words suggest."""
-    if _FRACTION.match(joined):
-        return "time_fraction"
-    found = re.fullmatch(r"(?:q|quat|quaternion|orientation)(xyzw|wxyz|[wxyz])", joined)
-    if found is None:
-        return None
-    return f"orientation_{found[1]}" if len(found[1]) == 1 else "orientation"
+def _is_timed(names: Sequence[str], columns: Mapping[str, str]) -> bool:
+    """Return whether a column is that of times, or rows are messages, which have times."""
+    standard = {*names} & {STANDARD_NAMES[target] for target in STANDARD_NAMES if "time" in target}
+    of_messages = any(text.startswith("/") for text in columns.values())
+    return bool(standard) or of_messages or any(target.endswith("time") for target in columns)
+
+
+def _times_beside(names: Sequence[str], columns: Mapping[str, str]) -> dict[str, str]:
+    """Return times that stand in a channel's group, or are named after its column.
+
+    As ``acc.t`` beside ``acc.data``, and ``acc_t`` or ``t_acc`` beside ``acc``.
+    """
+    found: dict[str, str] = {}
+    for target, name in columns.items():
+        group = f"{VALUES.sub('', name) if VALUES.search(name) else name.rpartition('.')[0]}."
+        own = re.escape(re.sub(r"[_. ][xyzXYZ]$", "", name))
+        beside = re.compile(rf"{own}[_ ](?P<after>.+)|(?P<before>.+)[_ ]{own}")
+        channel = quantity_of(target).replace("speed", "position")
+        for other in names:
+            match = beside.fullmatch(other)
+            word = (match["after"] or match["before"]) if match else other.removeprefix(group)
+            of_rows = channel in CHANNELS and not name.startswith("/")  # messages have their own
+            if of_rows and word != other and target_of(word.strip("_ ")) == "time":
+                found.setdefault(f"{channel}_time", other)
+    return {target: name for target, name in found.items() if name != columns.get("time")}
 
 
 def _with_vectors(names: Sequence[str]) -> Iterator[str]:
@@ -261,57 +272,6 @@ def _with_vectors(names: Sequence[str]) -> Iterator[str]:
         base if counts[base] == 3 or base in STANDARD_NAMES.values() else name
         for base, name in zip(bases, names, strict=True)
     )
-
-
-def _target(name: str) -> str | None:
-    """Return the target that a column's name suggests, or None."""
-    if name.startswith("/"):  # a topic
-        last = name.rsplit(".", 1)[-1]
-        of_message = next((q for q, parts in MESSAGE_PARTS.items() if last in parts), None)
-        other = _target(f".{last}") if "." in name else None
-        return of_message or (other if other and quantity_of(other) in CHANNELS else None)
-    spaced = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", name.rsplit(".", 1)[-1])
-    words = re.findall(r"[a-z]+[0-9]?", spaced.lower())
-    for end in range(len(words), max(0, len(words) - 3), -1):  # the last words may be a unit
-        joined, behind = "".join(words[:end]), "_".join(words[end:])
-        if not behind and (target := _target_of_whole(joined)):
-            return target
-        if _TIME.match(joined) and (not behind or unit_factor("time", behind)):
-            return "time"
-        for quantity, pattern in _WORDS.items():
-            if behind and not unit_factor(quantity, behind):
-                continue
-            optional = "?" if quantity == "position" else ""
-            found = re.fullmatch(rf"(?:{pattern}){optional}([xyz])", joined)
-            if found and quantity != "speed":
-                return f"{quantity}_{found.group(1)}"
-            of_a_structure = "." in name
-            if (len(joined) > 1 or of_a_structure or quantity == "speed") and re.fullmatch(
-                pattern, joined
-            ):
-                return quantity
-    return None
-
-
-def _target_of_column(name: str, unit: str, owners: Collection[str]) -> str | None:
-    """Return the target that a column's name and unit suggest, None if it needs no mapping."""
-    plain = _NUMBER.sub("", name)
-    axis = _AXIS_OF.fullmatch(plain)
-    target = _target_of_axis(axis[1], axis[2].lower(), owners) if axis else _target(plain)
-    if plain != name and (target not in _COMPONENTS or unit_factor("time", unit)):
-        return None
-    return None if name in STANDARD_NAMES.values() else target
-
-
-def _target_of_axis(owner: str, letter: str, owners: Collection[str]) -> str | None:
-    """Return the target of an axis by the name before it, its owner.
-
-    If that is no known quantity, the axis is one of position if nothing else has axes.
-    """
-    last = _last_part(owner)
-    target = next((q for q, parts in MESSAGE_PARTS.items() if last == parts[0]), None)
-    target = target or _target(f".{last}") or ("position" if len(owners) == 1 else "")
-    return f"{target}_{letter}" if target in CHANNELS and letter != "w" else None
 
 
 def _time_unit(columns: SourceColumns, options: ImportOptions) -> dict[str, str]:

@@ -1,0 +1,102 @@
+"""What the name of a column suggests that it holds."""
+
+import re
+from collections.abc import Collection
+from typing import Final
+
+from mmt.core.frames import CHANNELS
+from mmt.core.units import unit_factor
+from mmt.session.importing.columns import MESSAGE_PARTS, STANDARD_NAMES
+from mmt.session.importing.options import quantity_of
+
+_WORDS: Final = {
+    "position": "p|pos|position|tip|tcp|pen|stylus|tool",
+    "force": "f|force|forces|load",
+    "acceleration": "(?:linear)?a(?:cc(?:el(?:eration)?)?)?|accelerometer|imu|vibration",
+    "speed": "v|vel|velocity|speed",
+}
+_TIME: Final = re.compile(
+    r"^(ts?|times?|timestamps?|stamps?|epoch|clock|(tv)?secs?|seconds|zeit|temps|tiempo|tempo|duration|date|datetime|xvalue)$"
+)
+_FRACTION: Final = re.compile(r"^(tv)?(n|nano|u|micro|m|milli)s(ecs?|econds?)?$")
+"""Matches the name of a part of a second, which may stand beside one of `_SECONDS`."""
+AXIS_OF: Final = re.compile(r"(.+)[./]([xyzwXYZW])")
+"""Matches an axis of something, as in ``wrench.force.x``."""
+VALUES: Final = re.compile(r"(\.signals)?\.(values?|data|samples|v)$")
+"""Matches the end of names of values that their owner's name tells, as in ``acc.data``."""
+NUMBER: Final = re.compile(r"\.\d+$")
+"""Matches the number that tells columns of one name apart."""
+_COMPONENTS: Final = {f"{channel}_{axis}" for channel in CHANNELS for axis in "xyz"}
+
+
+def target_of(name: str) -> str | None:
+    """Return the target that a column's name suggests, or None."""
+    if name.startswith("/"):  # a topic
+        last = name.rsplit(".", 1)[-1]
+        of_message = next((q for q, parts in MESSAGE_PARTS.items() if last in parts), None)
+        other = target_of(f".{last}") if "." in name else None
+        return of_message or (other if other and quantity_of(other) in CHANNELS else None)
+    spaced = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", name.rsplit(".", 1)[-1])
+    words = re.findall(r"[a-z]+[0-9]?", spaced.lower())
+    for end in range(len(words), max(0, len(words) - 3), -1):  # the last words may be a unit
+        joined, behind = "".join(words[:end]), "_".join(words[end:])
+        if not behind and (target := _target_of_whole(joined)):
+            return target
+        if _TIME.match(joined) and (not behind or unit_factor("time", behind)):
+            return "time"
+        for quantity, pattern in _WORDS.items():
+            if behind and not unit_factor(quantity, behind):
+                continue
+            optional = "?" if quantity == "position" else ""
+            found = re.fullmatch(rf"(?:{pattern}){optional}([xyz])", joined)
+            if found and quantity != "speed":
+                return f"{quantity}_{found.group(1)}"
+            of_a_structure = "." in name
+            if (len(joined) > 1 or of_a_structure or quantity == "speed") and re.fullmatch(
+                pattern, joined
+            ):
+                return quantity
+    return None
+
+
+def target_of_column(name: str, unit: str, owners: Collection[str]) -> str | None:
+    """Return the target that a column's name and unit suggest, None if it needs no mapping."""
+    plain = NUMBER.sub("", name)
+    axis = AXIS_OF.fullmatch(plain)
+    target = _target_of_axis(axis[1], axis[2].lower(), owners) if axis else _of_owner(plain)
+    if plain != name and (target not in _COMPONENTS or unit_factor("time", unit)):
+        return None
+    return None if name in STANDARD_NAMES.values() else target
+
+
+def _of_owner(name: str) -> str | None:
+    """Return the target that a name suggests, or the owner's name before ``.data`` and the like."""
+    owner = VALUES.sub("", name)
+    of_owner = target_of(f".{owner}") if owner != name else None
+    return of_owner if of_owner and quantity_of(of_owner) in CHANNELS else target_of(name)
+
+
+def _target_of_axis(owner: str, letter: str, owners: Collection[str]) -> str | None:
+    """Return the target of an axis by the name before it, its owner.
+
+    If that is no known quantity, the axis is one of position if nothing else has axes.
+    """
+    last = last_part(owner)
+    target = next((q for q, parts in MESSAGE_PARTS.items() if last == parts[0]), None)
+    target = target or target_of(f".{last}") or ("position" if len(owners) == 1 else "")
+    return f"{target}_{letter}" if target in CHANNELS and letter != "w" else None
+
+
+def _target_of_whole(joined: str) -> str | None:
+    """Return the target of a quaternion, or of a part of a second, that joined words suggest."""
+    if _FRACTION.match(joined):
+        return "time_fraction"
+    found = re.fullmatch(r"(?:q|quat|quaternion|orientation)(xyzw|wxyz|[wxyz])", joined)
+    if found is None:
+        return None
+    return f"orientation_{found[1]}" if len(found[1]) == 1 else "orientation"
+
+
+def last_part(name: str) -> str:
+    """Return the last part of a path with dots or slashes."""
+    return re.split(r"[./]", name)[-1]
