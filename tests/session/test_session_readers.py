@@ -345,6 +345,60 @@ def test_a_workbook_beside_a_text_keeps_its_numbers(tmp_path):
     )
 
 
+def printed(values, form):
+    """Return numbers as NumPy or Python print them, or as a cell of a table with commas."""
+    if form == "array":
+        return str(np.round(values, 6))
+    text = str([round(float(value), 6) for value in values])
+    return {"list": text, "tuple": f"({text[1:-1]})", "cell": f'"{text}"'}[form]
+
+
+@pytest.mark.parametrize(
+    ("form", "sign"),
+    [("array", ","), ("array", ";"), ("list", "\t"), ("tuple", ";"), ("cell", ",")],
+)
+def test_a_cell_of_several_numbers_is_a_vector(tmp_path, form, sign):
+    rows = [
+        sign.join([f"{when:.3f}", printed(position, form), printed(force, form)])
+        for when, position, force in zip(TIME_S, POSITION_MM, FORCE_N, strict=True)
+    ]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([sign.join(["t", "pos", "force"]), *rows]))
+    found = propose(path).options
+    assert found.columns == {"time": "t", "position": "pos", "force": "force"}
+    frames = import_session(path, columns=found.columns).frames
+    np.testing.assert_allclose(frames["position_mm"], POSITION_MM, atol=1e-5)
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-5)
+    path.write_text("\n".join([*path.read_text().splitlines()[:9], f"0.008{sign}[1 2]{sign}(3)"]))
+    report = import_recording(path, found)[1]
+    assert any("cut off" in warning for warning in report.warnings)
+
+
+@pytest.mark.parametrize("form", ["list", "tuple", "array"])
+def test_lists_printed_a_line_each_are_rows(tmp_path, form):
+    rows = [printed(row, form) for row in np.column_stack([TIME_S, FORCE_N])]
+    path = tmp_path / "a.txt"
+    path.write_text("\n".join(rows))
+    columns = {"time": "1", "force_x": "2", "force_y": "3", "force_z": "4"}
+    frames = import_session(path, columns=columns).frames
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-5)
+
+
+def test_the_segments_of_a_labview_file_follow_each_other(tmp_path):
+    heading = "Channels\t1\nSamples\t100\nDate\t2026/05/01\n***End_of_Header***\nX_Value\tFz\n"
+    rows = [f"{when:.3f}\t{force:.9g}\n" for when, force in zip(TIME_S, FORCE_N[:, 2], strict=True)]
+    parts = [heading + "".join(rows[begin : begin + 100]) for begin in range(0, ROWS, 100)]
+    top = "LabVIEW Measurement\nDate\t2026/05/01\n***End_of_Header***\n\n"
+    path = tmp_path / "a.lvm"
+    path.write_text(top + "\n".join(parts))
+    frames = import_session(path, columns={"time": "X_Value", "force": "Fz"}).frames
+    np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
+    path.write_text(path.read_text().replace(rows[250], "0.250\toops\n"))
+    number = path.read_text().splitlines().index("0.250\toops") + 1
+    with pytest.raises(InputError, match=f"Fz is 'oops' in line {number}"):
+        import_session(path, columns={"time": "X_Value", "force": "Fz"})
+
+
 @pytest.mark.parametrize("imaginary", [0.0, 1e-9])
 def test_complex_numbers_without_an_imaginary_part_are_numbers(tmp_path, imaginary):
     path = tmp_path / "a.mat"

@@ -2,6 +2,7 @@
 
 import csv
 import gzip
+import re
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -20,6 +21,8 @@ _LOOKED_AT = 300
 _SIGNS: Final = ";\t|, "
 _LONGEST_LINE: Final = 1 << 20
 """Number of characters; cells take many times more memory than their text."""
+_VECTOR: Final = re.compile(r"[\[(]([-+\d.][^\[\]()]*)[\])]")
+"""Matches a cell with several numbers, as programs in Python write arrays and lists."""
 _BEGINNINGS: Final = {
     b"\xef\xbb\xbf": "utf-8-sig",
     b"\xff\xfe": "utf-16",
@@ -107,10 +110,43 @@ def _lines(stream: TextIO, cut: list[str]) -> Iterator[str]:
 
 
 def _rows(lines: Iterator[str], delimiter: str) -> Iterator[Sequence[str]]:
-    uncommented = _uncommented(lines)
+    uncommented = _uncommented(_of_one_heading(lines))
     if delimiter == " ":
-        return (_apart(line) for line in uncommented)
-    return csv.reader(uncommented, delimiter=delimiter, skipinitialspace=True)
+        return _unpacked(_apart(line) for line in uncommented)
+    return _unpacked(csv.reader(uncommented, delimiter=delimiter, skipinitialspace=True))
+
+
+def _unpacked(rows: Iterator[list[str]]) -> Iterator[Sequence[str]]:
+    """Return rows in which a cell such as ``[1 2 3]`` is three, and so is the name above it."""
+
+    def numbers_in(cell: str) -> list[str]:
+        found = _VECTOR.fullmatch(cell.strip())
+        return re.split(r"[,;\s]+", found[1].strip()) if found else []
+
+    def unpacked(row: list[str]) -> list[str]:
+        if len(row) != len(counts):
+            return row
+        cells = []
+        for cell, count in zip(row, counts, strict=True):
+            named = [f"{cell}[{place}]" for place in range(count)] if count > 1 else [cell]
+            cells += numbers_in(cell) or named
+        return cells
+
+    start = list(islice(rows, _LOOKED_AT))
+    each = ([len(numbers_in(cell)) for cell in row] for row in start)
+    counts = next((counts for counts in each if max(counts, default=0) > 1), [])
+    return map(unpacked, chain(start, rows)) if counts else chain(start, rows)
+
+
+def _of_one_heading(lines: Iterator[str]) -> Iterator[str]:
+    """Yield the lines; those of a LabVIEW file without the headings of its later segments."""
+    headings, in_heading = 0, False
+    for line in lines:
+        ends = line.startswith("***End_of_Header***")
+        headings += ends
+        in_heading = in_heading or (headings > 1 and line.startswith("Channels"))
+        yield "\n" if in_heading else line
+        in_heading = in_heading and not ends
 
 
 def _uncommented(lines: Iterator[str]) -> Iterator[str]:
@@ -120,9 +156,12 @@ def _uncommented(lines: Iterator[str]) -> Iterator[str]:
         if line[:1] in ("#", "%"):
             yield line[0] if numbers > 1 else line.lstrip("#%").lstrip(" ")
             continue
-        begin = line.lstrip(' \t"+-.')[:1]
+        inside = line.strip("[]() \t\r\n,;") if line.lstrip()[:1] in ("[", "(") else ""
+        is_list = inside and not any(sign in inside for sign in "[]()")  # as Python prints it
+        text = f"{inside}\n" if is_list else line
+        begin = text.lstrip(' \t"+-.')[:1]
         numbers += begin.isdigit()
-        yield line
+        yield text
 
 
 def _apart(line: str) -> list[str]:
