@@ -320,3 +320,25 @@ def test_a_rate_beside_arrays_without_times_is_proposed(tmp_path, arrays, rate_h
     np.savez(path, force=np.ones((40, 3)), **arrays)
     assert propose(path).options.rate_hz == rate_hz
     assert propose(path, ImportOptions(rate_hz=77.0)).options.rate_hz == 77.0
+
+
+@pytest.mark.parametrize(
+    ("names", "options", "said"),
+    [
+        (
+            "t,a.force,b.acc,b.force,c.force",
+            {},
+            ["force is proposed as a.force; by the name it may also be b.force or 1 more"],
+        ),
+        (
+            "t,fx,fy,force_y,fz,force_z,ax,ax",
+            {},
+            ["force_y is proposed as fy; by the name it may also be force_y"],
+        ),
+        ("t,a.force,b.force", {"force": "b.force"}, []),
+        ("t,time,a.force,f", {}, []),
+    ],
+)
+def test_a_column_that_others_might_replace_is_said(tmp_path, names, options, said):
+    notes = propose(table(tmp_path, names), ImportOptions(options)).columns.notes
+    assert [note for note in notes if "proposed" in note] == said

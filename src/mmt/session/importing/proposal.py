@@ -140,9 +140,10 @@ def try_proposal(
 def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOptions, SourceColumns]:
     """Return the columns without values, the completed options, and the columns they use."""
     read = read_columns(path, Wanted(), options)
-    guessed = _guess(read.names, read.units)
+    suggested = _suggested(read.names, read.units)
+    guessed = _guess(read.names, suggested)
     times = _own_times(read, guessed) or _times_beside(read.names, guessed)
-    columns = {**guessed, **times, **options.columns}
+    given, columns = options.columns, {**guessed, **times, **options.columns}
     options = replace(options, columns=columns)
     rates = Wanted(name for name in read.names if _RATE.search(name.lower()))
     if rates and options.rate_hz is None and not read.times and not _is_timed(read.names, columns):
@@ -151,21 +152,40 @@ def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOpti
             told_hz = np.concatenate([*map(np.ravel, arrays)]).tolist()
             if len(told_hz) == 1 and 0 < told_hz[0] < np.inf:
                 options = replace(options, rate_hz=told_hz[0])
-    return read, options, read_columns(path, wanted_names(options), options)
+    found = read_columns(path, wanted_names(options), options)
+    notes = (*found.notes, *_of_several(suggested, {**guessed, **dict.fromkeys(given, "")}))
+    return read, options, replace(found, notes=notes)
 
 
-def _guess(names: Sequence[str], units: Mapping[str, str]) -> dict[str, str]:
-    """Guess the columns from their names and units; return them by target.
-
-    The first of several of one name is taken for an axis.
-    """
-    columns = _of_robots(names)
+def _suggested(names: Sequence[str], units: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return the columns that names and units suggest for each target, the likeliest first."""
+    suggested = {target: [name] for target, name in _of_robots(names).items()}
     found = [match for name in names if (match := AXIS_OF.fullmatch(name))]
     owners = {match[0 if match[2] in "wW" else 1] for match in found}  # a quaternion is no position
     for name in sorted(_with_vectors(names), key=lambda name: name.lower() in _LAST):
         target = target_of_column(name, units.get(name, ""), owners)
-        if target and target not in columns and STANDARD_NAMES.get(target) not in names:
-            columns[target] = name
+        if target and STANDARD_NAMES.get(target) not in names:
+            suggested.setdefault(target, []).append(name)
+    return suggested
+
+
+def _of_several(
+    suggested: Mapping[str, Sequence[str]], columns: Mapping[str, str]
+) -> Iterator[str]:
+    """Yield a note for each channel whose column is one of several that would do."""
+    for channel in CHANNELS:
+        for target in (channel, *(f"{channel}_{axis}" for axis in "xyz")):
+            taken, names = columns.get(target, ""), suggested.get(target, [])
+            alike = [name for name in names if NUMBER.sub("", name) != NUMBER.sub("", taken)]
+            if taken in names and alike:
+                others = alike[0] + (f" or {len(alike) - 1} more" if len(alike) > 1 else "")
+                yield f"{target} is proposed as {taken}; by the name it may also be {others}"
+                break
+
+
+def _guess(names: Sequence[str], suggested: Mapping[str, Sequence[str]]) -> dict[str, str]:
+    """Guess the columns by target; the first of several is taken."""
+    columns = {target: several[0] for target, several in suggested.items()}
     if "time_fraction" in columns and not _SECONDS.search(columns.get("time", "").lower()):
         fraction = columns.pop("time_fraction")
         columns.setdefault("time", fraction)
