@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import SEQUENCES
-from mmt.core.ranges import Range
+from mmt.core.sequence_numbers import Range
 from mmt.leader.backfill import Backfill
 from mmt.leader.numbering import SessionNumbering
 from mmt.link.protocol import FollowerHello

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import frame_dtype
-from mmt.core.ranges import Range
+from mmt.core.sequence_numbers import Range
 from mmt.leader import missing
 from mmt.leader.missing import MissingFrames
 

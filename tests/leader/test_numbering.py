@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import SEQUENCES
-from mmt.core.pacing import largest_advance, shortest_period_ns
+from mmt.core.sequence_numbers import largest_advance, shortest_period_ns
 from mmt.leader.numbering import SessionNumbering
 
 SECOND = 1_000_000_000

@@ -11,7 +11,7 @@ from link_samples import commands, frames
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import COMMAND_DTYPE
-from mmt.core.pacing import shortest_period_ns
+from mmt.core.sequence_numbers import shortest_period_ns
 from mmt.link.reader import LARGEST_QUANTITY, LATEST_NS, BlockReader
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import SEQUENCES
-from mmt.core.ranges import Range
+from mmt.core.sequence_numbers import Range
 from mmt.leader.missing import MissingFrames, Note
 from mmt.leader.numbering import SessionNumbering
 

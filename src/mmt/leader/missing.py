@@ -9,7 +9,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from mmt.core.arrays import BoolArray, RecordArray
-from mmt.core.ranges import Range, RangeSet
+from mmt.core.sequence_numbers import Range, RangeSet
 
 PERIOD_TICKS: Final = 50
 """Time between two checks for gaps to record and to request."""

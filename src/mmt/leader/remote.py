@@ -10,7 +10,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import FAILED
 from mmt.core.frames import COMMAND_DTYPE
 from mmt.core.process import ProcessMeter
-from mmt.core.ranges import Range
+from mmt.core.sequence_numbers import Range
 from mmt.devices.protocols import Vector
 from mmt.leader.backfill import Backfill
 from mmt.leader.frame_rate import FrameRateWatch

@@ -14,7 +14,7 @@ import socketio
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import FIELD_OF_CHANNEL, SEQUENCES, channels_of
-from mmt.core.ranges import Range, RangeSet, ranges_of
+from mmt.core.sequence_numbers import Range, RangeSet, ranges_of
 from mmt.link.endpoint import LeaderEvents, call
 from mmt.link.protocol import (
     BACKFILL,

@@ -10,7 +10,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import MmtError
-from mmt.core.ranges import Range
+from mmt.core.sequence_numbers import Range
 from mmt.core.ticking import TimeHistogram
 from mmt.link.clock_offset import ClockJump
 from mmt.link.protocol import FollowerHello, LinkStatistics, encode_event

@@ -21,7 +21,7 @@ from mmt.core.frames import (
 )
 from mmt.core.printable import printable
 from mmt.core.process import clock_id
-from mmt.core.ranges import Range
+from mmt.core.sequence_numbers import Range
 
 PROTOCOL_VERSION: Final = 1
 SEVERAL_SAMPLES_VERSION: Final = 2

@@ -11,7 +11,7 @@ import numpy as np
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import SEQUENCES, steps_ahead
 from mmt.core.logs import RepeatLimit
-from mmt.core.pacing import JumpBound, shortest_period_ns
+from mmt.core.sequence_numbers import JumpBound, shortest_period_ns
 from mmt.core.ticking import TimeHistogram
 from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE, argument_of
 
@@ -45,7 +45,7 @@ class BlockReader:
     kind
         Name of the records in the log.
     shortest_ns
-        Shortest mean time between two records; see `mmt.core.pacing`.
+        Shortest mean time between two records; see `mmt.core.sequence_numbers`.
     """
 
     def __init__(

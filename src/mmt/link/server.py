@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Final
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import COMMAND_DTYPE, Channel, frame_dtype, ordered_channels
 from mmt.core.frames import samples_per_frame as samples_of
-from mmt.core.pacing import shortest_period_ns
-from mmt.core.ranges import Range
+from mmt.core.sequence_numbers import Range, shortest_period_ns
 from mmt.core.ticking import TimeHistogram
 from mmt.link.access import Access
 from mmt.link.backfill import BackfillReceiver

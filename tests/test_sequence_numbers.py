@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.core.ranges import Range, RangeSet, ranges_of
+from mmt.core.sequence_numbers import Range, RangeSet, ranges_of
 
 bounds = st.integers(0, 60)
 operations = st.lists(st.tuples(st.sampled_from(["add", "remove"]), bounds, bounds), max_size=40)
