@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from mmt.core.timer_file import open_timer
+from mmt.core.ticking import open_timer
 from mmt.devices.polling import LoopTimer, Retry
 
 PATIENCE_S = 20.0

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from mmt.core.timer_file import TimerFile, open_timer
+from mmt.core.ticking import TimerFile, open_timer
 
 POLLS_HZ: Final = 100
 

@@ -17,7 +17,7 @@ from typing import Any, Final, Literal
 from aiohttp import web
 
 from mmt.core.errors import InputError
-from mmt.core.timer_file import TimerFile, open_timer
+from mmt.core.ticking import TimerFile, open_timer
 from mmt.link.accepting import HANDSHAKE_S
 from mmt.link.impairments import MessageImpairments
 from mmt.link.queue import SendQueue
