@@ -21,8 +21,7 @@ True
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from mmt.core.extras import optional_import
-from mmt.core.version import __version__
+from mmt.core.extras import __version__, optional_import
 
 if TYPE_CHECKING:
     from mmt.core.errors import InputError, MmtError

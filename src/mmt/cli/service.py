@@ -29,10 +29,9 @@ from mmt.cli.common import (
 from mmt.cli.ending import print_ending
 from mmt.cli.status_line import StatusLine
 from mmt.core.errors import MmtError
-from mmt.core.extras import optional_import
+from mmt.core.extras import __version__, optional_import
 from mmt.core.logs import Logs, details
 from mmt.core.queued_output import drain_output
-from mmt.core.version import __version__
 from mmt.scene import Scene, Service
 
 SceneFile: TypeAlias = Annotated[

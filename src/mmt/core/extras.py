@@ -1,4 +1,4 @@
-"""Optional packages: which extra of the distribution has each one, and how to install it."""
+"""The distribution: its version, and the extras by which optional packages are installed."""
 
 import json
 import shlex
@@ -10,6 +10,8 @@ from typing import Any, Final
 from urllib.parse import unquote, urlsplit
 
 from mmt.core.errors import InputError
+
+__version__ = "0.1.0"
 
 DISTRIBUTION: Final = "mmt-haptics"
 

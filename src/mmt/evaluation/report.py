@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
-from mmt.core.version import __version__
+from mmt.core.extras import __version__
 from mmt.evaluation import tables
 from mmt.evaluation.definitions import DEFINITIONS
 from mmt.evaluation.document import (

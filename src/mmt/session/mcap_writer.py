@@ -17,8 +17,8 @@ from mcap.writer import CompressionType, Writer
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.existing_files import replacing
+from mmt.core.extras import __version__
 from mmt.core.frames import FRAMES_HZ, MOST_SAMPLES, Channel, channels_of
-from mmt.core.version import __version__
 from mmt.session.data import (
     FRAME_PERIOD_NS,
     JsonObject,

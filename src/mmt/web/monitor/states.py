@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy.typing as npt
 
-from mmt.core.version import __version__
+from mmt.core.extras import __version__
 from mmt.scene import Scene, Texture
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 from mmt.web.binary_messages import pack
