@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.contact.energies import EnergyCounts, EnergyReport
-from mmt.core.feedback_records import ENERGY_DTYPE
+from mmt.core.frames import ENERGY_DTYPE
 
 
 def record(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:

@@ -10,7 +10,7 @@ import msgpack
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
-from mmt.core.feedback_records import CONTACT, ENERGY
+from mmt.core.frames import CONTACT, ENERGY
 from mmt.link import protocol
 
 SECONDS = float(os.environ.get("MMT_FUZZ_SECONDS", "2"))

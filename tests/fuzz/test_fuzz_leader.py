@@ -15,8 +15,7 @@ import pytest
 from hypothesis import strategies as st
 
 from mmt.core.errors import FAILED, MmtError
-from mmt.core.feedback_records import CONTACT, ENERGY
-from mmt.core.frames import Channel, frame_dtype
+from mmt.core.frames import CONTACT, ENERGY, Channel, frame_dtype
 from mmt.leader.service import Leader
 from mmt.leader.summary import LeaderSummary
 from mmt.link.access import Access

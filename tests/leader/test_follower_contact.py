@@ -7,8 +7,7 @@ import pytest
 
 from mmt.contact.estimation import ContactModel, EstimationSettings
 from mmt.contact.hand import HandContact
-from mmt.core.feedback_records import CONTACT_DTYPE
-from mmt.core.frames import empty_frames
+from mmt.core.frames import CONTACT_DTYPE, empty_frames
 from mmt.devices.protocols import InterfaceState
 from mmt.leader.motion.hand_contact import FollowerContact
 from mmt.leader.part import Session

@@ -13,8 +13,7 @@ from waiting import until
 
 from mmt.contact.passivity import PassivitySettings
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.core.feedback_records import ENERGY_DTYPE
-from mmt.core.frames import frame_dtype
+from mmt.core.frames import ENERGY_DTYPE, frame_dtype
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.feedback_model import ModelForce

@@ -4,7 +4,7 @@ import msgpack
 import numpy as np
 import pytest
 
-from mmt.core.feedback_records import ENERGY, ENERGY_DTYPE
+from mmt.core.frames import ENERGY, ENERGY_DTYPE
 from mmt.link.endpoint import ExtraEvent
 
 

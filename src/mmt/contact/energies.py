@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.core.feedback_records import ENERGY_DTYPE
+from mmt.core.frames import ENERGY_DTYPE
 
 Energies = tuple[float, float, float]
 

@@ -1,7 +1,9 @@
-"""The 1 kHz frame and blocks of frames: one NumPy structured dtype.
+"""Records that the two services exchange: frames, commands, and those of force feedback.
 
-A block of frames is a structured array of shape (n,). All numbers are little-endian, so
-that the bytes of a block are the same on the wire and in a file on every machine.
+Each is a NumPy structured dtype, and a block of frames is an array of shape (n,). All numbers are
+little-endian, so that the bytes of a block are the same on the wire and in a file on every machine.
+The records of force feedback are sent only with the methods that need them. The layouts are in
+``docs/reference/wire.md``.
 
 Motion and force come once a frame. Acceleration may come at k times that rate, k samples a frame,
 evenly spaced, the last of them at the frame's own time. The tool's orientation is in frames only
@@ -10,7 +12,7 @@ where a scene asks for it.
 
 import struct
 from collections.abc import Iterable
-from typing import Annotated, Final, Literal, TypeVar
+from typing import Annotated, Final, Literal, Protocol, TypeVar
 
 import numpy as np
 from annotated_types import Ge, Le, MultipleOf
@@ -68,6 +70,30 @@ COMMAND_DTYPE: Final = np.dtype(
 """A motion command: the leader's sequence number and monotonic time, the follower's time
 of the newest frame seen by the leader with its age (zero before the first frame), and the
 position that the follower is to take."""
+
+ENERGY: Final = "energy"
+"""Both ways, with ``method = "passive"``: energy that entered through the sender's port."""
+
+ENERGY_DTYPE: Final = np.dtype([("sequence", "<u4"), ("time_ns", "<i8"), ("energy_j", "<f8", (3,))])
+"""Energy (J) of each axis since the sender began; it never falls."""
+
+CONTACT: Final = "contact"
+"""Follower to leader, with ``method = "model"``: samples from which the contact is estimated."""
+
+CONTACT_DTYPE: Final = np.dtype(
+    [
+        ("sequence", "<u4"),
+        ("time_ns", "<i8"),
+        ("command_mm", "<f4", (3,)),
+        ("position_mm", "<f4", (3,)),
+        ("force_n", "<f4", (3,)),
+    ]
+)
+"""A tick of the follower: the command given to the robot, the tool's position, and the force of
+the surface on it."""
+
+CONTACT_GATHERED: Final = 5
+"""Contact samples in one message."""
 
 
 def steps_ahead(number: Number, newest: int) -> Number:
@@ -228,3 +254,21 @@ def empty_frames(
 ) -> RecordArray:
     """Return `count` frames of zeros."""
     return np.zeros(count, dtype=frame_dtype(channels, samples_per_frame))
+
+
+class FeedbackSide(Protocol):
+    """One side of a force-feedback method, as the link uses it."""
+
+    @property
+    def event(self) -> str | None:
+        """Name of the further event between the two sides, or None if frames are enough."""
+
+    @property
+    def dtype(self) -> "np.dtype[np.void] | None":
+        """Dtype of that event's records."""
+
+    def on_records(self, records: RecordArray) -> None:
+        """Handle validated records (n,) of the further event."""
+
+    def restart(self) -> None:
+        """Prepare for a new connection, perhaps of a restarted peer."""

@@ -8,7 +8,7 @@ import numpy as np
 from mmt.contact.energies import EnergyCounts, EnergyReport
 from mmt.contact.passivity import MotionPort, PassivitySettings
 from mmt.core.arrays import RecordArray
-from mmt.core.feedback_records import (
+from mmt.core.frames import (
     CONTACT,
     CONTACT_DTYPE,
     CONTACT_GATHERED,

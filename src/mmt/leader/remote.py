@@ -19,7 +19,7 @@ from mmt.leader.part import Session
 from mmt.scene import LARGEST_SPEED
 
 if TYPE_CHECKING:
-    from mmt.core.feedback_records import FeedbackSide
+    from mmt.core.frames import FeedbackSide
     from mmt.leader.modelling.pipeline import Modelling
     from mmt.link.clock_exchange import RemoteClock
     from mmt.link.clock_offset import ClockJump

@@ -20,7 +20,7 @@ from mmt.leader.summary import LeaderStatus, LeaderSummary, summarise
 from mmt.scene import Scene
 
 if TYPE_CHECKING:
-    from mmt.core.feedback_records import FeedbackSide
+    from mmt.core.frames import FeedbackSide
     from mmt.leader.modelling.process import ModellingProcess
 
 _STATUS_PERIOD_S: Final = 0.2

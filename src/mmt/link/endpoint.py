@@ -20,7 +20,7 @@ from mmt.link.reader import BlockReader
 from mmt.scene import Scene
 
 if TYPE_CHECKING:
-    from mmt.core.feedback_records import FeedbackSide
+    from mmt.core.frames import FeedbackSide
     from mmt.link.emulation import EmulatedNetwork
 
 LOG: Final = logging.getLogger("mmt.link")

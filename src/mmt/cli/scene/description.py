@@ -4,8 +4,15 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
-from mmt.core.feedback_records import CONTACT, CONTACT_DTYPE, CONTACT_GATHERED, ENERGY, ENERGY_DTYPE
-from mmt.core.frames import COMMAND_DTYPE, frame_dtype
+from mmt.core.frames import (
+    COMMAND_DTYPE,
+    CONTACT,
+    CONTACT_DTYPE,
+    CONTACT_GATHERED,
+    ENERGY,
+    ENERGY_DTYPE,
+    frame_dtype,
+)
 from mmt.leader.parts import tasks_of
 from mmt.link.protocol import COMMANDS, FRAMES, encode_event
 from mmt.scene import Scene, Service

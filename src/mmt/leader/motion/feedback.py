@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from mmt.core.arrays import RecordArray, bounded
-from mmt.core.feedback_records import FeedbackSide
+from mmt.core.frames import FeedbackSide
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.motion.force_ramp import SILENCE_TICKS, ForceRamp
 

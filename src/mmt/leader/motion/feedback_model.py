@@ -13,7 +13,7 @@ from mmt.contact.hand import HandContact
 from mmt.contact.passivity import PassivitySettings
 from mmt.contact.rendering import LocalContact, RenderingSettings
 from mmt.core.arrays import RecordArray, bounded
-from mmt.core.feedback_records import CONTACT, CONTACT_DTYPE
+from mmt.core.frames import CONTACT, CONTACT_DTYPE
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.motion.feedback import ForceDisplay, StreamedForce
 from mmt.leader.motion.force_ramp import SILENCE_TICKS

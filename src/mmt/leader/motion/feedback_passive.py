@@ -8,7 +8,7 @@ import numpy as np
 from mmt.contact.energies import EnergyCounts, EnergyReport
 from mmt.contact.passivity import PassivitySettings
 from mmt.core.arrays import RecordArray
-from mmt.core.feedback_records import ENERGY, ENERGY_DTYPE
+from mmt.core.frames import ENERGY, ENERGY_DTYPE
 from mmt.devices.protocols import InterfaceState
 from mmt.leader.motion.feedback import ForceDisplay, StreamedForce
 from mmt.leader.motion.force_ramp import SILENCE_TICKS

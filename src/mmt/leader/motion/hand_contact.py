@@ -7,7 +7,7 @@ import numpy as np
 from mmt.contact.estimation import ContactModel, EstimationSettings
 from mmt.contact.hand import HandContact
 from mmt.core.arrays import RecordArray
-from mmt.core.feedback_records import CONTACT, CONTACT_DTYPE
+from mmt.core.frames import CONTACT, CONTACT_DTYPE
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.part import Session
 from mmt.scene import Texture
