@@ -32,8 +32,8 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import free_folder
 from mmt.core.extras import require
 from mmt.core.plugins import offered
+from mmt.core.process import require_real_time
 from mmt.core.queued_output import hurry_output, queue_output
-from mmt.core.realtime import require_real_time
 from mmt.devices.drivers import load_device
 from mmt.follower.sources import build_source
 from mmt.scene import Scene

@@ -153,7 +153,7 @@ class ServiceRun(ABC, Generic[AnyService]):
         options, logger = self.options, logging.getLogger(f"mmt.{self.name}")
         require_one_output(options.json_file, json_lines=options.json_lines)
         if options.realtime:
-            from mmt.core.realtime import require_real_time
+            from mmt.core.process import require_real_time
 
             require_real_time()
         if options.verbose and not options.json_lines:
@@ -193,7 +193,7 @@ class ServiceRun(ABC, Generic[AnyService]):
 
         def ready() -> None:
             if self.options.realtime:
-                from mmt.core.realtime import be_real_time
+                from mmt.core.process import be_real_time
 
                 be_real_time()
             self.on_ready(service)

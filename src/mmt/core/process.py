@@ -1,4 +1,9 @@
-"""The running process: its clock, its cost, and the settings that keep its ticks even."""
+"""The running process: its clock and its cost, and what keeps its ticks even.
+
+A thread in real time (``SCHED_FIFO``) runs as soon as it wakes, before all ordinary work of the
+machine. If asked, the ticking thread gets it, and threads that read data for the tick
+(`follow_real_time`). Threads and processes that these start keep ordinary scheduling.
+"""
 
 import ctypes
 import functools
@@ -7,8 +12,10 @@ import os
 import platform
 import struct
 import sys
+import threading
 import time
 import uuid
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,11 +23,24 @@ from typing import Final
 
 import psutil
 
+from mmt.core.errors import MmtError
+
 SWITCH_INTERVAL_S = 1e-4
 """Thread switch interval; with Python's default of 5 ms one busy thread would delay each tick."""
 
+PRIORITY: Final = 20
+"""Above all ordinary work; below the kernel's interrupt threads, which have 50."""
 
-SLICE_NS = 100_000
+_HOW_TO_PERMIT: Final = (
+    f"allow your user priority {PRIORITY} (a line 'USER - rtprio {PRIORITY}' in "
+    "/etc/security/limits.conf and a new login, LimitRTPRIO= in a systemd unit, --cap-add SYS_NICE "
+    "for a container), or leave --realtime out"
+)
+
+_TICKS: Final = threading.Event()
+"""Set once a thread of this process ticks in real time."""
+
+_SLICE_NS = 100_000
 """Scheduler time slice of the ticking thread; the kernel's default is about 3 ms."""
 
 _BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
@@ -61,7 +81,7 @@ def _namespace_offset() -> str:
     return ""
 
 
-def ask_for_short_turns(slice_ns: int = SLICE_NS) -> bool:
+def ask_for_short_turns(slice_ns: int = _SLICE_NS) -> bool:
     """Ask the Linux scheduler for short time slices, so that this thread runs soon after waking.
 
     Since Linux 6.12 a thread of the ordinary policy may choose its time slice, and a thread
@@ -88,6 +108,59 @@ def wake_on_time() -> bool:
     if sys.platform != "linux":
         return False
     return bool(ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0) == 0)
+
+
+def be_real_time() -> None:
+    """Schedule the calling thread in real time, ahead of all ordinary work.
+
+    Raises
+    ------
+    MmtError
+        The system lacks this scheduling or does not permit it; the message says how to permit it.
+    """
+    _schedule()
+    _TICKS.set()
+
+
+def ticks_in_real_time() -> bool:
+    """Return whether a thread of this process has called `be_real_time`."""
+    return _TICKS.is_set()
+
+
+def follow_real_time() -> None:
+    """Schedule the calling thread, which reads data for the ticking thread, in real time as well.
+
+    Do nothing if no thread of this process has called `be_real_time`, if the calling thread is
+    scheduled in real time already, or if the system does not permit it.
+    """
+    if ticks_in_real_time() and os.sched_getscheduler(0) == os.SCHED_OTHER:
+        with suppress(MmtError):
+            _schedule()
+
+
+def _schedule() -> None:
+    if sys.platform != "linux":
+        raise MmtError("real-time scheduling is offered on Linux alone: leave --realtime out")
+    this_thread = 0
+    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+    try:
+        os.sched_setscheduler(this_thread, policy, os.sched_param(PRIORITY))
+    except OSError as error:
+        raise MmtError(
+            f"real-time scheduling is not permitted ({error.strerror}): {_HOW_TO_PERMIT}"
+        ) from error
+
+
+def require_real_time() -> None:
+    """Check on a separate thread whether `be_real_time` works here.
+
+    Raises
+    ------
+    MmtError
+        As `be_real_time`.
+    """
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(_schedule).result()
 
 
 def prefer_even_ticks() -> None:

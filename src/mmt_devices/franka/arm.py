@@ -13,8 +13,8 @@ import time
 from typing import Any, Final, NamedTuple
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.process import follow_real_time
 from mmt.core.quaternions import Quaternion
-from mmt.core.realtime import follow_real_time
 from mmt.devices.protocols import Vector
 from mmt_devices.franka.control import PositionControl
 from mmt_devices.franka.options import ArmOptions

@@ -5,7 +5,7 @@ from collections import Counter, deque
 from typing import Final, Literal
 
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.core.realtime import ticks_in_real_time
+from mmt.core.process import ticks_in_real_time
 from mmt.devices.driver_process import DriverProcess, text_of
 from mmt.devices.protocols import Vector
 from mmt_devices.inverse3 import exchange as to

@@ -17,8 +17,7 @@ from aiohttp import web
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import CHANNELS, COMMAND_DTYPE
-from mmt.core.process import prefer_even_ticks
-from mmt.core.realtime import be_real_time
+from mmt.core.process import be_real_time, prefer_even_ticks
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer

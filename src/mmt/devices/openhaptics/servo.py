@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from mmt.core.guards import ForceGuard
-from mmt.core.realtime import follow_real_time
+from mmt.core.process import follow_real_time
 from mmt.devices.openhaptics.constants import (
     COMM_ERROR,
     CONTINUE,

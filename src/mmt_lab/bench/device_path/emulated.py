@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, Final
 
-from mmt.core.process import prefer_even_ticks, wake_on_time
-from mmt.core.realtime import PRIORITY
+from mmt.core.process import PRIORITY, prefer_even_ticks, wake_on_time
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
 from mmt.devices.protocols import Vector
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board

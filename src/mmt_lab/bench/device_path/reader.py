@@ -14,8 +14,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import CHANNELS
-from mmt.core.process import prefer_even_ticks
-from mmt.core.realtime import be_real_time
+from mmt.core.process import be_real_time, prefer_even_ticks
 from mmt.core.ticking import Ticker
 from mmt.devices.drivers import load_device
 from mmt.devices.source import PERIOD_NS, DeviceSource
