@@ -20,9 +20,9 @@ from typing import Any, Final
 
 import msgpack
 
-from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import MmtError
 from mmt.core.process import lower_priority
+from mmt.core.programs import handle_end_signals
 from mmt.core.queued_output import finish_output, queue_output
 from mmt_share.messages import LONGEST_MESSAGE
 from mmt_share.relay import Relay

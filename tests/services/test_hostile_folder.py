@@ -10,11 +10,11 @@ import pytest
 from service_processes import LONGEST_S, Service
 
 import mmt
-from mmt.core.children import import_path, python_command
+from mmt.core.programs import import_path, python_command
 
 SOURCES = Path(mmt.__file__).parent.parent
 ALLOWED = {
-    "sys.executable": {"mmt/core/children.py", "mmt/core/extras.py", "mmt/cli/ending.py"},
+    "sys.executable": {"mmt/core/programs.py", "mmt/core/extras.py", "mmt/cli/ending.py"},
     "get_context": {"mmt_lab/harness/processes.py"},
 }
 """Files that may name what starts a process; one has a command for a person."""

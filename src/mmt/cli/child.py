@@ -16,7 +16,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from mmt.cli.entry import start
-from mmt.core.children import python_command
+from mmt.core.programs import python_command
 
 _LONGEST_LINE: Final = 2**20
 _KEPT_MESSAGES: Final = 2**16

@@ -27,12 +27,12 @@ from mmt.cli.emulated_pair import SceneFiles, coil_log, hand_log, pair_named, wr
 from mmt.cli.ending import command_text, print_ending
 from mmt.cli.scene_services import DemoRun, run_services
 from mmt.cli.side_services import create_side_services, with_flags
-from mmt.core.end_signals import on_end_signal
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import free_folder
 from mmt.core.extras import require
 from mmt.core.plugins import offered
 from mmt.core.process import require_real_time
+from mmt.core.programs import on_end_signal
 from mmt.core.queued_output import hurry_output, queue_output
 from mmt.devices.drivers import load_device
 from mmt.follower.sources import build_source

@@ -17,10 +17,9 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, Final, NoReturn
 
-from mmt.core.children import python_command
-from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import MmtError, short_message
 from mmt.core.process import prefer_even_ticks
+from mmt.core.programs import handle_end_signals, python_command
 
 ENDED: Final = b"E"
 """Message: the process ends; the body is the reason as text."""

@@ -13,8 +13,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from mmt.core.children import python_command
 from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.programs import python_command
 from mmt.devices.protocols import Vector
 from mmt.scene import Scene
 from mmt.scene.files import find_scene

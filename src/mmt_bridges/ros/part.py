@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, Final
 import msgpack
 import numpy as np
 
-from mmt.core.children import python_command
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import require
+from mmt.core.programs import python_command
 from mmt.leader.part import Session
 from mmt.leader.publishing import Block, Marker, PublishingPart
 from mmt.session.data import to_json

@@ -18,10 +18,10 @@ import msgpack
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
-from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import short_message
 from mmt.core.frames import Channel, frame_dtype
 from mmt.core.process import lower_priority
+from mmt.core.programs import handle_end_signals
 from mmt_bridges.ros.messages import (
     CHANNEL_TOPICS,
     EVENTS,

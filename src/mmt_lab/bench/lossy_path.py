@@ -14,8 +14,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final
 
-from mmt.core.children import import_path, python_command
 from mmt.core.errors import MmtError
+from mmt.core.programs import import_path, python_command
 from mmt.scene.files import example_scenes
 from mmt_lab.bench.network_namespaces import LEADER_ADDRESS, relay
 from mmt_lab.harness.findings import Cell, Findings, FindingsTable, SkippedMethod

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import psutil
 
-from mmt.core.children import import_path, python_command
 from mmt.core.errors import InputError, MmtError
+from mmt.core.programs import import_path, python_command
 from mmt.leader.part import Part, Session
 from mmt_methods.generators.process import FIT, RENDER, RESET
 from mmt_methods.generators.registry import origin

@@ -22,9 +22,9 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import MmtError
 from mmt.core.process import SWITCH_INTERVAL_S
+from mmt.core.programs import handle_end_signals
 from mmt.leader.output.model_crossfade import ModelCrossfade
 from mmt_methods.generators.guarded import GeneratorFault, GuardedGenerator, raised
 from mmt_methods.generators.registry import load

@@ -17,8 +17,8 @@ from contextlib import suppress
 from io import StringIO
 from typing import IO, Any, Final
 
-from mmt.core.children import python_command
 from mmt.core.errors import InputError
+from mmt.core.programs import python_command
 from mmt.link.access import Access
 from mmt.scene import Scene
 from mmt.scene.secured_table import ServedTable

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 import msgpack
 import numpy as np
 
-from mmt.core.children import python_command
 from mmt.core.errors import MmtError
+from mmt.core.programs import python_command
 from mmt.leader.part import Part, Session, Tick
 from mmt.link.protocol import encode_event
 from mmt_share.messages import STATE, STATE_DTYPE, ModelDescription

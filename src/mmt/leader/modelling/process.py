@@ -17,11 +17,10 @@ from contextlib import suppress
 from threading import Event
 from typing import IO, TYPE_CHECKING, Any, Self
 
-from mmt.core.children import python_command
-from mmt.core.end_signals import handle_end_signals
 from mmt.core.errors import MmtError
 from mmt.core.extras import require
 from mmt.core.process import ProcessMeter, lower_priority, release_compiler
+from mmt.core.programs import handle_end_signals, python_command
 from mmt.texture.modeller_factory import ModellerFactory
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import subprocess
 import threading
 from typing import Any, Final
 
-from mmt.core.children import python_command
 from mmt.core.errors import MmtError
+from mmt.core.programs import python_command
 
 _START_S: Final = 20.0
 

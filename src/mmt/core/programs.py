@@ -1,12 +1,32 @@
-"""The signals that ask a program to end: Ctrl-C, termination, and a terminal that is closed."""
+"""Start and end programs: the command of a Python process, and the signals that ask one to end."""
 
+import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 from typing import Any, Final
 
-_NAMES: Final = ("SIGINT", "SIGTERM", "SIGHUP")
+_END_SIGNALS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
+"""Ctrl-C, termination, and a terminal that is closed."""
+
+
+def python_command(*arguments: str) -> list[str]:
+    """Return the command of a Python process that imports nothing from the current folder.
+
+    A file there with the name of a standard module, such as ``random.py``, would be imported in
+    its place. Folders in `PYTHONPATH` are still searched.
+    """
+    return [sys.executable, "-P", *arguments]
+
+
+def import_path() -> str:
+    """Return a `PYTHONPATH` with which a child can import the modules that this process can."""
+    named = filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))
+    here = {Path.cwd()} - {Path(each).resolve() for each in named}
+    return os.pathsep.join(each for each in sys.path if each and Path(each).resolve() not in here)
 
 
 def handle_end_signals(handler: Callable[[int, FrameType | None], Any] | signal.Handlers) -> None:
@@ -17,7 +37,7 @@ def handle_end_signals(handler: Callable[[int, FrameType | None], Any] | signal.
 
 
 def _numbers() -> list[signal.Signals]:
-    return [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
+    return [getattr(signal, name) for name in _END_SIGNALS if hasattr(signal, name)]
 
 
 @contextmanager
