@@ -13,8 +13,7 @@ import numpy as np
 
 from mmt.contact.estimation import ContactModel
 from mmt.core.arrays import RecordArray, Vector
-from mmt.core.errors import InputError
-from mmt.core.printable import printable
+from mmt.core.errors import InputError, printable
 from mmt.link.access import Access
 from mmt.link.protocol import encode_event
 from mmt.scene.secured_table import SecuredTable

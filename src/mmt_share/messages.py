@@ -10,8 +10,7 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from mmt.core.errors import InputError
-from mmt.core.printable import printable
+from mmt.core.errors import InputError, printable
 from mmt.link.protocol import encode_event
 
 SHARING_VERSION: Final = 1

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sharing_samples import about, model_of
 
-from mmt.core.errors import InputError
-from mmt.core.printable import without_secrets
+from mmt.core.errors import InputError, without_secrets
 from mmt.link.rate_limit import PeriodLimit
 from mmt.scene.files import load_scene
 from mmt_share.client import ListenerClient

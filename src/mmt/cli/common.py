@@ -16,14 +16,12 @@ from rich.table import Table
 from rich.text import Text
 
 from mmt.cli.plain_help import simplify_help
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError, printable
 from mmt.core.existing_files import free_folder, write_file
 from mmt.core.extras import __version__, optional_import
-from mmt.core.labels import label
-from mmt.core.printable import printable
 from mmt.core.programs import on_end_signal, restoring_end_signals
 from mmt.core.queued_output import finish_output, hurry_output, is_queued, queue_output
-from mmt.core.tables import plain_table
+from mmt.core.tables import label, plain_table
 from mmt.scene import Scene, Service
 
 Measured = TypeVar("Measured")

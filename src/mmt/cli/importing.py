@@ -10,9 +10,9 @@ from rich.text import Text
 
 from mmt.cli.common import Force, json_option, messages, output, write_json
 from mmt.cli.option_groups import with_options
+from mmt.core.errors import printable
 from mmt.core.existing_files import require_absent
 from mmt.core.frames import CHANNELS
-from mmt.core.printable import printable
 from mmt.core.tables import plain_table
 from mmt.session.data import axis_columns
 from mmt.session.importing.stamps import StampChoice

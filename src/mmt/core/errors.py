@@ -1,4 +1,4 @@
-"""Errors whose message is shown to the user."""
+"""Errors whose message is shown to the user, and untrusted text made fit to be shown."""
 
 import re
 from traceback import walk_tb
@@ -8,10 +8,12 @@ FAILED: Final = "failed: "
 """Prefix of the outcome of a service that a fault has ended, and of the reason sent to its peer,
 which then ends as failed too."""
 
-
 _LONGEST_TEXT = 200
+_PLACEHOLDER = "\N{REPLACEMENT CHARACTER}"
 _PASSED: Final = re.compile(r"mmt(_bridges|_devices|_lab|_methods|_share)?|importlib|_frozen_.*")
 """Packages whose lines of code are not told."""
+_SECRETS: Final = re.compile(r"(?<=://)\S*(?=@)|(?<=[?&]password=)[^&\s'\"]*")
+"""User and password of a URL, before its host or in its query."""
 
 
 class MmtError(Exception):
@@ -46,9 +48,8 @@ def short_message(error: object) -> str:
 
     The library may quote any bytes of a damaged file.
     """
-    line = " ".join(str(error).split())
-    plain = "".join(sign if sign.isprintable() else "?" for sign in line)
-    return plain if len(plain) <= _LONGEST_TEXT else f"{plain[:_LONGEST_TEXT]} ..."
+    line = printable(" ".join(str(error).split()))
+    return line if len(line) <= _LONGEST_TEXT else f"{line[:_LONGEST_TEXT]} ..."
 
 
 def located(error: BaseException) -> str:
@@ -66,3 +67,24 @@ def located(error: BaseException) -> str:
         if frame.f_code.co_filename == file:
             place = f" ({file}, line {line})"
     return f"{type(error).__name__}{': ' * bool(str(error))}{short_message(error)}{place}"
+
+
+def printable(text: str, keep: str = "") -> str:
+    """Return a text with a placeholder for each character that cannot be printed.
+
+    This removes terminal escapes, line ends and direction marks that a peer, a device or a file
+    may contain.
+
+    Parameters
+    ----------
+    text
+        Any text.
+    keep
+        Characters to keep even if they are not printable.
+    """
+    return "".join(c if c.isprintable() or c in keep else _PLACEHOLDER for c in text)
+
+
+def without_secrets(text: str) -> str:
+    """Return a text without the users and passwords of the URLs in it."""
+    return _SECRETS.sub("***", text)

@@ -16,8 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from mmt.core.errors import InputError, MmtError
-from mmt.core.printable import printable
+from mmt.core.errors import InputError, MmtError, printable
 from mmt.core.queued_output import QueuedStream
 
 LEVELS: Final = ("debug", "info", "warning", "error")

@@ -15,8 +15,7 @@ from contextlib import contextmanager
 from http.client import HTTPException, HTTPResponse
 from typing import Any, Final
 
-from mmt.core.errors import MmtError
-from mmt.core.printable import printable
+from mmt.core.errors import MmtError, printable
 
 PROXY: Final = "MMT_HTTPS_PROXY"
 """The environment variable with the address of a proxy, ``http://HOST:PORT``."""

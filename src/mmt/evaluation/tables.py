@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from mmt.core.labels import label
+from mmt.core.tables import label
 from mmt.evaluation.document import Block, Heading, ReportTable, SmallTables
 from mmt.evaluation.grid_errors import SECTOR_DEG, SectorErrors
 from mmt.evaluation.levels import WORST, across

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from mmt.core.labels import label
+from mmt.core.tables import label
 
 
 def number(value: float | None, digits: int) -> str:

@@ -10,7 +10,7 @@ from typing import Final, TypeVar
 import msgpack
 import numpy as np
 
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, printable
 from mmt.core.frames import (
     MOST_SAMPLES,
     SEQUENCES,
@@ -19,7 +19,6 @@ from mmt.core.frames import (
     ordered_channels,
     samples_per_frame,
 )
-from mmt.core.printable import printable
 from mmt.core.process import clock_id
 from mmt.core.sequence_numbers import Range
 

@@ -6,7 +6,7 @@ from typing import Any, Final, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from mmt.core.printable import without_secrets
+from mmt.core.errors import without_secrets
 
 _UNKNOWN_KEY: Final = ("extra_forbidden", "unexpected_keyword_argument")
 """Pydantic's error types for an unknown key: in a model, and in a dataclass."""

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, printable
 from mmt.core.extras import require
 from mmt.core.frames import CHANNELS, Channel
-from mmt.core.printable import printable
 from mmt.session.data import JsonObject, RecordedSession, duration_s, missing_frames
 from mmt.session.files import read_session
 from mmt.session.folders import size_bytes

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
-from mmt.core.printable import printable
+from mmt.core.errors import printable
 from mmt.session.data import JsonObject
 
 Control = Literal["own", "held", "given"]

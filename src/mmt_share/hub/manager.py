@@ -12,8 +12,7 @@ from redis.backoff import ConstantBackoff, NoBackoff
 from redis.exceptions import AuthenticationError, NoPermissionError, RedisError
 
 from mmt.core.ending import cancel_until_ended
-from mmt.core.errors import InputError, MmtError
-from mmt.core.printable import without_secrets
+from mmt.core.errors import InputError, MmtError, without_secrets
 
 HUBS_NAMESPACE: Final = "/hubs"
 """Namespace of the messages between hubs; no listener can connect to it."""

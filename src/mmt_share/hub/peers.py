@@ -9,8 +9,7 @@ none. This does no harm, because the messages are numbered.
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
-from mmt.core.errors import InputError
-from mmt.core.printable import printable
+from mmt.core.errors import InputError, printable
 from mmt_share.messages import LONGEST_ADDRESS, LONGEST_NAME
 
 BEAT_S: Final = 1.0

@@ -4,8 +4,7 @@ import time
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import difference, step_towards
-from mmt.core.errors import InputError
-from mmt.core.printable import printable
+from mmt.core.errors import InputError, printable
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.motion.force_ramp import FADE_TICKS
 from mmt.leader.part import Part, Session, Tick

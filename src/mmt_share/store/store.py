@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 from mmt.core.bounds import check
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError, printable
 from mmt.core.existing_files import write_file
-from mmt.core.printable import printable
 from mmt.texture.model.file import unpack
 
 LARGEST_BYTES: Final = 1 << 20

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mmt.core.labels import label
+from mmt.core.tables import label
 
 
 @pytest.mark.parametrize(
