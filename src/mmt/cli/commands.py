@@ -6,7 +6,7 @@ from typing import Any, Final
 import typer
 from typer.core import TyperGroup
 
-from mmt.cli.plain_help import simplify_help
+from mmt.cli.options import simplify_help
 from mmt.core.errors import InputError
 from mmt.core.plugins import load, offered
 

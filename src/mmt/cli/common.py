@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from mmt.cli.plain_help import simplify_help
+from mmt.cli.options import simplify_help
 from mmt.core.errors import InputError, MmtError, printable
 from mmt.core.existing_files import free_folder, write_file
 from mmt.core.extras import __version__, optional_import

@@ -25,8 +25,9 @@ from mmt.cli.common import (
 )
 from mmt.cli.emulated_pair import SceneFiles, coil_log, hand_log, pair_named, write_emulated
 from mmt.cli.ending import command_text, print_ending
+from mmt.cli.options import with_flags
 from mmt.cli.scene_services import DemoRun, run_services
-from mmt.cli.side_services import create_side_services, with_flags
+from mmt.cli.service import create_side_services
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import free_folder
 from mmt.core.extras import require

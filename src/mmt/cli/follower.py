@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from mmt.cli.common import OPTIONS, run_app, write_line
-from mmt.cli.option_groups import with_options
+from mmt.cli.options import with_options
 from mmt.cli.service import SceneFile, ServiceOptions, ServiceRun, Version
 from mmt.core.errors import InputError
 from mmt.core.logs import Logs

@@ -9,7 +9,7 @@ import typer
 from rich.text import Text
 
 from mmt.cli.common import Force, json_option, messages, output, write_json
-from mmt.cli.option_groups import with_options
+from mmt.cli.options import with_options
 from mmt.core.errors import printable
 from mmt.core.existing_files import require_absent
 from mmt.core.frames import CHANNELS

@@ -11,9 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from mmt.cli.common import MODEL_NAME, OPTIONS, Force, run_app, write_line
-from mmt.cli.option_groups import with_options
-from mmt.cli.service import SceneFile, ServiceOptions, ServiceRun, Version
-from mmt.cli.side_services import LastingSideService, create_side_services, with_flags
+from mmt.cli.options import with_flags, with_options
+from mmt.cli.service import (
+    LastingSideService,
+    SceneFile,
+    ServiceOptions,
+    ServiceRun,
+    Version,
+    create_side_services,
+)
 from mmt.core.errors import InputError
 from mmt.core.existing_files import free_folder
 from mmt.core.extras import require

@@ -11,7 +11,7 @@ from rich.console import Console
 from mmt.cli.browser import open_page
 from mmt.cli.child import Child
 from mmt.cli.common import messages, stopping_on_signals
-from mmt.cli.side_services import SideService
+from mmt.cli.service import SideService
 from mmt.cli.status_line import StatusLine
 from mmt.scene import Scene
 from mmt.scene.added import added_flags

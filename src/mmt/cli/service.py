@@ -1,10 +1,10 @@
-"""Run a service from its command line: options, log, signals, progress, summary."""
+"""Run a service, and those beside it, from a command line: options, log, progress, summary."""
 
 import asyncio
 import logging
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Generic, Protocol, TypeAlias, TypeVar
@@ -33,6 +33,7 @@ from mmt.core.extras import __version__, optional_import
 from mmt.core.logs import Logs, details
 from mmt.core.queued_output import drain_output
 from mmt.scene import Scene, Service
+from mmt.scene.added import Flag, imported
 
 SceneFile: TypeAlias = Annotated[
     Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
@@ -63,12 +64,55 @@ class RunnableService(Protocol):
         """End the session; `run` then returns the summary."""
 
 
+class SideService(Protocol):
+    """A service for other people that a command runs beside the leader, such as a page."""
+
+    def start_on_event(self, sentence: str) -> Coroutine[Any, Any, str] | None:
+        """Return a coroutine that starts the service on this event of the leader, or None.
+
+        The coroutine returns a text for the terminal.
+        """
+
+
+class LastingSideService(SideService, Protocol):
+    """A service that may run longer than the session."""
+
+    @property
+    def after_session(self) -> str | None:
+        """Words after "until Ctrl-C" on what the service offers after the session, or None."""
+
+    def wait(self) -> None:
+        """Wait until the service has ended by itself."""
+
+    def close(self) -> None:
+        """End the service."""
+
+
+def create_side_services(
+    flags: Iterable[Flag], scene: Scene, *, terminal: bool = True
+) -> list[LastingSideService]:
+    """Return the side services of these flags, not started.
+
+    Parameters
+    ----------
+    flags
+        The flags; some have no side service.
+    scene
+        A scene with the flags' tables.
+    terminal
+        Whether their texts are shown to a person rather than read by a program.
+    """
+    return [
+        imported(flag.side_service)(scene, terminal=terminal) for flag in flags if flag.side_service
+    ]
+
+
 AnyService = TypeVar("AnyService", bound=RunnableService)
 
 
 @dataclass(frozen=True)
 class ServiceOptions:
-    """Options of all services, for `mmt.cli.option_groups.with_options`."""
+    """Options of all services, for `mmt.cli.options.with_options`."""
 
     json_file: Annotated[Path | None, json_option("Write the summary there.")] = None
     json_lines: Annotated[

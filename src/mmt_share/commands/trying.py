@@ -14,7 +14,7 @@ from mmt.cli.browser import open_page
 from mmt.cli.common import Force, messages, output
 from mmt.cli.importing import ReadingOptions, SourceFile, print_report, print_warnings
 from mmt.cli.models import SUFFIX, built
-from mmt.cli.option_groups import with_options
+from mmt.cli.options import with_options
 from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent, write_file
 from mmt.core.kernel_cache import compile_kernels
