@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from mmt.cli import device_testing
-from mmt.cli import tool as tool_command
+from mmt.cli import calibrating, device_testing
 from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import ALL_CHANNELS, CHANNELS, empty_frames
@@ -298,7 +297,7 @@ def test_the_command_asks_for_six_poses_and_the_follower_finds_what_it_stored(
         tool.up = next(up)
         return ""
 
-    monkeypatch.setattr(tool_command, "load_device", device)
+    monkeypatch.setattr(calibrating, "load_device", device)
     monkeypatch.setattr("mmt.cli.common.typer.prompt", prompt)
     arguments = ["device", "calibrate", str(tmp_path / "lab.toml"), "--tool", "probe"]
     run = CliRunner().invoke(app, [*arguments, "--duration", "0.2"], catch_exceptions=False)
@@ -322,7 +321,7 @@ def test_a_tool_without_both_sensors_or_with_a_driver_is_refused(tmp_path: Path)
     with pytest.raises(InputError, match="needs a force_sensor and an accelerometer"):
         load_scene(tmp_path / "lab.toml")
     with pytest.raises(InputError, match="virtual-adxl335 is a driver"):
-        tool_command.calibrate_tool("virtual-adxl335", [], "probe", 0.2, None)
+        calibrating.calibrate_tool("virtual-adxl335", [], "probe", 0.2, None)
     with pytest.raises(InputError, match="a scene has its own"):
-        tool_command.calibrate_tool("virtual-lab", ["port=x"], "probe", 0.2, None)
+        calibrating.calibrate_tool("virtual-lab", ["port=x"], "probe", 0.2, None)
     assert device_testing.is_scene("demo")

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from mmt.cli import tool as tool_command
+from mmt.cli import calibrating
 from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import ALL_CHANNELS, empty_frames
@@ -234,8 +234,8 @@ def test_the_command_asks_to_turn_the_tool_of_a_scene_with_its_orientation(
 
             super().__init__(period_ns, tick, **more)
 
-    monkeypatch.setattr(tool_command, "Ticker", Counted)
-    monkeypatch.setattr(tool_command, "load_device", device)
+    monkeypatch.setattr(calibrating, "Ticker", Counted)
+    monkeypatch.setattr(calibrating, "load_device", device)
     monkeypatch.setattr("mmt.cli.common.typer.prompt", prompt)
     arguments = ["device", "calibrate", str(tmp_path / "lab.toml"), "--tool", "probe"]
     run = CliRunner().invoke(app, [*arguments, "--duration", "0.5"])

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeAlias, TypeVar
+from typing import Annotated, Any, Final, TypeAlias
 
 import typer
 from rich.console import Console
@@ -22,9 +22,6 @@ from mmt.core.extras import __version__, optional_import
 from mmt.core.programs import on_end_signal, restoring_end_signals
 from mmt.core.queued_output import finish_output, hurry_output, is_queued, queue_output
 from mmt.core.tables import label, plain_table
-from mmt.scene import Scene, Service
-
-Measured = TypeVar("Measured")
 
 STANDARD_OUTPUT: Final = Path("-")
 """Value of a file option that stands for standard output."""
@@ -190,36 +187,6 @@ def write_line(kind: str, **content: Any) -> None:
     """Write one JSON line to standard output."""
     sys.stdout.write(json.dumps({"kind": kind, **content}) + "\n")
     sys.stdout.flush()
-
-
-def write_modules() -> None:
-    """Write a JSON line with the modules that this process has imported."""
-    imported = (n for n, m in list(sys.modules.items()) if getattr(m, "__spec__", None) is not None)
-    write_line("modules", modules=list(imported))
-
-
-def measure_when_still(prompt: str, measure: Callable[[], Measured]) -> Measured | None:
-    """Prompt, and measure after Enter, again while `InputError` says why not; None after s."""
-    while True:
-        answer = typer.prompt(prompt, default="", show_default=False, err=True)
-        if str(answer).strip().lower() == "s":
-            return None
-        try:
-            return measure()
-        except InputError as error:
-            messages.print(str(error))
-
-
-def print_parts(scene: Scene, service: Service) -> None:
-    """Print the parts of a service that run, and those that are left out."""
-    parts = scene.parts(service)
-    running = [name for name, runs in parts.items() if runs]
-    left_out = [name for name, runs in parts.items() if not runs]
-    messages.print(f"runs:     {', '.join(running) or 'nothing'}")
-    messages.print(f"left out: {', '.join(left_out) or 'nothing'}")
-    hand_force = scene.describe_hand_force()
-    if service == "leader" and hand_force is not None:
-        messages.print(f"the hand's force: {hand_force}")
 
 
 def stop_on_signals(stop: Callable[[], None]) -> None:

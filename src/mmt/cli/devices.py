@@ -92,18 +92,15 @@ def calibrate_accelerometer(
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
 ) -> None:
     """Calibrate an ADXL335, or the load of a tool on its force sensor, by gravity; store it."""
+    from mmt.cli.calibrating import Files, calibrate_by_gravity, calibrate_tool
     from mmt.cli.device_testing import devices_named, is_scene
+    from mmt.devices.drivers import load_device
 
     if tool is not None:
-        from mmt.cli.tool import calibrate_tool
-
         if rests is not None or keep is not None:
             raise InputError("--tool goes without --rests and --keep")
         calibrate_tool(what, settings or [], tool, duration, json_file)
         return
-    from mmt.cli.gravity import Files, calibrate_by_gravity
-    from mmt.devices.drivers import load_device
-
     if keep is not None:
         require_absent(keep, force=force)
     role = "accelerometer" if is_scene(what) else None

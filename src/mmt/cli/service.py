@@ -16,7 +16,6 @@ from mmt.cli.common import (
     messages,
     noting,
     output,
-    print_parts,
     raise_problems,
     require_one_output,
     stop_on_signals,
@@ -24,7 +23,6 @@ from mmt.cli.common import (
     version,
     write_json,
     write_line,
-    write_modules,
 )
 from mmt.cli.ending import print_ending
 from mmt.cli.status_line import StatusLine
@@ -201,7 +199,7 @@ class ServiceRun(ABC, Generic[AnyService]):
 
             require_real_time()
         if options.verbose and not options.json_lines:
-            print_parts(self.scene, self.name)
+            _print_parts(self.scene, self.name)
         with Logs(self.name, options.log, options.log_level) as logs, optional_import():
             logger.info("started", extra=details(version=__version__, scene=self.scene.dump()))
             summary = asyncio.run(self._run(logs))
@@ -248,4 +246,22 @@ class ServiceRun(ABC, Generic[AnyService]):
             return await service.run(ready)
         finally:
             if self.options.json_lines:
-                write_modules()
+                _write_modules()
+
+
+def _print_parts(scene: Scene, service: Service) -> None:
+    """Print the parts of a service that run, and those that are left out."""
+    parts = scene.parts(service)
+    running = [name for name, runs in parts.items() if runs]
+    left_out = [name for name, runs in parts.items() if not runs]
+    messages.print(f"runs:     {', '.join(running) or 'nothing'}")
+    messages.print(f"left out: {', '.join(left_out) or 'nothing'}")
+    hand_force = scene.describe_hand_force()
+    if service == "leader" and hand_force is not None:
+        messages.print(f"the hand's force: {hand_force}")
+
+
+def _write_modules() -> None:
+    """Write a JSON line with the modules that this process has imported."""
+    imported = (n for n, m in list(sys.modules.items()) if getattr(m, "__spec__", None) is not None)
+    write_line("modules", modules=list(imported))

@@ -9,7 +9,7 @@ import pytest
 import typer
 from command_runs import output_of, refusal, run_json
 
-from mmt.cli import gravity
+from mmt.cli import calibrating
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, UPS, GravityCalibration, rests_from
 from mmt.devices.calibrations import load_calibration
 
@@ -88,7 +88,7 @@ def test_rests_that_cannot_be_kept_calibrate_nevertheless(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rests = json.loads(recorded(tmp_path / "rests.json", TRUE).read_text())["rests"]
-    monkeypatch.setattr(gravity, "_measure", lambda *_: ("7", rests_from(rests)))
+    monkeypatch.setattr(calibrating, "_measure", lambda *_: ("7", rests_from(rests)))
     keep = tmp_path / "rests.json" / "kept.json"
     said = refusal(*RECORDED, "--keep", keep)
     assert said == f"cannot write {keep}: File exists"
