@@ -1,10 +1,12 @@
-"""Shared by the command lines: errors, JSON, progress as lines, interruption."""
+"""Shared by the command lines: errors, JSON, progress as lines, interruption, pages to open."""
 
 import asyncio
 import errno
 import json
+import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -266,3 +268,23 @@ def as_text(value: object) -> str:
             for item in value
         )
     return str(value)
+
+
+def open_page(url: str) -> bool:
+    """Open a page in a browser without waiting; return whether there is a browser.
+
+    Without a graphical desktop there is none.
+    """
+    import webbrowser
+
+    has_screen = sys.platform in ("darwin", "win32") or bool(
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or os.environ.get("BROWSER")
+    )
+    if not has_screen:
+        return False
+    try:
+        browser = webbrowser.get()
+    except webbrowser.Error:
+        return False
+    threading.Thread(target=browser.open, args=(url,), name="browser", daemon=True).start()
+    return True

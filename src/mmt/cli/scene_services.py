@@ -8,9 +8,8 @@ from typing import Any, Final
 
 from rich.console import Console
 
-from mmt.cli.browser import open_page
 from mmt.cli.child import Child
-from mmt.cli.common import messages, stopping_on_signals
+from mmt.cli.common import messages, open_page, stopping_on_signals
 from mmt.cli.service import SideService
 from mmt.cli.status_line import StatusLine
 from mmt.scene import Scene

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mmt.cli.browser import open_page
-from mmt.cli.common import Force, messages, output
+from mmt.cli.common import Force, messages, open_page, output
 from mmt.cli.importing import ReadingOptions, SourceFile, print_report, print_warnings
 from mmt.cli.models import SUFFIX, built
 from mmt.cli.options import with_options
