@@ -14,7 +14,7 @@ from mmt.core.programs import import_path, python_command
 
 SOURCES = Path(mmt.__file__).parent.parent
 ALLOWED = {
-    "sys.executable": {"mmt/core/programs.py", "mmt/core/extras.py", "mmt/cli/ending.py"},
+    "sys.executable": {"mmt/core/programs.py", "mmt/core/extras.py", "mmt/cli/run_display.py"},
     "get_context": {"mmt_lab/harness/processes.py"},
 }
 """Files that may name what starts a process; one has a command for a person."""

@@ -24,8 +24,8 @@ from mmt.cli.common import (
     write_json,
 )
 from mmt.cli.emulated_pair import SceneFiles, coil_log, hand_log, pair_named, write_emulated
-from mmt.cli.ending import command_text, print_ending
 from mmt.cli.options import with_flags
+from mmt.cli.run_display import command_text, print_ending
 from mmt.cli.scene_services import DemoRun, run_services
 from mmt.cli.service import create_side_services
 from mmt.core.errors import InputError, MmtError

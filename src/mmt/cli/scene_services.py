@@ -10,8 +10,8 @@ from rich.console import Console
 
 from mmt.cli.child import Child
 from mmt.cli.common import messages, open_page, stopping_on_signals
+from mmt.cli.run_display import StatusLine
 from mmt.cli.service import SideService
-from mmt.cli.status_line import StatusLine
 from mmt.scene import Scene
 from mmt.scene.added import added_flags
 

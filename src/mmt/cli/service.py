@@ -24,8 +24,7 @@ from mmt.cli.common import (
     write_json,
     write_line,
 )
-from mmt.cli.ending import print_ending
-from mmt.cli.status_line import StatusLine
+from mmt.cli.run_display import StatusLine, print_ending
 from mmt.core.errors import MmtError
 from mmt.core.extras import __version__, optional_import
 from mmt.core.logs import Logs, details

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.cli.ending import command_text, ending_lines, verdict_lines
+from mmt.cli.run_display import command_text, ending_lines, verdict_lines
 from mmt.core.verdict import Facts, verdict
 
 FOUND = verdict(

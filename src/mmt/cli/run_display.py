@@ -1,4 +1,4 @@
-"""Print the verdict on a run at its end, and what to open next."""
+"""Show the verdict on a run: in a terminal's status line while it runs, and at its end."""
 
 import shlex
 import shutil
@@ -7,12 +7,16 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from rich.console import Console
+from rich.control import Control
+from rich.segment import ControlType
 from rich.text import Text
 
 from mmt.cli.common import output
+from mmt.core.queued_output import is_behind
 from mmt.core.verdict import State, Verdict
 
-STYLES: Final[dict[State, str]] = {
+_STYLES: Final[dict[State, str]] = {
     "waiting": "dim",
     "running": "green",
     "degraded": "yellow",
@@ -22,6 +26,48 @@ STYLES: Final[dict[State, str]] = {
 
 _OPENERS: Final = {"darwin": "open", "win32": "start"}
 _GAP: Final = "   "
+
+_ERASE = Control(ControlType.CARRIAGE_RETURN, (ControlType.ERASE_IN_LINE, 2))
+
+
+class StatusLine:
+    """Shows the state of a run in the last line of a terminal, or nothing without a terminal.
+
+    Parameters
+    ----------
+    console
+        Console of standard error.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._shown = False
+
+    def show(self, verdict: Mapping[str, Any], text: str = "") -> None:
+        """Show a verdict, as sent to pages, in one line, or `text` if the verdict is empty."""
+        console = self._console
+        if not console.is_terminal or console.is_dumb_terminal or is_behind(sys.stderr):
+            return
+        if verdict:
+            text = "   ".join(filter(None, (verdict["time"], verdict["sentence"])))
+            if verdict["readiness"]:
+                text += f"   {verdict['readiness']}"
+        line = Text(text, _STYLES[verdict["state"]] if verdict else "", no_wrap=True)
+        line.truncate(max(1, console.width - 1), overflow="ellipsis")
+        self.clear()
+        console.print(line, end="", soft_wrap=True)
+        self._shown = True
+
+    def clear(self) -> None:
+        """Erase the line, so that other text can be printed there."""
+        if self._shown:
+            self._console.control(_ERASE)
+            self._shown = False
+
+    def print_line(self, sentence: str) -> None:
+        """Print a permanent line."""
+        self.clear()
+        self._console.print(sentence, soft_wrap=True)
 
 
 def print_ending(
@@ -79,7 +125,7 @@ def verdict_lines(title: str, found: Verdict, width: int) -> list[Text]:
     """
     indent = " " * (len(title) + 2)
     rows = list(_rows(found.parts, width - len(indent)))
-    style = STYLES[found.state]
+    style = _STYLES[found.state]
     first = Text.assemble((title, f"bold {style}"), f"  {rows[0] if rows else ''}")
     rest = [Text(indent + row) for row in rows[1:]]
     unsaid = [fault for fault in found.faults if fault not in found.now]
