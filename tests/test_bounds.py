@@ -10,7 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from mmt.core.bounds import check, finite_number, real_numbers
 from mmt.core.errors import InputError
-from mmt.scene.texture_table import TEXTURE_TABLE
+from mmt.scene.leader_tables import TEXTURE_TABLE
 from mmt.texture.model.file import arrays_of
 from mmt.texture.model.file_arrays import pack_arrays
 from mmt.texture.model.texture_model import TextureModel

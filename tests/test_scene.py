@@ -5,9 +5,8 @@ import pytest
 
 from mmt.core.errors import InputError
 from mmt.scene import PART_TABLES, Scene
-from mmt.scene.files import environment_overrides, load_scene, scene_from_tables
-from mmt.scene.recorded import scene_of_recording
-from mmt.scene.texture_table import TEXTURE_TABLE, Texture
+from mmt.scene.files import environment_overrides, load_scene, scene_from_tables, scene_of_recording
+from mmt.scene.leader_tables import TEXTURE_TABLE, Texture
 from mmt.texture.settings import CriterionScale, Inputs, ModellingSettings
 
 CONFIGS = sorted((Path(__file__).parents[1] / "configs").glob("*.toml"))

@@ -16,7 +16,7 @@ from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import InputError, printable
 from mmt.link.access import Access
 from mmt.link.protocol import encode_event
-from mmt.scene.secured_table import SecuredTable
+from mmt.scene.table import SecuredTable
 from mmt_share.tables import CONTROL_VARIABLE
 
 ASK: Final = "ask"

@@ -21,7 +21,7 @@ from mmt.link.access import FOLLOWERS, TOKEN_VARIABLE, Access, check_listening, 
 from mmt.link.client import FollowerClient
 from mmt.link.server import LeaderServer
 from mmt.scene import Link
-from mmt.scene.secured_table import SecuredTable
+from mmt.scene.table import SecuredTable
 from mmt_share.client import ListenerClient
 from mmt_share.relay import Relay
 from mmt_share.server import SharingServer

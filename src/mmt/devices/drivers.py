@@ -22,7 +22,7 @@ from mmt.devices.protocols import (
     SampledSensor,
     VibrationActuator,
 )
-from mmt.scene.problems import explain_problems
+from mmt.scene.table import explain_problems
 
 Role = Literal["robot", "force_sensor", "accelerometer", "handle", "actuator", "board"]
 """Role of a device in a scene: in ``[devices]``, as ``[handle]``, as ``[actuator]``, or as the

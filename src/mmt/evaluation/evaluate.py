@@ -27,7 +27,7 @@ from mmt.evaluation.scoring import Scorer, method_to_compare
 from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.scene import Scene, Texture
-from mmt.scene.recorded import scene_of_recording
+from mmt.scene.files import scene_of_recording
 from mmt.session.data import missing_frames
 from mmt.session.operators import control_periods
 from mmt.session.stream import Recording, blocks_of, in_memory

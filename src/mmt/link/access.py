@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final, Self
 
 from mmt.core.errors import InputError
-from mmt.scene.secured_table import SecuredTable
+from mmt.scene.table import SecuredTable
 
 LOG: Final = logging.getLogger("mmt.link")
 

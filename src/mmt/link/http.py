@@ -17,7 +17,7 @@ from mmt.link.packets import Packet
 from mmt.link.protocol import MAX_MESSAGE_BYTES, PING_INTERVAL_S, PING_TIMEOUT_S
 from mmt.link.server_sockets import ServerSockets
 from mmt.link.websocket import LINK_PATH, wire_logger
-from mmt.scene.secured_table import ServedTable
+from mmt.scene.table import ServedTable
 
 if TYPE_CHECKING:
     from prometheus_client import CollectorRegistry

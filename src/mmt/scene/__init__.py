@@ -18,10 +18,17 @@ from mmt.scene.device_tables import (
     Replay,
     Simulated,
 )
-from mmt.scene.leader_tables import ForceFeedback, Metrics, Monitor, Playout, Recording, Rendering
+from mmt.scene.leader_tables import (
+    ForceFeedback,
+    Metrics,
+    Monitor,
+    Playout,
+    Recording,
+    Rendering,
+    Texture,
+)
 from mmt.scene.link_tables import PROFILES, Link, Network
 from mmt.scene.table import OptionalTable, PartTable, Service, Table
-from mmt.scene.texture_table import Texture
 
 if TYPE_CHECKING:
     from mmt.scene.scene import PART_TABLES, Scene, SessionTable

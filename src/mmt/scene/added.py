@@ -3,7 +3,7 @@
 A package offers each part as an entry point of the group ``mmt.parts``, which names an
 `AddedPart`. A part with a table has the table's name. `Scene` is built from these objects in every
 process, so the modules that name them import late whatever imports `Scene` or takes long. They may
-import this module, `mmt.scene.table`, `mmt.scene.secured_table`, `mmt.leader.part` and `mmt.core`.
+import this module, `mmt.scene.table`, `mmt.leader.part` and `mmt.core`.
 """
 
 from collections.abc import Iterable, Mapping

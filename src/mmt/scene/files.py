@@ -1,4 +1,4 @@
-"""Read scenes from TOML files; environment variables override keys, and options override both."""
+"""Read scenes, from TOML files and from recordings; what overrides the keys of a file."""
 
 import os
 import tomllib
@@ -11,7 +11,8 @@ from pydantic import BaseModel, ValidationError
 from mmt.core.errors import InputError
 from mmt.scene import Scene
 from mmt.scene.added import added_parts
-from mmt.scene.problems import explain_problems
+from mmt.scene.leader_tables import by_method, without_former
+from mmt.scene.table import explain_problems
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
@@ -214,13 +215,9 @@ def resolve_input_files(path: Path, tables: dict[str, Any]) -> None:
         for key in table if isinstance(table, dict) else ():
             read = (name, key) in _READ or key in _SECURING
             if read and isinstance(table[key], str):
-                tables[name] = {**tables[name], key: _path_beside(path, table[key])}
-
-
-def _path_beside(path: Path, file: str) -> str:
-    """Return the path beside the scene if the file exists only there, else `file` unchanged."""
-    beside = path.parent / file
-    return str(beside) if not Path(file).exists() and beside.exists() else file
+                beside = path.parent / table[key]
+                if beside.exists() and not Path(table[key]).exists():
+                    tables[name] = {**tables[name], key: str(beside)}
 
 
 def scene_from_tables(
@@ -234,6 +231,21 @@ def scene_from_tables(
         A key, a value or a combination is not allowed.
     """
     return validated(Scene, origin, tables, Overrides(dict(overrides or {}), {}))
+
+
+def scene_of_recording(tables: Mapping[str, Any], origin: str) -> Scene:
+    """Return the scene that a session was recorded with, perhaps by an earlier version.
+
+    Raises
+    ------
+    InputError
+        The recorded scene is not valid; `origin` names it in the message.
+    """
+    if isinstance(tables.get("texture"), Mapping):
+        tables = {**tables, "texture": by_method(tables["texture"])}
+    if isinstance(tables.get("rendering"), Mapping):
+        tables = {**tables, "rendering": without_former(tables["rendering"])}
+    return scene_from_tables(tables, origin=origin)
 
 
 def _resolved(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:

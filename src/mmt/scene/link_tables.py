@@ -4,8 +4,7 @@ from typing import Any, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from mmt.scene.secured_table import ServedTable
-from mmt.scene.table import PartTable, Service
+from mmt.scene.table import PartTable, ServedTable, Service
 
 _LONGEST_SILENCE_MS: Final = 250.0
 

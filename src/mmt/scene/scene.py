@@ -17,10 +17,17 @@ from mmt.scene.added import (
     imported,
 )
 from mmt.scene.device_tables import Actuator, Devices, Hand, Handle, MotionLimits, Replay, Simulated
-from mmt.scene.leader_tables import ForceFeedback, Metrics, Monitor, Playout, Recording, Rendering
+from mmt.scene.leader_tables import (
+    ForceFeedback,
+    Metrics,
+    Monitor,
+    Playout,
+    Recording,
+    Rendering,
+    Texture,
+)
 from mmt.scene.link_tables import Link, Network
 from mmt.scene.table import OptionalTable, PartTable, Service, Table
-from mmt.scene.texture_table import Texture
 
 _Added = TypeVar("_Added", bound=PartTable)
 

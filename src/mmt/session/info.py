@@ -107,7 +107,7 @@ def _faults(session: RecordedSession) -> "SignalFaults | None":
     if not set(CHANNELS) <= set(session.channels):
         return None
     from mmt.scene import Scene, Texture
-    from mmt.scene.recorded import scene_of_recording
+    from mmt.scene.files import scene_of_recording
 
     try:
         for package in ("numba", "scipy"):

@@ -19,7 +19,7 @@ import mmt
 from mmt.core.errors import InputError
 from mmt.core.existing_files import append_lines, write_file
 from mmt.evaluation.evaluate import evaluate_session
-from mmt.scene.texture_table import TEXTURE_TABLE, Texture
+from mmt.scene.leader_tables import TEXTURE_TABLE, Texture
 from mmt.session.data import RecordedSession
 
 RESULTS: Final = "results.jsonl"

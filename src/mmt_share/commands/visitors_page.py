@@ -21,7 +21,7 @@ from mmt.core.errors import InputError
 from mmt.core.programs import python_command
 from mmt.link.access import Access
 from mmt.scene import Scene
-from mmt.scene.secured_table import ServedTable
+from mmt.scene.table import ServedTable
 from mmt_share.messages import TOKEN_VARIABLE, shared_at
 from mmt_share.tables import Sharing
 

@@ -6,7 +6,7 @@ from typing import Any, Final, Self
 from mmt.core.errors import InputError
 from mmt.core.verdict import Facts, Verdict, verdict
 from mmt.scene import Scene, Texture
-from mmt.scene.recorded import scene_of_recording
+from mmt.scene.files import scene_of_recording
 from mmt.session.mcap_windows import open_windows
 from mmt.session.windows import SessionWindows, Window
 from mmt.texture.model.texture_model import TextureModel
