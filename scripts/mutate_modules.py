@@ -60,7 +60,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "leader/output/playout": ("leader/test_playout.py",),
     "link/backfill": ("link/test_link_backfill_received.py", "link/test_link_backfill.py"),
     "link/handshake": ("link/test_link_handshake.py",),
-    "link/packets": ("link/test_link_receiving.py", "link/test_link_other_clients.py"),
+    "link/websocket": ("link/test_link_receiving.py", "link/test_link_other_clients.py"),
     "link/protocol": ("link/test_link_protocol.py",),
     "link/queue": ("link/test_link_outbox.py", "link/test_link_backlog.py"),
     "link/rate_limit": ("link/test_rate_limit.py",),

@@ -21,9 +21,9 @@ from mmt.leader.summary import LeaderSummary
 from mmt.link.access import Access
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.handshake import admit
-from mmt.link.packets import binary_event, decode_packet
 from mmt.link.protocol import FollowerHello
 from mmt.link.reader import BlockReader
+from mmt.link.websocket import binary_event, decode_packet
 from mmt.scene.files import scene_from_tables
 
 LIMIT_M_S2 = 20.0

@@ -81,7 +81,7 @@ async def test_a_stock_client_under_node_streams_frames_and_decodes_commands(
             "echo_age_ns": "123",
             "position_mm": [number + 0.25, 0.5, 0.75],
         }
-    assert by_the_library == []  # each message is decoded once, by `mmt.link.packets`
+    assert by_the_library == []  # each message is decoded once, by `mmt.link.websocket`
     assert (counted.lost, counted.out_of_order, counted.repeated, counted.rejected) == (0, 0, 0, {})
     assert notes.hellos[0].annotations == b"any bytes"
     assert notes.hellos[0].channels == CHANNELS

@@ -12,9 +12,9 @@ from link_samples import CHANNELS, LeaderNotes, frames, leader, until
 from test_link_wire import AUTH
 
 from mmt.core.errors import InputError
-from mmt.link.packets import binary_event, decode_packet
 from mmt.link.protocol import encode_event
 from mmt.link.server import LeaderServer
+from mmt.link.websocket import binary_event, decode_packet
 from mmt.scene import Link
 
 TOKEN = "0123456789abcdef-secret"

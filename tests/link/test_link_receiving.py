@@ -27,11 +27,18 @@ from socketio.msgpack_packet import MsgPackPacket
 
 import mmt.link.server_sockets
 import mmt.link.socket_client
-from mmt.link.packets import DecodedPacket, Packet, binary_event, decode_packet, is_reserved
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
 from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
 from mmt.link.server import LeaderServer
-from mmt.link.websocket import receive_directly, receive_rest
+from mmt.link.websocket import (
+    DecodedPacket,
+    Packet,
+    binary_event,
+    decode_packet,
+    is_reserved,
+    receive_directly,
+    receive_rest,
+)
 
 
 @pytest.fixture

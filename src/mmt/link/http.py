@@ -13,10 +13,9 @@ from aiohttp.typedefs import Handler, Middleware
 from mmt.core.errors import InputError, MmtError
 from mmt.link.accepting import Acceptor, admit_connection, watch_connections
 from mmt.link.access import FOLLOWERS, Access, Entrance, check_listening, is_address, is_loopback
-from mmt.link.packets import Packet
 from mmt.link.protocol import MAX_MESSAGE_BYTES, PING_INTERVAL_S, PING_TIMEOUT_S
 from mmt.link.server_sockets import ServerSockets
-from mmt.link.websocket import LINK_PATH, wire_logger
+from mmt.link.websocket import LINK_PATH, Packet, wire_logger
 from mmt.scene.table import ServedTable
 
 if TYPE_CHECKING:

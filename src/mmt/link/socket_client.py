@@ -10,10 +10,9 @@ from typing import Final
 import aiohttp
 import socketio
 
-from mmt.link.packets import Packet
 from mmt.link.protocol import MAX_MESSAGE_BYTES, MAX_SENTENCE, peer_text
 from mmt.link.rate_limit import RateLimit
-from mmt.link.websocket import Handlers, client_websocket, wire_logger
+from mmt.link.websocket import Handlers, Packet, client_websocket, wire_logger
 
 LOG: Final = logging.getLogger("mmt.link")
 
