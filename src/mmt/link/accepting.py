@@ -10,22 +10,21 @@ accepts a hundred in a row and, if descriptors run out, logs as many errors.
 """
 
 import asyncio
+import errno
 import logging
 import socket
 import ssl
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final
 from weakref import WeakValueDictionary
 
 from aiohttp import web
 from aiohttp.typedefs import Handler
 
 from mmt.core.logs import RepeatLimit
-from mmt.link.gate import Gate
-from mmt.link.listening import descriptors, listening_sockets
+from mmt.link.gate import Connection, Gate
 
 LOG: Final = logging.getLogger("mmt.link")
 
@@ -44,37 +43,49 @@ _TURN_S: Final = 0.4
 """The same for two connections of one address; the later one waits, and nothing of it is read."""
 _PAUSE_S: Final = 0.1
 """Pause before the next connection is accepted if descriptors have run out."""
+_WAITING: Final = 128
+"""Connections that the system holds until they are accepted."""
+_NO_SUCH_ADDRESS: Final = {errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT}
+"""Errors to ignore: a host name may have an IPv6 address although the machine has no IPv6."""
+_FEW: Final = 256
+"""Number of descriptors to assume if the system sets no limit."""
 
 
-@dataclass(eq=False)
-class _Connection:
-    address: str
-    protocol: web.RequestHandler
-    gate: Gate | None
-    opening: "asyncio.Task[None] | None" = None
-    heard: asyncio.Event = field(default_factory=asyncio.Event)
-    """Set when the first request has come."""
-    admitted: bool = False
-    requests: int = 0
+def _listening_sockets(addresses: Iterable[tuple[int, Any]]) -> list[socket.socket]:
+    """Return a listening socket for each address (family, address) that this machine has.
 
-    @property
-    def is_closed(self) -> bool:
-        """Whether the connection is closed."""
-        if self.opening is not None:
-            return False
-        transport = self.protocol.transport
-        return transport is None or transport.is_closing()
+    Raises
+    ------
+    OSError
+        An address is in use or not permitted, or the machine has none of them.
+    """
+    sockets: list[socket.socket] = []
+    problem: OSError | None = None
+    for family, address in addresses:
+        try:
+            listening = socket.create_server(address, family=family, backlog=_WAITING)
+        except OSError as error:
+            problem = error
+            if error.errno not in _NO_SUCH_ADDRESS:
+                break
+        else:
+            listening.setblocking(False)
+            sockets.append(listening)
+    if problem is not None and (not sockets or problem.errno not in _NO_SUCH_ADDRESS):
+        for listening in sockets:
+            listening.close()
+        raise problem
+    return sockets
 
-    def make(self) -> asyncio.BaseProtocol:
-        """Return the protocol for the connection's transport."""
-        return self.gate or self.protocol
 
-    def close(self) -> None:
-        """Close the connection at once."""
-        if self.opening is not None:
-            self.opening.cancel()
-        if self.protocol.transport is not None:
-            self.protocol.transport.abort()
+def descriptors() -> int:
+    """Return how many files and sockets this process may open."""
+    try:
+        import resource
+    except ImportError:
+        return _FEW  # Windows has no such limit
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return _FEW if soft == resource.RLIM_INFINITY else soft
 
 
 class Acceptor:
@@ -94,7 +105,7 @@ class Acceptor:
         most = MOST_STRANGERS if most is None else most
         self._most = min(most, descriptors() // 4)
         self._most_of_address = max(MOST_OF_ADDRESS, most // 2)
-        self._connections: dict[web.RequestHandler, _Connection] = {}  # the oldest first
+        self._connections: dict[web.RequestHandler, Connection] = {}  # the oldest first
         self._turns: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
         self._sockets: list[socket.socket] = []
         self._accepting: list[asyncio.Task[None]] = []
@@ -131,7 +142,7 @@ class Acceptor:
         found = await loop.getaddrinfo(
             host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )
-        self._sockets = listening_sockets((info[0], info[4]) for info in dict.fromkeys(found))
+        self._sockets = _listening_sockets((info[0], info[4]) for info in dict.fromkeys(found))
         self._accepting = [
             loop.create_task(self._accept(listening, make, tls)) for listening in self._sockets
         ]
@@ -166,7 +177,7 @@ class Acceptor:
         if len(self._having(admitted=True)) < self._most:
             connection.admitted = True
 
-    def _having(self, *, admitted: bool) -> list[_Connection]:
+    def _having(self, *, admitted: bool) -> list[Connection]:
         """Return the open connections that are admitted, or are not; the oldest first."""
         self._connections = {p: c for p, c in self._connections.items() if not c.is_closed}
         return [c for c in self._connections.values() if c.admitted is admitted]
@@ -187,14 +198,14 @@ class Acceptor:
                 continue
             protocol = make()
             gate = Gate(protocol) if self.guarded else None
-            connection = _Connection(str(address[0]), protocol, gate)
+            connection = Connection(str(address[0]), protocol, gate)
             self._make_room(self._supernumerary(connection.address))
             self._connections[connection.protocol] = connection
             connection.opening = loop.create_task(self._open(connection, arrived, tls))
             # sock_accept returns at once while more are waiting
             await asyncio.sleep(_SPACING_S if self._busy() else 0)
 
-    def _supernumerary(self, address: str) -> list[_Connection]:
+    def _supernumerary(self, address: str) -> list[Connection]:
         """Return the stranger to close before one more of this address comes, if any."""
         strangers = self._having(admitted=False)
         counts = Counter(stranger.address for stranger in strangers)
@@ -206,14 +217,14 @@ class Acceptor:
             return []
         return [next(stranger for stranger in strangers if stranger.address == busiest)]
 
-    def _make_room(self, strangers: list[_Connection]) -> None:
+    def _make_room(self, strangers: list[Connection]) -> None:
         for stranger in strangers:
             stranger.close()
             del self._connections[stranger.protocol]
             self._told.warn(LOG, f"too many connections: closed the oldest from {stranger.address}")
 
     async def _open(
-        self, connection: _Connection, arrived: socket.socket, tls: ssl.SSLContext | None
+        self, connection: Connection, arrived: socket.socket, tls: ssl.SSLContext | None
     ) -> None:
         """Open a connection, and close it unless its first request comes in time."""
         loop = asyncio.get_running_loop()

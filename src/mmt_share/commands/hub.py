@@ -22,7 +22,7 @@ from mmt.cli.common import (
 from mmt.core.extras import require
 from mmt.core.logs import Logs
 from mmt.core.queued_output import queue_output
-from mmt.link.listening import descriptors
+from mmt.link.accepting import descriptors
 from mmt_share.commands.visitors_page import reachable_url
 from mmt_share.hub.scene import HubScene, load_hub_scene
 
