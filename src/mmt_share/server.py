@@ -18,7 +18,6 @@ from mmt.link.access import Access, Entrance
 from mmt.link.http import CLOSE_TIMEOUT_S, LinkServer, Page
 from mmt.link.protocol import MAX_SENTENCE, loss_of, peer_text
 from mmt.link.rate_limit import RateLimit
-from mmt_share.connected_listener import ConnectedListener
 from mmt_share.lag import ListenerState
 from mmt_share.messages import (
     AGAIN,
@@ -30,7 +29,7 @@ from mmt_share.messages import (
     WELCOME,
     Hello,
 )
-from mmt_share.relay import STALLED_S, ListenerFeed, Relay
+from mmt_share.relay import STALLED_S, ConnectedListener, ListenerFeed, Relay
 from mmt_share.tables import Sharing
 
 if TYPE_CHECKING:

@@ -20,10 +20,10 @@ from mmt.texture.space.samples import TextureSamples
 from mmt_share.client import ListenerClient
 from mmt_share.messages import CHANGE, MODEL, STATE, STATE_DTYPE, ModelDescription
 from mmt_share.operator import OperatorClient
+from mmt_share.parts.sharing import ModelPublisher
 from mmt_share.player.following import SharedTexture
 from mmt_share.player.results import ResultsFile
 from mmt_share.player.server import PlayerServer
-from mmt_share.publishing import ModelPublisher
 from mmt_share.relay import Relay
 from mmt_share.server import SharingServer
 from mmt_share.tables import Listening, Sharing

@@ -15,10 +15,9 @@ from mmt.leader.motion.force_ramp import FADE_TICKS
 from mmt.leader.part import Session, Tick
 from mmt.scene.files import scene_from_tables
 from mmt_share.control_messages import MOTION_DTYPE, control_access, encode_motion
-from mmt_share.parts.clutch import Clutch
 from mmt_share.parts.control import ControlPart
+from mmt_share.parts.hand_motion import Clutch, OperatorMotion
 from mmt_share.parts.handover import HandOver
-from mmt_share.parts.operator_motion import OperatorMotion
 from mmt_share.tables import Control
 
 HOLD, SILENCE = 5, 8

@@ -21,7 +21,7 @@ from mmt_share.hub.manager import HubManager
 from mmt_share.hub.peers import FIRST_S, LOST_S, Heartbeat, Peers
 from mmt_share.hub.scene import load_hub_scene
 from mmt_share.messages import CHANGE, MODEL, WELCOME
-from mmt_share.publishing import ModelPublisher
+from mmt_share.parts.sharing import ModelPublisher
 from mmt_share.relay import ListenerFeed, Relay
 from mmt_share.tables import Listening
 

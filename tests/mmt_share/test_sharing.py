@@ -24,8 +24,7 @@ from mmt.scene import Scene
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_share import relay as relay_module
 from mmt_share.messages import SHARING_VERSION, STATE, Hello
-from mmt_share.parts.sharing import SharingPart
-from mmt_share.publishing import ModelPublisher, PublishedModel
+from mmt_share.parts.sharing import ModelPublisher, PublishedModel, SharingPart
 from mmt_share.relay import ListenerFeed, Relay
 from mmt_share.tables import Sharing
 

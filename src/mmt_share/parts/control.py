@@ -15,9 +15,8 @@ from mmt_share.control_messages import (
     control_access,
     decode_motion,
 )
-from mmt_share.parts.clutch import Clutch
-from mmt_share.parts.handover import Change, HandOver
-from mmt_share.parts.operator_motion import OperatorMotion
+from mmt_share.parts.hand_motion import Clutch, OperatorMotion
+from mmt_share.parts.handover import Change, HandOver, control_metrics
 from mmt_share.parts.sharing import SharingPart
 from mmt_share.tables import Control
 
@@ -314,8 +313,6 @@ class ControlPart(Part):
 
     def metrics(self) -> "Iterable[Metric]":
         """Return metrics of whose hand moves the robot, and of how often that has changed."""
-        from mmt_share.parts.control_metrics import control_metrics
-
         return control_metrics(self._over.state, self._figures())
 
     def summary(self, duration_s: float) -> dict[str, Any]:

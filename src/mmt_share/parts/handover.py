@@ -5,9 +5,13 @@ events, and time passes by `HandOver.tick`.
 """
 
 from collections import deque
-from typing import Final, Literal, NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 from mmt.core.errors import InputError
+
+if TYPE_CHECKING:
+    from prometheus_client.core import Metric
 
 State = Literal["own", "giving", "given", "returning"]
 """In this order: the leader's hand moves the robot; the robot holds until the operator's motion
@@ -162,3 +166,21 @@ class HandOver:
     def _record_change(self, what: What, who: int, name: str, why: str = "") -> None:
         self.refusals += what == "refused"
         self.changes.append(Change(what, who, name, self.grant, why))
+
+
+def control_metrics(now: State, figures: Mapping[str, Any]) -> Iterator["Metric"]:
+    """Yield metrics of whose hand moves the robot, and of how often and long control was away."""
+    from mmt.core.exposition import counter, state
+
+    hand = {"own": "leader", "given": "listener"}.get(now, "none")
+    text = "Whose hand moves the robot; none while it holds."
+    yield state("operating_hand", text, "hand", hand, ("leader", "listener", "none"))
+    for name, text, key in (
+        ("hand_overs", "How often control was given to a listener.", "grants"),
+        ("control_refusals", "Requests for control that were refused.", "refusals"),
+        ("control_refused_messages", "Motion and requests that were left out.", "refused_messages"),
+        ("control_holds", "How often the robot has held between two hands.", "holds"),
+        ("control_held_seconds", "Time in which it held.", "held_s"),
+        ("control_given_seconds", "Time in which control was away, holds included.", "given_s"),
+    ):
+        yield counter(name, text, figures[key])

@@ -7,7 +7,7 @@ from mmt.devices.protocols import Vector
 from mmt.leader.part import Part, Session, Tick
 from mmt_share.control_messages import ControlNews, control_access
 from mmt_share.operator import OperatorClient
-from mmt_share.parts.clutch import Clutch
+from mmt_share.parts.hand_motion import Clutch
 from mmt_share.tables import Operating
 
 if TYPE_CHECKING:

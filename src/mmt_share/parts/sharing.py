@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Coroutine, Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import msgpack
 import numpy as np
@@ -15,9 +15,18 @@ from mmt.core.errors import MmtError
 from mmt.core.programs import python_command
 from mmt.leader.part import Part, Session, Tick
 from mmt.link.protocol import encode_event
-from mmt_share.messages import STATE, STATE_DTYPE, ModelDescription
+from mmt.texture.model.file import arrays_of
+from mmt.texture.model.file_arrays import pack_arrays
+from mmt_share.difference import difference
+from mmt_share.messages import (
+    MODEL,
+    STATE,
+    STATE_DTYPE,
+    ModelDescription,
+    encode_change,
+    model_message,
+)
 from mmt_share.parts.listeners import Listeners
-from mmt_share.publishing import ModelPublisher, PublishedModel
 from mmt_share.store.store import Entry, ModelStore
 from mmt_share.tables import Control, Sharing
 
@@ -33,6 +42,39 @@ _MOST_WAITING: Final = 1 << 20
 """Bytes that may wait for the process; beyond, nothing new is written until it has read on."""
 _LEAVE_S: Final = 3.0
 """How long the process may take to send all listeners their last messages."""
+
+
+class PublishedModel(NamedTuple):
+    """One state of a model for the wire: its number and its two messages."""
+
+    number: int
+    whole: bytes
+    change: bytes | None
+    """Change from the state before, or None for the first state."""
+
+
+class ModelPublisher:
+    """Make the messages of each new state of a model.
+
+    Call it in a worker thread: it takes some 5 ms for 200 samples, most of it to compress the
+    whole model.
+    """
+
+    def __init__(self) -> None:
+        self._number = 0
+        self._arrays: dict[str, Any] = {}
+
+    def publish(self, model: "TextureModel", about: ModelDescription) -> PublishedModel:
+        """Return the messages of a model's new state."""
+        before, after = self._arrays, arrays_of(model.contents)
+        self._arrays = after
+        self._number += 1
+        now_ns = time.monotonic_ns()
+        change = None
+        if before:
+            change = encode_change(self._number, now_ns, about, difference(before, after))
+        whole = model_message(self._number, now_ns, about, pack_arrays(after))
+        return PublishedModel(self._number, encode_event(MODEL, whole), change)
 
 
 class SharingPart(Part):
