@@ -15,8 +15,7 @@ from mmt.core.errors import InputError
 from mmt.models import find_model, shipped_models
 from mmt.texture.model.texture_model import TextureModel
 from mmt_bridges.haptics.effects import effect, write_wav
-from mmt_bridges.haptics.hjif import write_hjif
-from mmt_bridges.haptics.wavelets import transform
+from mmt_bridges.haptics.hjif import transform, write_hjif
 
 SYNTHESIZER = "MMT_HJIF_SYNTHESIZER"
 """Environment variable with the path of the reference software's Synthesizer."""

@@ -18,15 +18,19 @@ from mmt.core.extras import require
 from mmt.core.frames import FRAMES_HZ, Channel
 from mmt.session.data import RecordedSession, axis_columns
 from mmt.session.folders import replacing_folder
-from mmt_bridges.lerobot.layout import (
+from mmt_bridges.lerobot.rows import (
     DATA_FOLDER,
+    FELT,
     FORMAT,
     INFO_FILE,
     OF_EVERY_DATA_SET,
+    STATE,
+    Column,
     Feature,
     frames_file,
+    low_rate_rows,
+    statistics,
 )
-from mmt_bridges.lerobot.rows import FELT, STATE, Column, low_rate_rows, statistics
 
 DEFAULT_FPS: Final = 50
 DEFAULT_TASK: Final = "stroke the surface"

@@ -21,14 +21,15 @@ from mmt.session.data import RecordedSession
 from mmt.session.importing.columns import SourceColumns, distinct, reading
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.parquet_file import read_numbers, read_parquet, read_schema
-from mmt_bridges.lerobot.layout import (
+from mmt_bridges.lerobot.rows import (
     DATA_FOLDER,
     FORMAT,
     INFO_FILE,
     OF_EVERY_DATA_SET,
+    STATE,
     frames_file,
+    low_rate_rows,
 )
-from mmt_bridges.lerobot.rows import STATE, low_rate_rows
 
 _PICTURES: Final = ("image", "video", "string", "language")
 """Kinds of features without numbers."""

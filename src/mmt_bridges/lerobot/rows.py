@@ -1,6 +1,8 @@
-"""A session at the rate of a LeRobot data set: rows of 1 / fps s, and their statistics."""
+"""A LeRobot data set of format v3.0: its layout, and the rows of a session at its rate."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -10,6 +12,12 @@ from mmt.core.arrays import IntArray
 from mmt.core.errors import InputError
 from mmt.core.frames import FIELD_OF_CHANNEL, FRAMES_HZ, acceleration_samples
 from mmt.session.data import RecordedSession
+
+FORMAT: Final = "v3.0"
+"""The format that is written, and the only one that is read."""
+INFO_FILE: Final = Path("meta", "info.json")
+"""The file that marks a folder as a LeRobot data set."""
+DATA_FOLDER: Final = "data"
 
 Column: TypeAlias = npt.NDArray[Any]
 """Values (n,), or (n, k) of a feature with k components."""
@@ -27,6 +35,29 @@ _FIGURES: Final[Mapping[str, Callable[..., Any]]] = {
     "std": np.std,
 }
 _QUANTILES: Final = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
+
+
+@dataclass(frozen=True)
+class Feature:
+    """The type of a column, and the names of its components."""
+
+    dtype: str
+    names: Sequence[str] | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the feature as in ``meta/info.json``."""
+        return {"dtype": self.dtype, "shape": [len(self.names or "1")], "names": self.names}
+
+
+OF_EVERY_DATA_SET: Final = {
+    "timestamp": Feature("float32"),
+    **{name: Feature("int64") for name in ("frame_index", "episode_index", "index", "task_index")},
+}
+
+
+def frames_file(folder: Path, episode: int) -> Path:
+    """Return the file with the 1 kHz frames of an episode."""
+    return folder / "mmt" / f"episode-{episode:06}.parquet"
 
 
 def low_rate_rows(session: RecordedSession, fps: int) -> dict[str, Column]:
