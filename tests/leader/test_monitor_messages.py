@@ -22,7 +22,7 @@ from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.space.inputs import ANISOTROPIC
 from mmt.web.binary_messages import pack
-from mmt.web.monitor.live import MOST_SAMPLES, LiveMessages
+from mmt.web.monitor.live import MOST_SAMPLES, LiveMessages, MonitorTap
 from mmt.web.monitor.states import (
     completion_header,
     hello_header,
@@ -30,7 +30,6 @@ from mmt.web.monitor.states import (
     surfaces,
     thinned,
 )
-from mmt.web.monitor.tap import MonitorTap
 from mmt.web.monitor.viewers import MOST_VIEWERS, Viewers
 
 SCENE = scene_from_tables(

@@ -13,8 +13,7 @@ from mmt.scene import Monitor
 from mmt.web.binary_messages import pack
 from mmt.web.monitor import states
 from mmt.web.monitor.controls import Controls
-from mmt.web.monitor.live import LiveMessages
-from mmt.web.monitor.tap import MonitorTap
+from mmt.web.monitor.live import LiveMessages, MonitorTap
 from mmt.web.monitor.view import LeaderView
 from mmt.web.monitor.viewers import Viewer, Viewers
 from mmt.web.page_server import (
