@@ -50,7 +50,8 @@ def main() -> None:
 def run(scene: str) -> RecordedSession:
     """Run an example scene; return its recording."""
     with tempfile.TemporaryDirectory() as directory:
-        command = [sys.executable, "-m", "mmt.cli.main", "demo", scene, "--output", directory]
+        mmt = [sys.executable, "-m", "mmt.cli.entry", "main"]
+        command = [*mmt, "demo", scene, "--output", directory]
         subprocess.run(command, check=True)  # noqa: S603 - our own interpreter and module
         return read_session(Path(directory) / "session.mcap")
 

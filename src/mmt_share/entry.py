@@ -6,7 +6,3 @@ from mmt.cli.entry import start
 def listen() -> None:
     """Run ``mmt-listen``."""
     start("mmt_share.commands.listener")
-
-
-if __name__ == "__main__":
-    listen()

@@ -7,7 +7,7 @@ import typer
 from command_runs import output_of, refusal
 from plugin_samples import install_package
 
-from mmt.cli import commands, main
+from mmt.cli import main
 from mmt.core.errors import InputError
 from mmt.core.plugins import offered
 
@@ -38,7 +38,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "session.info": "added_commands:alone",
         "broken": "added_commands:absent",
     }
-    install_package(tmp_path, monkeypatch, "added-commands", {commands.GROUP: names})
+    install_package(tmp_path, monkeypatch, "added-commands", {main.GROUP: names})
 
 
 def test_another_package_adds_a_group_and_a_command_of_a_group(package: None) -> None:
@@ -49,7 +49,7 @@ def test_another_package_adds_a_group_and_a_command_of_a_group(package: None) ->
 
 
 def test_every_command_of_mmt_has_a_help() -> None:
-    for name in offered(commands.GROUP):
+    for name in offered(main.GROUP):
         first = output_of(*name.split("."), "--help")
         assert "Usage: " in first
         for typers_own in ("<bool>", "<path>", "<float>", "[[", "...]...", "{"):

@@ -222,7 +222,7 @@ def test_real_services_tell_what_they_run_and_cost(tmp_path: Path) -> None:
     scene.write_text(tomli_w.dumps(tables))
     arguments = ["--duration", "1", "--no-parts", "--json", "it.json"]
     ended = subprocess.run(
-        [sys.executable, "-m", "mmt.cli.main", "scene", "explain", str(scene), *arguments],
+        [sys.executable, "-m", "mmt.cli.entry", "main", "scene", "explain", str(scene), *arguments],
         cwd=tmp_path,
         capture_output=True,
         text=True,

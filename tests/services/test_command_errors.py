@@ -293,7 +293,7 @@ def test_brackets_in_a_files_name_are_no_markup(
 def test_a_process_ends_like_that_too(folder: Path) -> None:
     long_name = "a-name-that-is-longer-than-a-line-of-eighty-characters/" * 3 + "x.mcap"
     ended = subprocess.run(
-        [sys.executable, "-m", "mmt.cli.main", "session", "info", long_name],
+        [sys.executable, "-m", "mmt.cli.entry", "main", "session", "info", long_name],
         capture_output=True,
         text=True,
         cwd=folder,

@@ -24,7 +24,7 @@ from mmt.testing.emulated.phantom import ROBOT_N_MM, WALL_N_MM, series_n_mm
 
 
 def mmt(folder: Path, *arguments: str, **variables: str) -> "subprocess.CompletedProcess[str]":
-    command = [sys.executable, "-m", "mmt.cli.main", *arguments]
+    command = [sys.executable, "-m", "mmt.cli.entry", "main", *arguments]
     environment = {**os.environ, **variables}
     return subprocess.run(
         command,

@@ -15,7 +15,7 @@ def test_the_services_hold_under_faults(tmp_path: Path) -> None:
     figures = tmp_path / "soak.json"
     arguments = ["--duration", "14", "--every", "2", "--seed", "172", "--json", str(figures)]
     ended = subprocess.run(
-        [sys.executable, "-m", "mmt.cli.main", "lab", "soak", *arguments],
+        [sys.executable, "-m", "mmt.cli.entry", "main", "lab", "soak", *arguments],
         check=False,
         capture_output=True,
         text=True,

@@ -10,7 +10,6 @@ from typing import Annotated, Any
 
 import typer
 
-from mmt.cli.commands import GROUP as COMMANDS
 from mmt.cli.common import (
     MODEL_NAME,
     OPTIONS,
@@ -24,6 +23,7 @@ from mmt.cli.common import (
     write_json,
 )
 from mmt.cli.emulated_pair import SceneFiles, coil_log, hand_log, pair_named, write_emulated
+from mmt.cli.main import GROUP as COMMANDS
 from mmt.cli.options import with_flags
 from mmt.cli.run_display import command_text, print_ending
 from mmt.cli.scene_services import DemoRun, run_services

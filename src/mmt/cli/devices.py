@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from mmt.cli.commands import command_group
 from mmt.cli.common import Force, json_option, output, write_json
+from mmt.cli.main import command_group
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import require_absent
 from mmt.core.tables import plain_table

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.progress import track
 
-from mmt.cli.commands import command_group
 from mmt.cli.common import json_option, messages, output, report_option, write_json
+from mmt.cli.main import command_group
 from mmt.core.extras import require
 from mmt.core.kernel_cache import compile_kernels
 from mmt.core.process import release_compiler

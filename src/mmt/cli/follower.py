@@ -86,7 +86,3 @@ class FollowerRun(ServiceRun[Follower]):
 def run() -> None:
     """Run ``mmt-follower``."""
     run_app(app, "mmt-follower")
-
-
-if __name__ == "__main__":
-    run()

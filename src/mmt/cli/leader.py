@@ -208,7 +208,3 @@ class LeaderRun(ServiceRun["Leader"]):
 def run() -> None:
     """Run ``mmt-leader``."""
     run_app(app, "mmt-leader")
-
-
-if __name__ == "__main__":
-    run()

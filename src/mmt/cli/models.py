@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from mmt.cli.commands import command_group
 from mmt.cli.common import Force, json_option, messages, output, summary_table, write_json
+from mmt.cli.main import command_group
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import require_absent, write_file

@@ -9,8 +9,8 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from mmt.cli.commands import command_group
 from mmt.cli.common import json_option, messages, output, write_json
+from mmt.cli.main import command_group
 from mmt.core.extras import require
 from mmt.core.tables import plain_table
 from mmt.scene import Scene

@@ -10,7 +10,6 @@ from typing import Annotated, Any, Final
 import typer
 from rich.table import Table
 
-from mmt.cli.commands import command_group
 from mmt.cli.common import (
     Force,
     as_text,
@@ -23,6 +22,7 @@ from mmt.cli.common import (
     write_json,
 )
 from mmt.cli.importing import import_file, inspect_file
+from mmt.cli.main import command_group
 from mmt.core.errors import InputError
 from mmt.core.existing_files import free_path, require_absent, with_number
 from mmt.core.kernel_cache import compile_kernels

@@ -52,7 +52,3 @@ def listen(
 def run() -> None:
     """Run ``mmt-listen``."""
     run_app(app, "mmt-listen")
-
-
-if __name__ == "__main__":
-    run()
