@@ -1,4 +1,4 @@
-"""Ranges of numbers behave as the sets that they stand for."""
+"""Ranges behave as the sets that they stand for; a sender's numbers grow as its rate allows."""
 
 from itertools import pairwise
 
@@ -6,7 +6,14 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.core.sequence_numbers import Range, RangeSet, ranges_of
+from mmt.core.sequence_numbers import (
+    JumpBound,
+    Range,
+    RangeSet,
+    largest_advance,
+    ranges_of,
+    shortest_period_ns,
+)
 
 bounds = st.integers(0, 60)
 operations = st.lists(st.tuples(st.sampled_from(["add", "remove"]), bounds, bounds), max_size=40)
@@ -56,3 +63,33 @@ def test_an_empty_set_is_cleared_and_filled_anew() -> None:
     assert ranges.add(4, 6) == 2
     assert ranges.remove(5, 5) == 0
     assert list(ranges) == [(4, 6)]
+
+
+def test_a_sender_may_be_twice_as_fast_as_its_rate_and_two_seconds_ahead() -> None:
+    assert shortest_period_ns(1000.0, 1.0) == 500_000
+    assert shortest_period_ns(1.0, 100.0) == 5_000_000
+    assert shortest_period_ns(1e6, 1e6) == 1
+    assert largest_advance(0, 500_000) == 4000
+    assert largest_advance(1_000_000_000, 1_300_000) == 2307
+
+
+def test_what_a_silence_adds_drains_by_two_periods_a_number() -> None:
+    bound = JumpBound(1_000_000)
+    bound.restart(0)
+    assert bound.allows(1, 1_000_000_000)
+    assert bound.permits(2997, 1_000_000_000)
+    assert not bound.permits(2998, 1_000_000_000)
+    bound.restart(0)
+    assert bound.allows(1, 2_000_000)
+    assert bound.permits(2000, 2_000_000)
+    assert not bound.permits(2001, 2_000_000)
+
+
+def test_a_clock_that_jumps_back_takes_the_bound_with_it() -> None:
+    bound = JumpBound(1_000_000)
+    bound.restart(5_000_000_000)
+    assert bound.permits(2000, 4_000_000_000)
+    assert not bound.permits(2001, 4_000_000_000)
+    assert bound.allows(1, 4_000_000_000)
+    assert bound.permits(1999, 4_000_000_000)
+    assert not bound.permits(2000, 4_000_000_000)
