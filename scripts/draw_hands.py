@@ -18,7 +18,8 @@ from mmt.core.palette import LIGHT, SERIES
 from mmt.evaluation.figures import style_axes
 from mmt.scene import Hand
 from mmt.scene.files import example_scenes, load_scene
-from mmt.session import RecordedSession, read_session
+from mmt.session.data import RecordedSession
+from mmt.session.files import read_session
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.synthesizer import Synthesizer

@@ -18,7 +18,8 @@ from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.recorded_surfaces import part_by_surface
 from mmt.evaluation.results import Evaluation
 from mmt.evaluation.surface_report import surfaces_over_time
-from mmt.session import RecordedSession, read_session
+from mmt.session.data import RecordedSession
+from mmt.session.files import read_session
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 
 MODE_COLOURS: Final[Mapping[str, str]] = {

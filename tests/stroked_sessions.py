@@ -8,7 +8,7 @@ import pytest
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import empty_frames
-from mmt.session import RecordedSession
+from mmt.session.data import RecordedSession
 
 STROKE_SAMPLES = 250
 LIFT_SAMPLES = 100

@@ -18,8 +18,8 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import append_lines, write_file
 from mmt.devices.calibrations import save_calibration
 from mmt.evaluation.report_files import write_report_files
-from mmt.session import export_session
 from mmt.session.data import RecordedSession
+from mmt.session.files import export_session
 from mmt_bridges.haptics.ahap import write_ahap
 from mmt_bridges.haptics.effects import write_wav
 from mmt_bridges.haptics.hjif import write_hjif

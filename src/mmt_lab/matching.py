@@ -7,7 +7,7 @@ from typing import Final, get_args
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.session import RecordedSession
+from mmt.session.data import RecordedSession
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.settings import Inputs

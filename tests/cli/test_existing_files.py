@@ -16,7 +16,7 @@ from mmt.cli.main import app
 from mmt.cli.scene_services import DemoRun
 from mmt.core.errors import InputError
 from mmt.core.existing_files import free_folder, free_path
-from mmt.session import read_session, write_session
+from mmt.session.files import read_session, write_session
 
 KEPT = b"a recording of an hour"
 

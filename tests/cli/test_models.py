@@ -9,7 +9,7 @@ from command_runs import output_of, refusal, run, run_json
 from mmt.core.errors import MmtError
 from mmt.core.frames import empty_frames
 from mmt.scene import Scene, Texture
-from mmt.session import write_session
+from mmt.session.files import write_session
 from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
@@ -58,7 +58,7 @@ def test_of_several_surfaces_one_is_chosen(tmp_path: Path) -> None:
 def test_the_model_is_the_one_that_the_live_leader_had_at_the_stop_criterion(
     session_file: Path, tmp_path: Path
 ) -> None:
-    from mmt.session import read_session
+    from mmt.session.files import read_session
 
     figures, _ = run_json(tmp_path, *BUILD, session_file, tmp_path / "wood.npz")
     modeller = OnlineModeller()

@@ -24,7 +24,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.queued_output import is_queued
 from mmt.scene import Scene
 from mmt.scene.files import example_scenes, load_scene
-from mmt.session import read_session
+from mmt.session.files import read_session
 
 DEVICES = '[link]\n[devices]\nrobot = "lab:Robot"\naccelerometer = "lab:A"\n[playout]\n[actuator]\n'
 

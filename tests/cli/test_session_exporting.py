@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from command_runs import output_of, refusal
 
-from mmt.session import read_session, write_session
+from mmt.session.files import read_session, write_session
 from mmt.testing.simulation.offline import simulate_session
 
 pytest.importorskip("pyarrow", reason="needs the extra 'export'")

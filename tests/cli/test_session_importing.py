@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from command_runs import output_of, run, run_json
 
-from mmt.session import read_session
+from mmt.session.files import read_session
 
 TIME_S = np.arange(3000) / 1000
 POSITION_MM = np.column_stack([30 * np.sin(5 * TIME_S), 10 * TIME_S])

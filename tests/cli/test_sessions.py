@@ -3,7 +3,7 @@
 import numpy as np
 from command_runs import output_of, run_json
 
-from mmt.session import read_session, write_session
+from mmt.session.files import read_session, write_session
 from mmt.testing.simulation.known_surfaces import surface_from_annotations
 
 

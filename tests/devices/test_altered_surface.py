@@ -8,7 +8,7 @@ from scipy.signal import welch
 
 import mmt
 from mmt.core.errors import InputError
-from mmt.session import write_session
+from mmt.session.files import write_session
 from mmt.testing.simulation.alterations import Level, Patches
 from mmt.testing.simulation.altered_surface import AlteredSurface
 from mmt.testing.simulation.course import course_from_annotations

@@ -11,7 +11,7 @@ from mmt.evaluation.report import write_report
 from mmt.evaluation.table import heading_tables
 from mmt.evaluation.truth import KnownTexture
 from mmt.scene import Hand, Scene
-from mmt.session import RecordedSession
+from mmt.session.data import RecordedSession
 from mmt.testing.simulation.grain import Grain
 from mmt.testing.simulation.modes import Resonance
 from mmt.testing.simulation.offline import simulate_session

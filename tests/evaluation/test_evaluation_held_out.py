@@ -9,7 +9,7 @@ from mmt.core.errors import InputError
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.held_out import HELD_OUT, HeldOutRecording, choose_held_out
 from mmt.scene import Scene
-from mmt.session import RecordedSession
+from mmt.session.data import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.autoregression.burg import burg
 from mmt.texture.autoregression.forms import reflection_to_lsf

@@ -31,7 +31,8 @@ from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.report import environment, write_report
 from mmt.evaluation.table import evaluation_table, step_table
 from mmt.scene import Hand, Scene
-from mmt.session import RecordedSession, write_session
+from mmt.session.data import RecordedSession
+from mmt.session.files import write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.settings import ModellingSettings
 

@@ -14,7 +14,7 @@ from mmt.evaluation.held_out import choose_held_out
 from mmt.evaluation.results import evaluations_as_dict
 from mmt.scene import Hand, Scene
 from mmt.scene.files import scene_from_tables
-from mmt.session import RecordedSession
+from mmt.session.data import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import cells_of
 from mmt.texture.online.history import build, build_model, stream_blocks

@@ -16,7 +16,7 @@ from mmt.evaluation.levels import LEAST_POWER, across
 from mmt.evaluation.strokes_made import MOST, StrokesMade
 from mmt.evaluation.truth import KnownTexture
 from mmt.scene import Scene
-from mmt.session import RecordedSession
+from mmt.session.data import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.autoregression.forms import lsf_output_power

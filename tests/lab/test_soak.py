@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mmt.core.frames import frame_dtype
 from mmt.scene import Network
-from mmt.session import write_session
+from mmt.session.files import write_session
 from mmt_lab.experiments import soak
 from mmt_lab.soak.drift import by_window, drift, outside
 from mmt_lab.soak.faults import CUT, LENGTHS_S, NETWORKS, RESTART, SoakFault, plan_faults

@@ -13,7 +13,8 @@ from lab_runs import run_lab
 
 from mmt.core.errors import InputError, MmtError
 from mmt.scene import Texture
-from mmt.session import RecordedSession, write_session
+from mmt.session.data import RecordedSession
+from mmt.session.files import write_session
 from mmt_lab.experiments import sweep
 from mmt_lab.sweep.combinations import (
     JobOutcome,

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mmt.session import read_session
+from mmt.session.files import read_session
 from mmt_bridges.lerobot.dataset import export_lerobot
 
 PROGRAM = Path(__file__).with_name("lerobot_dataset_program.py")

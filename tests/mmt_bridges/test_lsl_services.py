@@ -16,7 +16,7 @@ from network_namespaces import LEADER_ADDRESS, veth, within_follower
 from service_processes import LONGEST_S, Service
 
 from mmt.core.errors import InputError
-from mmt.session import read_session
+from mmt.session.files import read_session
 from mmt_bridges.lsl.streams import load_pylsl
 
 AHEAD_S = 5000

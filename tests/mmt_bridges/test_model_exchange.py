@@ -12,7 +12,7 @@ from wavelet_decoder import decode
 from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.scene import Scene
-from mmt.session import write_session
+from mmt.session.files import write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from service_processes import LONGEST_S, Service
 
-from mmt.session import read_session
+from mmt.session.files import read_session
 
 DOMAIN = 100 + os.getpid() % 100
 SCENE = f"""

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
-from mmt.session import export_session, import_session, read_session
 from mmt.session.data import RecordedSession
+from mmt.session.files import export_session, import_session, read_session
 from mmt.session.info import info
 
 pytestmark = pytest.mark.usefixtures("read_here")

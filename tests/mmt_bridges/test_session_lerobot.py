@@ -11,8 +11,8 @@ from session_samples import made_frames
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import frame_dtype
-from mmt.session import export_session, import_session, read_session
 from mmt.session.data import RecordedSession
+from mmt.session.files import export_session, import_session, read_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose
 from mmt.session.importing.recording import import_recording, read_columns

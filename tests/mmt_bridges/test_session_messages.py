@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mcap.writer import IndexType, Writer
 
 from mmt.core.errors import InputError
-from mmt.session import import_session
+from mmt.session.files import import_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.recording import import_recording, read_columns
 from mmt.session.messages import message_class

@@ -13,7 +13,7 @@ from xdf_writer import Received, write_xdf
 from mmt.core.errors import InputError
 from mmt.core.frames import ALL_CHANNELS, channels_of
 from mmt.leader.publishing import Block, Marker
-from mmt.session import import_session, read_session
+from mmt.session.files import import_session, read_session
 from mmt_bridges.lsl.streams import Streams
 
 pytestmark = pytest.mark.usefixtures("read_here")

@@ -25,7 +25,7 @@ from mmt.core.frames import acceleration_samples
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
 from mmt.devices.discovery import FoundPort
 from mmt.devices.drivers import load_device
-from mmt.session import read_session
+from mmt.session.files import read_session
 from mmt.testing.emulated.drivers import LAB
 
 pytest.importorskip("nidaqmx", reason="nidaqmx is not installed: pip install -e '.[ni]'")

@@ -18,7 +18,8 @@ from mmt.leader.parts import PARTS, build_parts
 from mmt.leader.service import Leader
 from mmt.leader.summary import LeaderSummary
 from mmt.scene import Scene
-from mmt.session import RecordedSession, read_session, write_session
+from mmt.session.data import RecordedSession
+from mmt.session.files import read_session, write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.updates import UpdateWork

@@ -10,7 +10,7 @@ from typer.testing import CliRunner, Result
 from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.scene import Scene
-from mmt.session import write_session
+from mmt.session.files import write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space.samples import TextureSamples

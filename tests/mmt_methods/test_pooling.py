@@ -10,7 +10,8 @@ from scipy.signal import freqz, lfilter
 
 from mmt.core.errors import InputError, MmtError
 from mmt.scene import Scene
-from mmt.session import RecordedSession, write_session
+from mmt.session.data import RecordedSession
+from mmt.session.files import write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Inputs, ModellingSettings

@@ -8,7 +8,8 @@ from command_runs import run_json
 from service_processes import Service, scene
 from sharing_samples import LISTENS
 
-from mmt.session import RecordedSession, read_session
+from mmt.session.data import RecordedSession
+from mmt.session.files import read_session
 
 TOKEN = {"MMT_CONTROL_TOKEN": "0123456789abcdef" * 2}
 QUIET = {"MMT_CONTROL__SILENCE_MS": "2000"}

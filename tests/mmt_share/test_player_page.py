@@ -24,8 +24,8 @@ from page_browser import (
 )
 from player_samples import NAMES, RMS_M_S2, address, flat_texture, playing, rows_of, textures
 
-from mmt.session import read_session
 from mmt.session.data import missing_frames
+from mmt.session.files import read_session
 from mmt.texture.model.json_form import model_json
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt.web.binary_messages import pack

@@ -21,8 +21,8 @@ from player_samples import (
 
 from mmt.core.errors import InputError
 from mmt.evaluation.evaluate import evaluate_session
-from mmt.session import read_session
 from mmt.session.data import missing_frames
+from mmt.session.files import read_session
 from mmt.session.info import info
 from mmt.texture.model.json_form import model_json
 from mmt.texture.model.texture_model import TextureModel

@@ -17,7 +17,7 @@ from service_processes import LONGEST_S, Service
 import mmt
 from mmt.core.errors import MmtError
 from mmt.scene.files import scene_from_tables
-from mmt.session import write_session
+from mmt.session.files import write_session
 from mmt_share.commands import trying
 
 NAMES = ("position_mm", "force_n", "acceleration_m_s2")

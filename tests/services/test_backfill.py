@@ -23,7 +23,8 @@ from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
-from mmt.session import RecordedSession, read_session, write_session
+from mmt.session.data import RecordedSession
+from mmt.session.files import read_session, write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.online.history import ModelHistory, build_model
 from mmt.texture.settings import Method

@@ -15,8 +15,8 @@ from frame_samples import made_frames
 from mmt.cli import follower, leader, main
 from mmt.cli.common import run_app
 from mmt.core import extras
-from mmt.session import export_session, write_session
 from mmt.session.data import RecordedSession
+from mmt.session.files import export_session, write_session
 
 APPS = {"mmt": main.app, "mmt-leader": leader.app, "mmt-follower": follower.app}
 

@@ -12,7 +12,7 @@ from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.report import write_report
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
-from mmt.session import read_session, write_session
+from mmt.session.files import read_session, write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.web.viewing.recording import ViewedRecording
 

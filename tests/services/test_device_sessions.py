@@ -16,7 +16,7 @@ from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.protocols import SensorReading
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
-from mmt.session import read_session
+from mmt.session.files import read_session
 
 
 async def test_a_scene_of_devices_streams_what_they_measure(tmp_path: Path, drivers: str) -> None:

@@ -15,7 +15,7 @@ from service_processes import Service, follower_of, scene
 from service_runs import MadeSource, Together, run_session, small_scene
 
 from mmt.core.errors import InputError
-from mmt.session import read_session
+from mmt.session.files import read_session
 from mmt.session.info import info
 from mmt.session.mcap_writer import SessionWriter
 from mmt.session.recover import recover

@@ -12,7 +12,7 @@ from service_runs import Together, small_scene
 
 from mmt.core.errors import MmtError
 from mmt.scene import Scene
-from mmt.session import read_session
+from mmt.session.files import read_session
 from mmt.testing.emulated.haptuator import EmulatedHaptuator
 from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
 from mmt.testing.emulated.hd import EmulatedHd

@@ -14,7 +14,7 @@ from frame_samples import made_frames
 from service_processes import CONFIGS, LONGEST_S, Service
 
 from mmt.scene.files import load_scene
-from mmt.session import write_session
+from mmt.session.files import write_session
 
 PROGRAM = """
 import asyncio, importlib, json, os, pathlib, sys

@@ -9,7 +9,7 @@ import pytest
 from service_runs import Together, small_scene
 
 from mmt.link.server import LeaderServer
-from mmt.session import read_session
+from mmt.session.files import read_session
 
 
 @pytest.mark.parametrize("on_silence", ["hold", "retract"])

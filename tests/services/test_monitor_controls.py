@@ -12,7 +12,7 @@ from frame_samples import made_frames
 from monitor_browser import Browser, monitored, open_browser, until
 from service_runs import MadeSource
 
-from mmt.session import read_session
+from mmt.session.files import read_session
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from service_runs import Together, small_scene
 from mmt.core.errors import InputError
 from mmt.scene import Scene
 from mmt.scene.files import scene_of_recording
-from mmt.session import write_session
+from mmt.session.files import write_session
 from mmt.testing.simulation.offline import simulate_session
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from service_runs import Together, small_scene
 
-from mmt.session import read_session
 from mmt.session.data import missing_frames
+from mmt.session.files import read_session
 
 
 @pytest.mark.parametrize("way", ["model", "repetition"])

@@ -20,7 +20,7 @@ from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
-from mmt.session import read_session, write_session
+from mmt.session.files import read_session, write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.updates import UpdateWork

@@ -11,7 +11,8 @@ import pytest
 from service_processes import LONGEST_S, Service, follower_of, scene, session, streamed_s
 
 from mmt.core.errors import InputError
-from mmt.session import RecordedSession, read_session
+from mmt.session.data import RecordedSession
+from mmt.session.files import read_session
 from mmt.session.recover import recover
 
 SOON_S = 3.0

@@ -14,7 +14,7 @@ from service_runs import MadeSource, Together, small_scene
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import frame_dtype
 from mmt.devices.protocols import Vector
-from mmt.session import read_session
+from mmt.session.files import read_session
 
 
 @dataclass

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from service_processes import Service, follower_of, scene, session, streamed_s
 
-from mmt.session import RecordedSession, read_session, write_session
+from mmt.session.data import RecordedSession
+from mmt.session.files import read_session, write_session
 
 DURATION_S = 12.0  # on a loaded machine the second follower takes seconds to start
 REPLAYED = 1500

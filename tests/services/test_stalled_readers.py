@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 from service_processes import LONGEST_S, Service, scene
 
-from mmt.session import read_session
+from mmt.session.files import read_session
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="sets the length of a pipe")
 

@@ -19,7 +19,7 @@ from mmt.leader.service import Leader
 from mmt.leader.summary import LeaderSummary
 from mmt.leader.surface_log import replayed_words
 from mmt.scene import Replay, Scene
-from mmt.session import read_session
+from mmt.session.files import read_session
 from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface

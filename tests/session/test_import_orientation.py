@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from mmt.core.errors import InputError
-from mmt.session import import_session
 from mmt.session.data import sample_times
+from mmt.session.files import import_session
 from mmt.session.importing.proposal import propose, try_proposal
 
 pytestmark = pytest.mark.usefixtures("read_here")

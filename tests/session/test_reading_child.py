@@ -27,7 +27,8 @@ from waiting import PATIENCE_S, children, until
 from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.core.programs import import_path, python_command
-from mmt.session import RecordedSession, export_session, import_session, read_session
+from mmt.session.data import RecordedSession
+from mmt.session.files import export_session, import_session, read_session
 from mmt.session.formats import GROUP
 from mmt.session.importing.columns import wanted_names
 from mmt.session.importing.options import ImportOptions

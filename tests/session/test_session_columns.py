@@ -9,7 +9,7 @@ import pytest
 import scipy.io
 
 from mmt.core.errors import InputError
-from mmt.session import import_session, read_session
+from mmt.session.files import import_session, read_session
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
 from mmt.session.info import info

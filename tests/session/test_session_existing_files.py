@@ -5,7 +5,7 @@ from session_samples import made_frames
 
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
-from mmt.session import read_session
+from mmt.session.files import read_session
 from mmt.session.mcap_windows import McapWindows
 from mmt.session.recorder import McapRecorder
 

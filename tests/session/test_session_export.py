@@ -9,8 +9,8 @@ import pytest
 from session_samples import made_frames
 
 from mmt.core.errors import InputError, MmtError
-from mmt.session import export_session
 from mmt.session.data import RecordedSession
+from mmt.session.files import export_session
 
 pytestmark = pytest.mark.usefixtures("read_here")
 

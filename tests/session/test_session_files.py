@@ -18,7 +18,8 @@ from session_samples import START_NS, made_frames
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import __version__
 from mmt.core.frames import ALL_CHANNELS, CHANNELS
-from mmt.session import OutputBlock, export_session, read_session, write_session
+from mmt.session.data import OutputBlock
+from mmt.session.files import export_session, read_session, write_session
 from mmt.session.info import info
 from mmt.session.mcap_writer import SessionWriter
 from mmt.session.messages import FrameCodec

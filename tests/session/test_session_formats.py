@@ -8,8 +8,8 @@ from frame_samples import made_frames
 from plugin_samples import install_package
 
 from mmt.core.errors import InputError
-from mmt.session import export_session, read_session
 from mmt.session.data import RecordedSession
+from mmt.session.files import export_session, read_session
 from mmt.session.formats import GROUP, suffixes
 
 MODULE = """

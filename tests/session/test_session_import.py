@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
-from mmt.session import import_session, read_session, write_session
+from mmt.session.files import import_session, read_session, write_session
 
 SHARED = Path(__file__).parents[2] / ".." / "shared" / "data" / "bilateral_1dof"
 

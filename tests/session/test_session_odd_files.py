@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
 from mmt.scene.files import load_scene
-from mmt.session import import_session
+from mmt.session.files import import_session
 
 pytestmark = pytest.mark.usefixtures("read_here")
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 import mmt
 from mmt.cli.main import app
 from mmt.evaluation import tables
-from mmt.session import read_session, write_session
+from mmt.session.files import read_session, write_session
 from mmt.session.operators import ControlPeriod, control_periods, control_sentence
 from mmt.session.stream import SessionStream, open_recording
 

@@ -15,8 +15,14 @@ from typer.testing import CliRunner
 from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, acceleration_samples
-from mmt.session import RecordedSession, export_session, import_session, read_session
-from mmt.session.data import FRAME_PERIOD_NS, FRAME_PERIOD_S, OutputBlock, sample_times
+from mmt.session.data import (
+    FRAME_PERIOD_NS,
+    FRAME_PERIOD_S,
+    OutputBlock,
+    RecordedSession,
+    sample_times,
+)
+from mmt.session.files import export_session, import_session, read_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.info import info

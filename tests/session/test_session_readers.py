@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from unit_samples import FOREIGN, UNITS
 
 from mmt.core.errors import InputError
-from mmt.session import import_session
+from mmt.session.files import import_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording

@@ -16,7 +16,7 @@ from waiting import until
 
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
-from mmt.session import export_session, read_session
+from mmt.session.files import export_session, read_session
 from mmt.session.mcap_writer import SessionWriter
 from mmt.session.recorder import McapRecorder
 from mmt.session.recover import recover

@@ -17,7 +17,8 @@ from session_samples import made_frames
 
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
-from mmt.session import OutputBlock, read_session, write_session
+from mmt.session.data import OutputBlock
+from mmt.session.files import read_session, write_session
 from mmt.session.info import info
 from mmt.session.mcap_windows import open_windows
 from mmt.session.mcap_writer import SessionWriter

@@ -13,8 +13,8 @@ from session_samples import made_frames
 
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, frame_dtype
-from mmt.session import write_session
 from mmt.session.data import RecordedSession
+from mmt.session.files import write_session
 from mmt.session.replay import ReplaySource
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from session_samples import made_frames
 
 from mmt.core.errors import InputError
 from mmt.core.frames import ALL_CHANNELS, frame_dtype
-from mmt.session import export_session, import_session, read_session
 from mmt.session.data import RecordedSession
+from mmt.session.files import export_session, import_session, read_session
 
 pytestmark = pytest.mark.usefixtures("read_here")
 

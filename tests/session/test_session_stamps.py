@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.session import import_session
+from mmt.session.files import import_session
 from mmt.session.importing.stamps import assess_stamps
 
 

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
-from mmt.session import export_session, read_session, write_session
 from mmt.session.data import OutputBlock
+from mmt.session.files import export_session, read_session, write_session
 from mmt.session.messages import FRAME_BLOCK, FrameCodec, frame_schema
 from mmt.session.recorder import McapRecorder
 

@@ -9,8 +9,8 @@ import mmt
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.evaluation.evaluate import evaluate_session
-from mmt.session import read_session, write_session
 from mmt.session.data import RecordedSession
+from mmt.session.files import read_session, write_session
 from mmt.session.recorder import McapRecorder
 from mmt.session.stream import SessionStream, blocks_of, in_memory, open_recording
 from mmt.texture.online.history import stream_blocks

@@ -12,9 +12,8 @@ from session_samples import made_frames
 
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
-from mmt.session import read_session, write_session
 from mmt.session.data import OutputBlock, RecordedSession
-from mmt.session.files import export_session
+from mmt.session.files import export_session, read_session, write_session
 from mmt.session.info import info
 from mmt.session.mcap_windows import open_windows
 from mmt.session.mcap_writer import FRAMES_TOPIC, open_writer

@@ -207,7 +207,7 @@ def import_file(
     json_file: Annotated[Path | None, json_option("Write what was found there.")] = None,
 ) -> None:
     """Import a recording at any rate: a table, arrays, a ROS bag or a LeRobot data set."""
-    from mmt.session import export_session
+    from mmt.session.files import export_session
     from mmt.session.importing.modelled_share import modelled_sentence
     from mmt.session.importing.options import assignments
     from mmt.session.importing.recording import import_recording

@@ -12,7 +12,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import require_absent, write_file
 from mmt.core.kernel_cache import compile_kernels
 from mmt.scene import Scene, Texture
-from mmt.session import RecordedSession
+from mmt.session.data import RecordedSession
 from mmt.session.stream import common_samples_per_frame
 
 if TYPE_CHECKING:

@@ -29,7 +29,7 @@ from mmt.core.kernel_cache import compile_kernels
 from mmt.core.tables import plain_table
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
-from mmt.session import export_session, read_session, write_session
+from mmt.session.files import export_session, read_session, write_session
 from mmt.session.formats import find_format, suffixes
 
 app = command_group("Make, convert, view and recover sessions.")

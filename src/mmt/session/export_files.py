@@ -33,7 +33,7 @@ def write_csv(path: Path, session: RecordedSession) -> None:
     Raises
     ------
     InputError, MmtError
-        See `mmt.session.export_session`.
+        See `mmt.session.files.export_session`.
     """
     columns, began_ns = session.columns(), session.began_utc_ns
     formats = [
@@ -54,7 +54,7 @@ def write_npz(path: Path, session: RecordedSession) -> None:
     Raises
     ------
     InputError, MmtError
-        See `mmt.session.export_session`.
+        See `mmt.session.files.export_session`.
     """
     with replacing(path) as part, part.open("wb") as stream:
         np.savez_compressed(stream, **_arrays(session))
@@ -66,7 +66,7 @@ def write_mat(path: Path, session: RecordedSession) -> None:
     Raises
     ------
     InputError
-        scipy is not installed, or see `mmt.session.export_session`.
+        scipy is not installed, or see `mmt.session.files.export_session`.
     MmtError
         Writing failed.
     """
@@ -101,7 +101,7 @@ def write_parquet(path: Path, session: RecordedSession) -> None:
     Raises
     ------
     InputError
-        pyarrow is not installed, or see `mmt.session.export_session`.
+        pyarrow is not installed, or see `mmt.session.files.export_session`.
     MmtError
         Writing failed.
     """
@@ -137,7 +137,7 @@ def write_hdf5(path: Path, session: RecordedSession) -> None:
     Raises
     ------
     InputError
-        h5py is not installed, or see `mmt.session.export_session`.
+        h5py is not installed, or see `mmt.session.files.export_session`.
     MmtError
         Writing failed.
     """

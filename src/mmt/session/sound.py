@@ -30,7 +30,7 @@ def write_wav(path: Path, session: RecordedSession) -> None:
     ------
     InputError
         The session has no acceleration or is too long, scipy is not installed, or see
-        `mmt.session.export_session`.
+        `mmt.session.files.export_session`.
     MmtError
         Writing failed.
     """

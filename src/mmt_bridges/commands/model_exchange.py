@@ -222,7 +222,7 @@ def _recorded(path: Path) -> "tuple[FloatArray, FloatArray, float]":
     """Return velocity and normal force of a session, filtered as for modelling, and their rate."""
     from mmt.cli.reporting import scene_of
     from mmt.scene import Texture
-    from mmt.session import read_session
+    from mmt.session.files import read_session
     from mmt.texture.signals.filtering import StreamFilter
 
     session = read_session(path)

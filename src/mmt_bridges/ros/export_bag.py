@@ -27,7 +27,7 @@ def write_bag(path: Path, session: RecordedSession) -> None:
     ------
     InputError
         rosbags is not installed, the folder exists and holds something else than a bag, or see
-        `mmt.session.export_session`.
+        `mmt.session.files.export_session`.
     MmtError
         Writing failed.
     """

@@ -22,7 +22,7 @@ from mmt.evaluation.results import Evaluation
 from mmt.evaluation.run_verdict import median_of_known
 from mmt.evaluation.texts import number
 from mmt.scene import Hand, Scene
-from mmt.session import RecordedSession
+from mmt.session.data import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import DIVISIONS, NEIGHBOURS
 from mmt.texture.interpolation.vertices import boundary

@@ -17,7 +17,8 @@ from mmt.core.errors import InputError, MmtError
 from mmt.evaluation.document import ReportTable
 from mmt.evaluation.texts import number, share
 from mmt.scene import Texture
-from mmt.session import RecordedSession, read_session
+from mmt.session.data import RecordedSession
+from mmt.session.files import read_session
 from mmt_lab.harness.experiment import Seed, Workers
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import counting, processes

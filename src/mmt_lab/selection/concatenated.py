@@ -15,7 +15,7 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, RecordArray
 from mmt.scene import Hand, Scene, SessionTable
-from mmt.session import RecordedSession
+from mmt.session.data import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.interpolation.interpolant import Interpolant
 from mmt.texture.model.rendered import networked

@@ -12,7 +12,7 @@ from mmt.cli.reporting import scene_of
 from mmt.core.arrays import IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.scene import Scene, Texture
-from mmt.session import read_session
+from mmt.session.files import read_session
 from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import SURFACES, get_surface

@@ -84,7 +84,7 @@ def select_samples(
 
 def _pool(sources: list[Path], scene_file: Path | None) -> "Pool":
     from mmt.cli.reporting import scene_of
-    from mmt.session import read_session
+    from mmt.session.files import read_session
     from mmt.session.stream import common_samples_per_frame
     from mmt.texture.model.texture_model import TextureModel
     from mmt_methods.selection.pooling import is_model, pool_models, pool_sessions

@@ -10,7 +10,7 @@ import numpy as np
 from mmt.core.archives import load_arrays
 from mmt.core.arrays import BoolArray
 from mmt.core.errors import InputError, MmtError
-from mmt.session import RecordedSession
+from mmt.session.data import RecordedSession
 from mmt.texture.autoregression.burg import burg_batch
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.model.texture_model import TextureModel

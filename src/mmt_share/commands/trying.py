@@ -22,7 +22,7 @@ from mmt.scene import Link
 from mmt_share.commands.playing import serve_until_ended
 
 if TYPE_CHECKING:
-    from mmt.session import RecordedSession
+    from mmt.session.data import RecordedSession
     from mmt.session.importing.options import ImportOptions
     from mmt.session.importing.proposal import Proposal
 
@@ -57,7 +57,7 @@ def try_recording(
 
 def _session(source: Path, options: "ImportOptions") -> "RecordedSession":
     """Return a session of mmt as it is; import any other file, and show what was found."""
-    from mmt.session import read_session
+    from mmt.session.files import read_session
     from mmt.session.importing.proposal import try_proposal
     from mmt.session.importing.recording import import_columns
 

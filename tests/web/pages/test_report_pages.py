@@ -12,7 +12,7 @@ from mmt.evaluation.comparison_report import write_comparison
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.report import write_report
 from mmt.scene import Scene
-from mmt.session import RecordedSession
+from mmt.session.data import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt_lab.bench.command import write_bench_report
 from mmt_lab.experiments.stability import findings_of

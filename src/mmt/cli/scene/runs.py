@@ -60,7 +60,7 @@ class SceneRunner:
         return scene.model_copy(update=changes)
 
     def _simulate(self, scene: Scene) -> Path:
-        from mmt.session import write_session
+        from mmt.session.files import write_session
         from mmt.testing.simulation.offline import simulate_session
 
         file = self._directory / "simulated.mcap"

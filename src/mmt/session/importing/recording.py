@@ -40,7 +40,7 @@ def import_recording(
     Raises
     ------
     InputError
-        See `mmt.session.import_session`.
+        See `mmt.session.files.import_session`.
     """
     files = [Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths)]
     options = options or ImportOptions()
@@ -73,7 +73,7 @@ def import_columns(
     Raises
     ------
     InputError
-        See `mmt.session.import_session`.
+        See `mmt.session.files.import_session`.
     """
     each = options_of_each(options, files) if len(files) > 1 else [options]
     columns = read[0]
