@@ -8,10 +8,10 @@ import numpy as np
 
 from mmt.cli.common import messages, noting, output, raise_problems, write_json
 from mmt.cli.device_testing import devices_named, options_from
-from mmt.core.archives import load_arrays
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.existing_files import replacing
+from mmt.core.untrusted_files import load_arrays
 from mmt.devices.drivers import load_device
 from mmt.devices.haptuator.drive import store_level
 from mmt.devices.haptuator.equaliser import fit_equaliser

@@ -1,4 +1,4 @@
-"""Read NumPy archives from untrusted sources; damaged files and zip bombs are refused."""
+"""Read NumPy archives and XML from untrusted sources: what is damaged, or expands, is refused."""
 
 import io
 import zipfile
@@ -6,11 +6,14 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 from tokenize import TokenError
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from mmt.core.errors import InputError, short_message
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
 
 _DAMAGE: Final = (
     *(ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error),
@@ -71,3 +74,30 @@ def _check_size(stream: Any) -> None:
             f"it unpacks to {unpacked / 1e6:.0f} MB from {size / 1e6:.3g} MB, which no recording "
             "or model does"
         )
+
+
+def parse_xml(content: bytes) -> "Element":
+    """Return the root of a document without document type: entities can expand without bound.
+
+    Raises
+    ------
+    InputError
+        The content is no XML, is in an unknown encoding, or declares a document type; the
+        message does not name the file.
+    """
+    import xml.etree.ElementTree as ET
+
+    class PlainBuilder(ET.TreeBuilder):
+        """Refuses a document type as soon as one is met, whatever the text's encoding."""
+
+        def doctype(self, *_: object) -> None:
+            """Refuse the document type before an entity is declared."""
+            raise InputError("it declares a document type, which no such file does")
+
+    parser = ET.XMLParser(target=PlainBuilder())  # noqa: S314 - without entities
+    try:
+        parser.feed(content)
+        root: Element = parser.close()
+    except (ET.ParseError, ValueError, LookupError) as error:  # of odd encodings as well
+        raise InputError(f"it is no XML: {short_message(error)}") from error
+    return root
