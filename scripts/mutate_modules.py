@@ -49,7 +49,6 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "follower/motion_limit": ("follower/test_motion_limit.py",),
     "follower/silence": ("follower/test_silence.py",),
     "leader/backfill": ("leader/test_leader_backfill.py",),
-    "leader/frame_rate": ("leader/test_frame_rate.py",),
     "leader/missing": ("leader/test_missing_frames.py",),
     "leader/motion/feedback": ("leader/test_streamed_force.py",),
     "leader/motion/force_ramp": ("leader/test_force_ramp.py", "leader/test_streamed_force.py"),

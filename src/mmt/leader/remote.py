@@ -13,8 +13,7 @@ from mmt.core.process import ProcessMeter
 from mmt.core.sequence_numbers import Range
 from mmt.devices.protocols import Vector
 from mmt.leader.backfill import Backfill
-from mmt.leader.frame_rate import FrameRateWatch
-from mmt.leader.numbering import SessionNumbering
+from mmt.leader.numbering import FrameRateWatch, SessionNumbering
 from mmt.leader.part import Session
 from mmt.scene import LARGEST_SPEED
 
