@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from mmt.core.errors import FAILED, MmtError
 from mmt.core.frames import CONTACT, ENERGY, Channel, frame_dtype
+from mmt.leader.reports import LeaderSummary
 from mmt.leader.service import Leader
-from mmt.leader.summary import LeaderSummary
 from mmt.link.access import Access
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.handshake import admit

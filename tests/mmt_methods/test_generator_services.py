@@ -15,8 +15,8 @@ from mmt.core.errors import InputError
 from mmt.evaluation.run_verdict import fault_sentences
 from mmt.leader.part import Part, Session
 from mmt.leader.parts import PARTS, build_parts
+from mmt.leader.reports import LeaderSummary
 from mmt.leader.service import Leader
-from mmt.leader.summary import LeaderSummary
 from mmt.scene import Scene
 from mmt.session.data import RecordedSession
 from mmt.session.files import read_session, write_session

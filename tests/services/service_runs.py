@@ -13,8 +13,8 @@ from mmt.core.frames import frame_dtype
 from mmt.devices.protocols import Vector
 from mmt.follower import service as follower_service
 from mmt.follower.service import Follower, FollowerSummary
+from mmt.leader.reports import LeaderSummary
 from mmt.leader.service import Leader
-from mmt.leader.summary import LeaderSummary
 from mmt.link.server import LeaderServer
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables

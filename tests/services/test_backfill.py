@@ -18,7 +18,7 @@ from wire_relay import relay
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import CHANNELS, SEQUENCES
 from mmt.follower.service import Follower, FollowerSummary
-from mmt.leader.summary import LeaderSummary
+from mmt.leader.reports import LeaderSummary
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.scene import Scene

@@ -15,8 +15,8 @@ from service_runs import Together, small_scene
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.devices.protocols import Vector
+from mmt.leader.reports import LeaderSummary
 from mmt.leader.service import Leader
-from mmt.leader.summary import LeaderSummary
 from mmt.leader.surface_log import replayed_words
 from mmt.scene import Replay, Scene
 from mmt.session.files import read_session

@@ -28,7 +28,7 @@ from mmt.core.logs import Logs
 from mmt.core.queued_output import is_behind, queue_output
 from mmt.leader.modelling.process import ModellingProcess
 from mmt.leader.parts import numerics_of
-from mmt.leader.summary import LeaderStatus
+from mmt.leader.reports import LeaderStatus
 from mmt.scene import Scene
 from mmt.scene.added import Flag, tables_of
 from mmt.scene.files import load_scene

@@ -11,12 +11,11 @@ from mmt.core import logs
 from mmt.core.errors import MmtError
 from mmt.core.process import prefer_even_ticks
 from mmt.core.ticking import Ticker
-from mmt.leader.health import RunHealth
 from mmt.leader.part import Session, Tick
 from mmt.leader.parts import build_parts
 from mmt.leader.remote import RemoteFollower
+from mmt.leader.reports import LeaderStatus, LeaderSummary, RunHealth, summarise
 from mmt.leader.run_log import LOG
-from mmt.leader.summary import LeaderStatus, LeaderSummary, summarise
 from mmt.scene import Scene
 
 if TYPE_CHECKING:
