@@ -5,7 +5,7 @@ from frame_samples import made_frames
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.leader.modelling.frame_queue import FrameQueue
+from mmt.leader.modelling.segmenting import FrameQueue
 
 
 @settings(max_examples=60, deadline=None)
