@@ -17,7 +17,14 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.leader.modelling.process import ModellingProcess
 from mmt.leader.modelling.segmenting import LONGEST_QUEUE_S, SegmentingTask
-from mmt.leader.modelling.stage import Figures, InFlight, Item, ItemQueue, StageTask
+from mmt.leader.modelling.stage import (
+    Figures,
+    InFlight,
+    Item,
+    ItemQueue,
+    StageTask,
+    modelling_metrics,
+)
 from mmt.leader.modelling.stages import Models, UpdateResult, received
 from mmt.leader.part import Part, Session, Tick
 from mmt.texture.modeller_factory import ModellerFactory
@@ -268,8 +275,6 @@ class Modelling(Part):
 
     def metrics(self) -> "Iterable[Metric]":
         """Return the model's figures, and those of each task."""
-        from mmt.leader.modelling.metrics import modelling_metrics
-
         yield from modelling_metrics(self.figures, self._session.log)
 
     def models(self) -> "dict[int, TextureModel]":
