@@ -7,8 +7,9 @@ from mmt.contact.passivity import PassivitySettings
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.follower.feedback import FollowerFeedback
 from mmt.follower.feedback import build_feedback as build_follower_feedback
-from mmt.leader.motion.feedback import Feedback, ForceDisplay
+from mmt.leader.motion.feedback import Feedback
 from mmt.leader.motion.feedback_part import build_feedback as build_leader_feedback
+from mmt.leader.motion.slew import ForceDisplay
 from mmt.scene import ForceFeedback, Hand, Link, Scene, Simulated
 from mmt.testing.simulation import RATE_HZ
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 from mmt.core.arrays import difference, step_towards
 from mmt.core.errors import InputError, printable
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.motion.force_ramp import FADE_TICKS
+from mmt.leader.motion.slew import FADE_TICKS
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Link, Texture
 from mmt_share.control_messages import (

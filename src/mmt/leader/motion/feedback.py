@@ -9,7 +9,7 @@ import numpy as np
 from mmt.core.arrays import RecordArray, bounded
 from mmt.core.frames import FeedbackSide
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.motion.force_ramp import SILENCE_TICKS, ForceRamp
+from mmt.leader.motion.slew import SILENCE_TICKS, ForceDisplay, ForceRamp
 
 if TYPE_CHECKING:
     from mmt.contact.estimation import ContactModel
@@ -53,13 +53,6 @@ class Feedback(FeedbackSide, Protocol):
     @property
     def summary(self) -> Mapping[str, Any]:
         """Counts and estimates so far, by name."""
-
-
-class ForceDisplay(Protocol):
-    """A device that displays a force to the hand, such as every `LeaderInterface`."""
-
-    def write(self, force_n: Vector) -> None:
-        """Display a force (N)."""
 
 
 class StreamedForce:

@@ -15,9 +15,9 @@ from mmt.contact.rendering import LocalContact, RenderingSettings
 from mmt.core.arrays import RecordArray, bounded
 from mmt.core.frames import CONTACT, CONTACT_DTYPE
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.motion.feedback import ForceDisplay, StreamedForce
-from mmt.leader.motion.force_ramp import SILENCE_TICKS
+from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.passivity_ports import PassivityPorts
+from mmt.leader.motion.slew import SILENCE_TICKS, ForceDisplay
 
 _M: Final = 1e-3
 _HANDOVER_S: Final = 0.02

@@ -10,9 +10,9 @@ from mmt.contact.passivity import PassivitySettings
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import ENERGY, ENERGY_DTYPE
 from mmt.devices.protocols import InterfaceState
-from mmt.leader.motion.feedback import ForceDisplay, StreamedForce
-from mmt.leader.motion.force_ramp import SILENCE_TICKS
+from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.passivity_ports import PassivityPorts
+from mmt.leader.motion.slew import SILENCE_TICKS, ForceDisplay
 
 
 class PassiveForce(StreamedForce):
