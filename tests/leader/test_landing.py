@@ -5,8 +5,8 @@ import pytest
 
 from mmt.core.arrays import FloatArray
 from mmt.devices.protocols import InterfaceState
-from mmt.leader.output.landing import Landing
 from mmt.leader.output.model_crossfade import ModelCrossfade
+from mmt.leader.output.synthesis import Landing
 from mmt.leader.output.vibration import VibrationSwitch
 
 

@@ -1,13 +1,18 @@
-"""The part that holds the synthesizer from which the tick renders."""
+"""The part that holds the synthesizer, and the speed of the touch-downs that it renders."""
 
-from typing import TYPE_CHECKING
+from collections import deque
+from typing import TYPE_CHECKING, Final
 
+from mmt.devices.protocols import InterfaceState
 from mmt.leader.output.model_crossfade import ModelCrossfade
 from mmt.leader.part import Part, Session
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.synthesis.synthesizer import Synthesizer
+
+APPROACH_S: Final = 0.02
+"""Time before the contact over which the approach speed is averaged."""
 
 
 def at_session_rate(model: "TextureModel", rate_hz: float) -> "tuple[TextureModel, str]":
@@ -82,3 +87,36 @@ class SynthesizingPart(Part):
         samples = round(table.crossfade_ms * session.acceleration_rate_hz / 1000)
         crossfade = ModelCrossfade(first, made(scene.session.seed + 1), crossfade_samples=samples)
         return cls(crossfade, crossfade, rate_remark)
+
+
+class Landing:
+    """Measure the approach speed when a hand's contact begins.
+
+    Parameters
+    ----------
+    normal
+        Number of the surface's normal axis.
+    rate_hz
+        Rate of the ticks.
+    """
+
+    def __init__(self, normal: int, rate_hz: float) -> None:
+        self._normal = normal
+        self._count = round(APPROACH_S * rate_hz)
+        self._speeds: deque[float] = deque(maxlen=self._count)
+
+    def step(self, state: InterfaceState | None, elapsed: int) -> float:
+        """Return the approach speed (mm/s) at the first tick of a contact, else 0.
+
+        Return 0 too if the hand was not in the air for `APPROACH_S`. ``elapsed`` is the number of
+        ticks since the last call.
+        """
+        if state is not None and not state.contact:
+            ticks = min(elapsed, self._count)
+            self._speeds.extend([-state.velocity_mm_s[self._normal]] * ticks)
+            return 0.0
+        if not self._speeds:
+            return 0.0
+        mean, whole = sum(self._speeds) / len(self._speeds), len(self._speeds) == self._count
+        self._speeds.clear()
+        return max(0.0, mean) if whole and state is not None else 0.0

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.devices.reconnection import ReconnectingActuator
-    from mmt.leader.output.landing import Landing
     from mmt.leader.output.model_crossfade import Renderer
     from mmt.leader.output.stream import StreamedMotion, StreamedVibration
+    from mmt.leader.output.synthesis import Landing
 
 Mode = Literal["silent", "streamed", "fading", "synthesized"]
 
@@ -242,7 +242,7 @@ class VibrationPart(Part):
             from mmt.texture.touch_down import LEAST_RATE_HZ
 
             if rate_hz >= LEAST_RATE_HZ:
-                from mmt.leader.output.landing import Landing
+                from mmt.leader.output.synthesis import Landing
 
                 landing = Landing(_normal(session), session.rate_hz)
         return cls(session, actuator, switch, slew, reconnecting, motion, landing)
