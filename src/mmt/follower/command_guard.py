@@ -10,8 +10,7 @@ from mmt.core.arrays import RecordArray, clipped, difference, step_towards
 from mmt.core.frames import steps_ahead
 from mmt.core.logs import RepeatLimit
 from mmt.devices.protocols import Vector
-from mmt.follower.echoes import EchoCheck
-from mmt.follower.silence import SilenceLimit
+from mmt.follower.round_trips import EchoCheck, SilenceLimit
 from mmt.scene import Link
 
 _COMMAND: Final = struct.Struct("<Iqqq3f")
