@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.devices.protocols import Vector
-from mmt.follower.motion_limit import MotionLimit
+from mmt.follower.guarded_source import MotionLimit
 from mmt.scene import Simulated
 
 BOX_MM = ((-50.0, -40.0, -10.0), (50.0, 60.0, 80.0))
