@@ -11,9 +11,9 @@ from mmt.evaluation.report import write_report
 from mmt.evaluation.table import heading_tables
 from mmt.evaluation.truth import KnownTexture
 from mmt.scene import Hand, Scene
+from mmt.session import RecordedSession
 from mmt.session.data import RecordedSession
-from mmt.testing.simulation.grain import Grain
-from mmt.testing.simulation.modes import Resonance
+from mmt.testing.simulation.modes import Grain, Resonance
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import get_surface

@@ -7,8 +7,7 @@ Data-Driven Rendering of Anisotropic Haptic Textures, section 3.3). Levels are c
 
 from typing import Final
 
-from mmt.testing.simulation.grain import Grain
-from mmt.testing.simulation.modes import Line, Mode, Resonance
+from mmt.testing.simulation.modes import Grain, Line, Mode, Resonance
 from mmt.testing.simulation.surfaces import Surface
 
 

@@ -23,8 +23,7 @@ import numpy.typing as npt
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.testing.simulation import RATE_HZ
-from mmt.testing.simulation.grain import Grain
-from mmt.testing.simulation.modes import Line, Mode, Resonance, maps_at
+from mmt.testing.simulation.modes import Grain, Line, Mode, Resonance, maps_at
 
 HIGH_PASS_POLE: Final = 0.95
 """Pole of the fixed high-pass at 1 kHz, a corner of 8 Hz, below the band of texture."""
