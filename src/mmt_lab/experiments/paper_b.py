@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from mmt.core.palette import LIGHT
 from mmt.evaluation.document import Block, ReportTable
 from mmt.evaluation.report_files import picture
-from mmt.testing.simulation.grained_textures import GRAINED
+from mmt.testing.simulation.textures import GRAINED
 from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectra
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 from mmt.texture.space.inputs import InputSpace

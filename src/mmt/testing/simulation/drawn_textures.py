@@ -34,8 +34,7 @@ from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.alterations import Bursts, Level, Patches, Quantity
 from mmt.testing.simulation.altered_surface import AlteredSurface
 from mmt.testing.simulation.bands import with_bands
-from mmt.testing.simulation.grained_textures import ridges
-from mmt.testing.simulation.modes import Grain, Mode, Resonance
+from mmt.testing.simulation.modes import Grain, Mode, Resonance, ridges
 from mmt.testing.simulation.surfaces import Surface
 
 FINAL: Final = 1_000_000

@@ -157,3 +157,33 @@ def maps_at(
     effective_mm_s, factor = mode.grain.effective(speed_mm_s, cosine, sine)
     power, frequency, bandwidth = mode.maps(effective_mm_s, force_n)
     return power * factor, frequency, bandwidth
+
+
+def ridges(
+    period_mm: float,
+    powers: tuple[float, ...],
+    width: float,
+    grain: Grain | None = None,
+    *,
+    speed: float = 1.0,
+    force: float = 0.7,
+) -> tuple[Mode, ...]:
+    """Return the harmonics of a surface that repeats itself, one line each.
+
+    Parameters
+    ----------
+    period_mm
+        Spatial period of the surface, across its ridges.
+    powers
+        Powers of the harmonics, (m/s2)^2.
+    width
+        Relative width of the lines.
+    grain
+        None for a surface that has this period in all directions.
+    speed, force
+        Exponents of the power.
+    """
+    return tuple(
+        Line(power, speed, force, period_mm / harmonic, width, grain=grain)
+        for harmonic, power in enumerate(powers, start=1)
+    )
