@@ -15,9 +15,9 @@ from mmt.scene import Simulated
 from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.course import SurfaceCourse
 from mmt.testing.simulation.follower import SimulatedFollower
+from mmt.testing.simulation.instruments import ACCELERATION_NOISE_M_S2
 from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.sensors import ACCELERATION_NOISE_M_S2
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import SURFACES, get_surface
 from mmt.testing.simulation.vibration import vibration_of

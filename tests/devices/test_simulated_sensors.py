@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mmt.testing.simulation.sensors import (
+from mmt.testing.simulation.instruments import (
     ACCELERATION_RANGE_M_S2,
     ACCELERATION_RESOLUTION_M_S2,
     GRAVITY_M_S2,

@@ -15,7 +15,7 @@ from mmt.core.arrays import BoolArray, FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import acceleration_samples, samples_per_frame
 from mmt.session.data import FRAME_PERIOD_S, sample_times
-from mmt.testing.simulation.sensors import ACCELERATION_RANGE_M_S2
+from mmt.testing.simulation.instruments import ACCELERATION_RANGE_M_S2
 
 MOMENT_S: Final = 12.0
 LASTS_S: Final = 0.3
