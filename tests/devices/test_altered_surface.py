@@ -13,10 +13,9 @@ from mmt.testing.simulation.alterations import Level, Patches
 from mmt.testing.simulation.altered_surface import AlteredSurface
 from mmt.testing.simulation.course import course_from_annotations
 from mmt.testing.simulation.drawn_textures import FINAL, draw_texture
-from mmt.testing.simulation.known_surfaces import surface_from_annotations
+from mmt.testing.simulation.known_surfaces import surface_from_annotations, vibration_of
 from mmt.testing.simulation.strokes import REACH_MM
 from mmt.testing.simulation.textures import SURFACES, get_surface
-from mmt.testing.simulation.vibration import vibration_of
 from mmt_lab.harness.experiment import DRAWN, chosen_textures
 
 

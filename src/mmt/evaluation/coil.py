@@ -18,8 +18,8 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.untrusted_files import load_arrays
 from mmt.testing.emulated.coil import coil_acceleration_m_s2
 from mmt.testing.emulated.phantom import series_n_mm
+from mmt.testing.simulation.known_surfaces import vibration_of
 from mmt.testing.simulation.textures import get_surface
-from mmt.testing.simulation.vibration import vibration_of
 
 _RATE_HZ: Final = 1000
 _POWER_SAMPLES: Final = 5

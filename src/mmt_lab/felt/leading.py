@@ -22,7 +22,7 @@ from mmt.scene import (
     Texture,
 )
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ
-from mmt.testing.simulation.vibration import vibration_of
+from mmt.testing.simulation.known_surfaces import vibration_of
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.updates import ModelUpdate

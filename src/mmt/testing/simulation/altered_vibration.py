@@ -7,7 +7,7 @@ import numpy as np
 from mmt.testing.simulation.alterations import burst_decay
 from mmt.testing.simulation.altered_surface import AlteredSurface
 from mmt.testing.simulation.noise import NoiseRows
-from mmt.testing.simulation.vibration_source import VibrationSource
+from mmt.testing.simulation.vibration import VibrationSource
 
 
 class AlteredVibration(VibrationSource):

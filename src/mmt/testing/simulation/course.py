@@ -15,11 +15,14 @@ from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
 from mmt.scene import Simulated
 from mmt.testing.simulation import RATE_HZ
-from mmt.testing.simulation.known_surfaces import KnownSurface, surface_from_annotations
+from mmt.testing.simulation.known_surfaces import (
+    KnownSurface,
+    surface_from_annotations,
+    vibration_of,
+)
 from mmt.testing.simulation.surfaces import COURSE_VERSION
 from mmt.testing.simulation.textures import get_surface
-from mmt.testing.simulation.vibration import vibration_of
-from mmt.testing.simulation.vibration_source import VibrationSource
+from mmt.testing.simulation.vibration import VibrationSource
 
 When = Literal["lifted", "contact", "either"]
 

@@ -17,11 +17,10 @@ from mmt.core.frames import frame_dtype, frame_struct, ordered_channels
 from mmt.devices.protocols import Vector
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ
 from mmt.testing.simulation.course import CourseVibration, SurfaceCourse
-from mmt.testing.simulation.known_surfaces import KnownSurface
+from mmt.testing.simulation.known_surfaces import KnownSurface, vibration_of
 from mmt.testing.simulation.noise import NoiseRows
 from mmt.testing.simulation.robot import TipState
-from mmt.testing.simulation.vibration import vibration_of
-from mmt.testing.simulation.vibration_source import VibrationSource
+from mmt.testing.simulation.vibration import VibrationSource
 
 GRAVITY_M_S2: Final = 9.80665
 

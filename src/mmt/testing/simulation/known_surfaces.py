@@ -1,7 +1,9 @@
-"""All kinds of surfaces with an exactly known texture, and their truth in a recording."""
+"""All kinds of surfaces with an exactly known texture: their truth and their vibration."""
 
 import json
 from typing import TYPE_CHECKING, TypeAlias, Union
+
+import numpy as np
 
 from mmt.core.errors import InputError
 from mmt.testing.simulation.surfaces import (
@@ -13,6 +15,7 @@ from mmt.testing.simulation.surfaces import (
     Surface,
     surface_from_parameters,
 )
+from mmt.testing.simulation.vibration import SurfaceVibration, VibrationSource
 
 if TYPE_CHECKING:
     from mmt.testing.simulation.altered_surface import AlteredSurface
@@ -57,3 +60,19 @@ def surface_from_annotations(annotations: bytes) -> KnownSurface:
         f"annotations: version {version} of the simulated truth is not known, this program reads "
         f"{VERSION}, {GRAINED_VERSION}, {MODEL_VERSION} and {ALTERED_VERSION}"
     )
+
+
+def vibration_of(surface: KnownSurface, generator: np.random.Generator) -> VibrationSource:
+    """Return the generator of a surface's vibration."""
+    if isinstance(surface, Surface):
+        return SurfaceVibration(surface, generator)
+    from mmt.testing.simulation.altered_surface import AlteredSurface
+
+    if isinstance(surface, AlteredSurface):
+        from mmt.testing.simulation.altered_vibration import AlteredVibration
+
+        source, chance = generator.spawn(2)
+        return AlteredVibration(surface, vibration_of(surface.base, source), chance)
+    from mmt.testing.simulation.model_surface import ModelVibration
+
+    return ModelVibration(surface, generator)

@@ -24,7 +24,7 @@ from mmt.session.formats import find_format
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.side_by_side import filter_side_by_side
 from mmt.testing.simulation.surfaces import MODEL_VERSION, strokes_on
-from mmt.testing.simulation.vibration_source import VibrationSource
+from mmt.testing.simulation.vibration import VibrationSource
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space.inputs import InputSpace
 

@@ -1,30 +1,55 @@
 """Vibration of a known surface under a hand whose motion and force change, sample by sample."""
 
+from abc import ABC, abstractmethod
 from math import cos, exp, pi, sin, sqrt
 
 import numpy as np
 
-from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.modes import maps_at
 from mmt.testing.simulation.noise import NoiseRows
 from mmt.testing.simulation.surfaces import Surface
-from mmt.testing.simulation.vibration_source import VibrationSource
 
 
-def vibration_of(surface: KnownSurface, generator: np.random.Generator) -> VibrationSource:
-    """Return the generator of a surface's vibration."""
-    if isinstance(surface, Surface):
-        return SurfaceVibration(surface, generator)
-    from mmt.testing.simulation.altered_surface import AlteredSurface
+class VibrationSource(ABC):
+    """Makes the vibration of a surface at the surface's rate."""
 
-    if isinstance(surface, AlteredSurface):
-        from mmt.testing.simulation.altered_vibration import AlteredVibration
+    @abstractmethod
+    def run(
+        self,
+        count: int,
+        speed_mm_s: float,
+        force_n: float,
+        heading: tuple[float, float] = (1.0, 0.0),
+        position_mm: tuple[float, float] = (0.0, 0.0),
+    ) -> list[tuple[float, float]]:
+        """Return the next samples of a stroke that stays the same meanwhile.
 
-        source, chance = generator.spawn(2)
-        return AlteredVibration(surface, vibration_of(surface.base, source), chance)
-    from mmt.testing.simulation.model_surface import ModelVibration
+        Parameters
+        ----------
+        count
+            Number of samples.
+        speed_mm_s, force_n
+            Speed and force of the stroke.
+        heading
+            The unit vector of its velocity in the plane.
+        position_mm
+            Position of the tip in the plane.
 
-    return ModelVibration(surface, generator)
+        Returns
+        -------
+        samples
+            The acceleration (m/s2) along the normal and along the heading, `count` times.
+        """
+
+    def step(
+        self,
+        speed_mm_s: float,
+        force_n: float,
+        heading: tuple[float, float] = (1.0, 0.0),
+        position_mm: tuple[float, float] = (0.0, 0.0),
+    ) -> tuple[float, float]:
+        """Return the next sample; see `run`."""
+        return self.run(1, speed_mm_s, force_n, heading, position_mm)[0]
 
 
 class SurfaceVibration(VibrationSource):
