@@ -66,11 +66,9 @@ def vibration_of(surface: KnownSurface, generator: np.random.Generator) -> Vibra
     """Return the generator of a surface's vibration."""
     if isinstance(surface, Surface):
         return SurfaceVibration(surface, generator)
-    from mmt.testing.simulation.altered_surface import AlteredSurface
+    from mmt.testing.simulation.altered_surface import AlteredSurface, AlteredVibration
 
     if isinstance(surface, AlteredSurface):
-        from mmt.testing.simulation.altered_vibration import AlteredVibration
-
         source, chance = generator.spawn(2)
         return AlteredVibration(surface, vibration_of(surface.base, source), chance)
     from mmt.testing.simulation.model_surface import ModelVibration
