@@ -33,9 +33,8 @@ import numpy as np
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.alterations import Bursts, Level, Patches, Quantity
 from mmt.testing.simulation.altered_surface import AlteredSurface
-from mmt.testing.simulation.bands import with_bands
 from mmt.testing.simulation.modes import Grain, Mode, Resonance, ridges
-from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.surfaces import Surface, with_bands
 
 FINAL: Final = 1_000_000
 """Seed of the first final texture."""
@@ -55,7 +54,7 @@ def draw_texture(name: str, seed: int, rate_hz: float = RATE_HZ) -> AlteredSurfa
     seed
         Below `FINAL` for development.
     rate_hz
-        See `Surface`; above 1 kHz the texture has further parts, `mmt.testing.simulation.bands`.
+        See `Surface`; above 1 kHz the texture has further parts, `mmt.testing.simulation.surfaces`.
     """
     random = np.random.default_rng([seed, 40])
     grains = _grains(random)

@@ -14,7 +14,8 @@ is none.
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -45,6 +46,14 @@ ALTERED_VERSION: Final = 5
 
 _KINDS: Final[dict[str, type[Resonance] | type[Line]]] = {"resonance": Resonance, "line": Line}
 _POWER_GRID: Final = 4096
+
+_EDGES_HZ: Final = np.geomspace(600.0, 4200.0, 7)
+"""One resonance above 500 Hz is drawn between each two of these."""
+
+_HIGHEST: Final = 0.42
+"""Highest frequency of a resonance over the rate, so that none reaches half the rate."""
+
+_LARGEST_SHIFT: Final = 0.1
 
 
 @dataclass(frozen=True)
@@ -141,7 +150,8 @@ class Surface:
     def annotations(self) -> bytes:
         """Return the truth as JSON, which `surface_from_parameters` reads."""
         modes = [
-            {"kind": kind, **_without_nothing(asdict(mode))}
+            {"kind": kind}
+            | {key: value for key, value in asdict(mode).items() if value is not None}
             for mode in self.modes
             for kind, record in _KINDS.items()
             if isinstance(mode, record)
@@ -224,6 +234,49 @@ class Named(Protocol):
         """Whether the texture is the same in all directions."""
 
 
+def with_bands(surface: Surface, rate_hz: float, seed: int) -> Surface:
+    """Return a surface at a rate, with resonances above 500 Hz as far as the rate allows.
+
+    The surface keeps its own parts. The new resonances continue from the density below 500 Hz: they
+    fall with the frequency to the power of 1.5 +- 0.5, with 3.5 dB of chance. Each follows speed,
+    force and heading like one of the surface's parts. A higher rate has all those of a lower one.
+
+    Parameters
+    ----------
+    surface
+        At 1 kHz.
+    rate_hz
+        Samples of acceleration a second.
+    seed
+        Seed of the resonances.
+    """
+    if rate_hz == RATE_HZ:
+        return surface
+    random = np.random.default_rng([seed, 41])
+    reference = surface.spectrum(100.0, 1.0, np.linspace(300.0, 500.0, 41), 0.0).mean()
+    slope = random.normal(-1.5, 0.5)
+    above: list[Mode] = []
+    for low, high in pairwise(_EDGES_HZ):
+        frequency = float(low * (high / low) ** random.random())
+        bandwidth = float(frequency * 0.03 * 10.0 ** random.random())
+        peak = reference * (frequency / 500.0) ** slope * 10.0 ** random.normal(0.0, 0.35)
+        speed_shift, force_shift = random.uniform(-_LARGEST_SHIFT, _LARGEST_SHIFT, 2) * frequency
+        followed = surface.modes[int(random.integers(len(surface.modes)))]
+        resonance = Resonance(
+            power=float(0.5 * math.pi * bandwidth * peak),
+            speed_exponent=followed.speed_exponent,
+            force_exponent=followed.force_exponent,
+            frequency_hz=frequency,
+            bandwidth_hz=bandwidth,
+            speed_shift_hz=float(speed_shift),
+            force_shift_hz=float(force_shift),
+            grain=followed.grain,
+        )
+        if frequency < _HIGHEST * rate_hz:
+            above.append(resonance)
+    return replace(surface, modes=(*surface.modes, *above), rate_hz=rate_hz)
+
+
 def surface_from_parameters(name: str, parameters: Mapping[str, Any]) -> Surface:
     """Rebuild a surface from the parameters in its annotations.
 
@@ -254,10 +307,6 @@ def _numbers(part: Mapping[str, object]) -> dict[str, float]:
         for key, value in part.items()
         if isinstance(value, (int, float)) and math.isfinite(value)
     }
-
-
-def _without_nothing(part: Mapping[str, object]) -> dict[str, object]:
-    return {key: value for key, value in part.items() if value is not None}
 
 
 def _high_pass(cosine: FloatArray, pole: float) -> FloatArray:

@@ -17,10 +17,9 @@ from zlib import crc32
 
 from mmt.core.errors import InputError
 from mmt.testing.simulation import RATE_HZ
-from mmt.testing.simulation.bands import with_bands
 from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.modes import Grain, Resonance, ridges
-from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.surfaces import Surface, with_bands
 
 RIDGED_PLASTIC: Final = Surface(
     "ridged-plastic",
@@ -231,7 +230,7 @@ def get_surface(name: str, rate_hz: float = RATE_HZ) -> KnownSurface:
         ``+patches`` or ``+bursts``, see `mmt.testing.simulation.altered_surface.alter_surface`.
     rate_hz
         Samples of acceleration a second, a multiple of 1000; above 1000 a texture that is no model
-        has bands above 500 Hz as well, see `mmt.testing.simulation.bands`.
+        has bands above 500 Hz as well, see `mmt.testing.simulation.surfaces.with_bands`.
 
     Raises
     ------
