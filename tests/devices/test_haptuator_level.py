@@ -29,7 +29,7 @@ from mmt.devices.haptuator.equaliser import (
     taps_at,
 )
 from mmt.devices.haptuator.options import HaptuatorOptions
-from mmt.evaluation.at_skin import at_skin
+from mmt.evaluation.strokes_made import at_skin
 from mmt.texture.synthesis.actuator import FREQUENCIES_HZ, ActuatorResponse
 
 

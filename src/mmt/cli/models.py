@@ -221,8 +221,7 @@ def _on_surface(
 def _remark(recording: "Recording", settings: "ModellingSettings") -> str:
     import numpy as np
 
-    from mmt.evaluation.coverage import coverage
-    from mmt.evaluation.strokes_made import StrokesMade
+    from mmt.evaluation.strokes_made import StrokesMade, coverage
     from mmt.session.stream import blocks_of
 
     strokes = StrokesMade.from_frames(blocks_of(recording), settings)

@@ -18,13 +18,11 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.evaluation.at_skin import at_skin
-from mmt.evaluation.coverage import coverage
 from mmt.evaluation.held_out import choose_held_out
 from mmt.evaluation.recorded_surfaces import SurfaceParts, part_by_surface
 from mmt.evaluation.results import Evaluation
 from mmt.evaluation.scoring import Scorer, method_to_compare
-from mmt.evaluation.strokes_made import StrokesMade
+from mmt.evaluation.strokes_made import StrokesMade, at_skin, coverage
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.scene import Scene, Texture
 from mmt.scene.files import scene_of_recording
