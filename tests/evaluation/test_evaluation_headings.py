@@ -8,10 +8,9 @@ import pytest
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.grid_errors import GridErrors, Strokes, all_headings, by_heading
 from mmt.evaluation.report import write_report
-from mmt.evaluation.table import heading_tables
+from mmt.evaluation.tables import heading_tables
 from mmt.evaluation.truth import KnownTexture
 from mmt.scene import Hand, Scene
-from mmt.session import RecordedSession
 from mmt.session.data import RecordedSession
 from mmt.testing.simulation.modes import Grain, Resonance
 from mmt.testing.simulation.offline import simulate_session

@@ -23,13 +23,13 @@ from mmt.evaluation.document import (
     Paragraph,
     Picture,
     ReportTable,
+    as_rich,
     numeric_columns,
     to_markdown,
 )
 from mmt.evaluation.document_html import to_html
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.report import environment, write_report
-from mmt.evaluation.table import evaluation_table, step_table
 from mmt.scene import Hand, Scene
 from mmt.session.data import RecordedSession
 from mmt.session.files import write_session
@@ -170,11 +170,11 @@ def test_overview_has_paper_a_layout(evaluations):
 
 def test_tables_for_the_terminal_have_a_row_for_each(evaluations):
     console = Console(width=80, record=True, file=io.StringIO())
-    console.print(evaluation_table(evaluations))
+    console.print(as_rich(tables.overview(evaluations), tables.levels(evaluations)))
     overview = console.export_text()
     assert all(evaluation.name in overview for evaluation in evaluations)
     assert f"{evaluations[0].final.power_error_db:.2f}" in overview
-    console.print(step_table(evaluations[0]))
+    console.print(as_rich(tables.steps(evaluations[0])))
     steps = console.export_text()
     assert all(f" {step.distance:.2f} " in steps for step in evaluations[0].steps)
 
@@ -246,7 +246,7 @@ def test_environment_names_versions_and_machine():
 
 def test_evaluating_draws_nothing_and_opens_no_window():
     code = (
-        "import sys, mmt.evaluation.evaluate, mmt.evaluation.report, mmt.evaluation.table\n"
+        "import sys, mmt.evaluation.evaluate, mmt.evaluation.report, mmt.evaluation.tables\n"
         "assert 'matplotlib' not in sys.modules\n"
         "import mmt.evaluation.figures\n"
         "assert 'matplotlib.pyplot' not in sys.modules\n"

@@ -68,13 +68,13 @@ def evaluate(
 
 def _show(evaluations: "list[Evaluation]") -> None:
     """Print the tables and a remark on each session."""
-    from mmt.evaluation.table import evaluation_table, heading_tables, step_table
+    from mmt.evaluation.document import as_rich
+    from mmt.evaluation.tables import heading_tables, levels, overview, steps
 
     if len(evaluations) == 1:
-        output.print(step_table(evaluations[0]))
-    output.print(evaluation_table(evaluations))
-    for by_heading in heading_tables(evaluations):
-        output.print(by_heading)
+        output.print(as_rich(steps(evaluations[0])))
+    shown = [overview(evaluations), levels(evaluations), *heading_tables(evaluations)]
+    output.print(as_rich(*shown))
     for evaluation in evaluations:
         output.print(
             f"{evaluation.name}: {evaluation.remark} Evaluated "
@@ -99,13 +99,12 @@ def compare(
     """Show what differs between two runs, evaluations or measurements."""
     from mmt.evaluation.comparison import compare_reports
     from mmt.evaluation.comparison_report import write_comparison
-    from mmt.evaluation.table import as_rich
+    from mmt.evaluation.document import as_rich
 
     if report is not None:
         require("matplotlib")
     found = compare_reports(left, right)
-    for table in found.answers:
-        output.print(as_rich(table))
+    output.print(as_rich(*found.answers))
     for sentence in [*found.missing_parts, f"{found.verdict} --report DIR shows them all."]:
         output.print(sentence)
     write_json(json_file, found.as_dict())

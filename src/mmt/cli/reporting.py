@@ -7,12 +7,12 @@ from typing import Any
 
 from mmt.cli.common import MODEL_NAME, output
 from mmt.core.existing_files import write_file
-from mmt.evaluation.document import Block
+from mmt.evaluation.document import Block, as_rich
 from mmt.evaluation.evaluate import evaluate_surfaces, recorded_scene
 from mmt.evaluation.recorded_surfaces import SurfaceParts
 from mmt.evaluation.report import write_report
 from mmt.evaluation.results import Evaluation, evaluations_as_dict
-from mmt.evaluation.table import evaluation_table
+from mmt.evaluation.tables import levels, overview
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 from mmt.session.mcap_reader import scanned_session
@@ -39,7 +39,7 @@ def report_recording(
         evaluations = [replace(each, name=name) for each, name in zip(found, names, strict=True)]
         more = surface_section(parts)
         if tables:
-            output.print(evaluation_table(evaluations))
+            output.print(as_rich(overview(evaluations), levels(evaluations)))
         for evaluation in evaluations if tables else []:
             output.print(remark(evaluation, evaluations))
     write_report(

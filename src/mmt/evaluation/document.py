@@ -1,9 +1,13 @@
-"""A document of a few kinds of blocks, and how it is written as Markdown."""
+"""A document of a few kinds of blocks, written as Markdown, and its tables in a terminal."""
 
+import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
+
+if TYPE_CHECKING:
+    from rich.console import Group, RenderableType
 
 
 @dataclass(frozen=True)
@@ -194,3 +198,42 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def as_text(*tables: ReportTable) -> str:
+    """Return tables as plain text of 80 columns."""
+    from rich.console import Console
+
+    console = Console(width=80, file=io.StringIO(), color_system=None, force_jupyter=False)
+    with console.capture() as capture:
+        console.print(as_rich(*tables))
+    return capture.get().rstrip()
+
+
+def as_rich(*tables: ReportTable) -> "Group":
+    """Return tables for the terminal, one below the other, narrow enough for 80 columns.
+
+    The words of a heading are on lines of their own. Numbers are not broken, texts are.
+    """
+    from rich.console import Group
+
+    from mmt.core.tables import plain_table
+
+    shown: list[RenderableType] = []
+    for table in tables:
+        result = plain_table(padding=0)
+        for place, (name, numeric) in enumerate(
+            zip(table.columns, numeric_columns(table), strict=True)
+        ):
+            result.add_column(
+                name.replace(" ", "\n"),
+                justify="right" if numeric else "left",
+                no_wrap=numeric,
+                min_width=8 if place == 0 and not numeric else None,
+                overflow="fold",
+                vertical="bottom",
+            )
+        for row in table.rows:
+            result.add_row(*row)
+        shown += [result, table.caption] if table.caption else [result]
+    return Group(*shown)

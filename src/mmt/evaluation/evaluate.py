@@ -44,9 +44,10 @@ class SessionEvaluation(Evaluation):
 
     def __str__(self) -> str:
         """Return the table of the steps, as ``mmt evaluate`` prints it."""
-        from mmt.evaluation.table import as_text, evaluation_table, step_table
+        from mmt.evaluation.document import as_text
+        from mmt.evaluation.tables import levels, overview, steps
 
-        return f"{as_text(step_table(self))}\n{as_text(evaluation_table([self]))}"
+        return f"{as_text(steps(self))}\n{as_text(overview([self]), levels([self]))}"
 
 
 def evaluate_session(

@@ -247,6 +247,11 @@ def by_heading(evaluation: Evaluation) -> ReportTable:
     return ReportTable(columns, [*rows, _errors("all", whole)], _BY_HEADING)
 
 
+def heading_tables(evaluations: Sequence[Evaluation]) -> list[ReportTable]:
+    """Return a table by heading for each session on a texture that depends on it."""
+    return [by_heading(each) for each in evaluations if each.by_heading]
+
+
 def _errors(heading: str, models: Sequence[SectorErrors]) -> list[str]:
     cells = [heading]
     for errors in models:

@@ -7,10 +7,9 @@ from pathlib import Path
 from rich.text import Text
 
 from mmt.cli.common import output
-from mmt.evaluation.document import Block, Heading, Paragraph, ReportTable
+from mmt.evaluation.document import Block, Heading, Paragraph, ReportTable, as_rich
 from mmt.evaluation.report import environment
 from mmt.evaluation.report_files import picture, write_report_files
-from mmt.evaluation.table import as_rich
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.tables import missed_because, tables_of, targets_table
 
