@@ -11,7 +11,6 @@ from typing import Any, Final
 
 from mmt.core.extras import __version__
 from mmt.evaluation import tables
-from mmt.evaluation.definitions import DEFINITIONS
 from mmt.evaluation.document import (
     Block,
     Folded,
@@ -25,7 +24,7 @@ from mmt.evaluation.document import (
 from mmt.evaluation.report_files import picture, write_report_files
 from mmt.evaluation.results import Evaluation, evaluations_as_dict
 from mmt.evaluation.run_verdict import median_of_known, run_verdict
-from mmt.evaluation.texts import share
+from mmt.evaluation.texts import DEFINITIONS, share
 
 _COMPLETION: Final = {
     "distance": "Completion: the distance sum after each update, and both thresholds.",

@@ -7,8 +7,8 @@ from typing import Any, Literal
 
 from mmt.core.arrays import FloatArray
 from mmt.core.plottable import Plottable
-from mmt.evaluation.definitions import DEFINITIONS
 from mmt.evaluation.grid_errors import HeadingErrors
+from mmt.evaluation.texts import DEFINITIONS
 from mmt.session.operators import ControlPeriod, control_sentence
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory
