@@ -27,9 +27,9 @@ from mmt.evaluation.document import (
     numeric_columns,
     to_markdown,
 )
-from mmt.evaluation.document_html import to_html
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.report import environment, write_report
+from mmt.evaluation.report_files import to_html
 from mmt.scene import Hand, Scene
 from mmt.session.data import RecordedSession
 from mmt.session.files import write_session
