@@ -13,7 +13,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from mmt.core.bounds import RateHz, check_fields
 from mmt.core.errors import SettingError
 from mmt.core.frames import MOST_SAMPLES
-from mmt.texture.autoregression.order_limit import LARGEST_ORDER, Order
+from mmt.texture.autoregression import LARGEST_ORDER, Order
 
 Method = Literal["field", "published"]
 METHODS: Final = get_args(Method)

@@ -8,7 +8,7 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.order_limit import LARGEST_ORDER
+from mmt.texture.autoregression import LARGEST_ORDER
 from mmt.texture.autoregression.spectra import lsf_spectrum
 
 USUAL_S: Final = 0.25

@@ -23,7 +23,7 @@ from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.bounds import check, real_numbers
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.order_limit import Order
+from mmt.texture.autoregression import Order
 
 LARGEST_REFLECTION: Final = 1.0 - 2.0**-53
 """The largest number below one, the bound of |k|."""

@@ -29,13 +29,13 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.bounds import real_numbers
 from mmt.core.errors import InputError
+from mmt.texture.autoregression import LARGEST_ORDER
 from mmt.texture.autoregression.lsf import (
     ar_to_reflection_each_into,
     lsf_inverse_gain_each_into,
     lsf_to_ar_each_into,
     reflection_to_ar_each_into,
 )
-from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.autoregression.reshaping import TINY
 from mmt.texture.autoregression.split import (
     lsf_to_reflection_each_into,

@@ -19,7 +19,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
-from mmt.texture.autoregression.order_limit import LARGEST_ORDER
+from mmt.texture.autoregression import LARGEST_ORDER
 
 
 def _leja_orders(largest: int) -> IntArray:

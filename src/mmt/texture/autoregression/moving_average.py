@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression import LARGEST_ORDER
 from mmt.texture.autoregression.forms import reflection_to_ar
-from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.autoregression.reshaping import reflection_of
 
 _CLOSE_DB: Final = 0.1

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
-from mmt.texture.autoregression.order_limit import LARGEST_ORDER
+from mmt.texture.autoregression import LARGEST_ORDER
 from mmt.texture.interpolation.delaunay import linear_into
 from mmt.texture.interpolation.networks.evaluation import network_into
 

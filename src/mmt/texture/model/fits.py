@@ -19,10 +19,10 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression import LARGEST_ORDER
 from mmt.texture.autoregression.burg import ReflectionFits, burg_batch
 from mmt.texture.autoregression.effective_sample_size import effective_samples
 from mmt.texture.autoregression.forms import reflection_to_lsf
-from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.high_pass import without_high_pass

@@ -9,7 +9,7 @@ from annotated_types import Ge, Le
 from mmt.core.arrays import FloatArray
 from mmt.core.bounds import check, real_numbers
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.order_limit import LARGEST_ORDER
+from mmt.texture.autoregression import LARGEST_ORDER
 from mmt.texture.space.inputs import ISOTROPIC, InputSpace
 
 LARGEST_POWER: Final = 1e300

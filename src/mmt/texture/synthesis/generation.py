@@ -18,8 +18,8 @@ from mmt.core.arrays import FloatArray
 from mmt.core.bounds import check, real_numbers
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
+from mmt.texture.autoregression import LARGEST_ORDER
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
-from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.model.texture_model import TextureModel
 
 _RELEASE_S: Final = 0.004

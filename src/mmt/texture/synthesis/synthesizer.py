@@ -22,8 +22,8 @@ from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.bounds import check
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
+from mmt.texture.autoregression import LARGEST_ORDER
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
-from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.interpolation.interpolant import SCRATCH, interpolate_into
 from mmt.texture.interpolation.kernel_parameters import (
     DIMENSIONS,
