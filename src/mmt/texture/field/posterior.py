@@ -32,7 +32,7 @@ from mmt.texture.field.covariance import (
     warped,
 )
 from mmt.texture.field.observations import BLOCK_VARIANCE, Choice, choose, observe
-from mmt.texture.interpolation.kernel_parameters import table_grid
+from mmt.texture.interpolation.interpolant import table_grid
 from mmt.texture.linear_algebra import (
     cholesky,
     log_evidence,
@@ -183,7 +183,7 @@ class LevelField:
 
     @cached_property
     def table(self) -> FloatArray:
-        """The mean, in nepers, on the grid of `mmt.texture.interpolation.kernel_parameters`.
+        """The mean, in nepers, on the grid of `mmt.texture.interpolation.interpolant`.
 
         Shape (headings, speeds, forces). Below the slowest and the lightest cell it falls
         towards zero at least as speed^0.2 and force^0.2, whatever the blocks say.

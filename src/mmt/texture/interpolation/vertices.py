@@ -149,7 +149,7 @@ def _cylinder() -> Boundary:
     """Return rings, and points inside the faces: 80 points, none of them silent.
 
     The level table makes a hand at rest feel nothing: see
-    `mmt.texture.interpolation.kernel_parameters`.
+    `mmt.texture.interpolation.interpolant`.
     """
     headings = np.linspace(0.0, 2.0 * np.pi, HEADINGS, endpoint=False)
     rings = [

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mmt.core.errors import InputError
-from mmt.texture.interpolation.kernel_parameters import TABLE, TABLE_SIZES
+from mmt.texture.interpolation.interpolant import TABLE, TABLE_SIZES
 from mmt.texture.model.texture_model import TextureModel
 
 FORMAT: Final = "mmt-texture"

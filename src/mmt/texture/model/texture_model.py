@@ -20,14 +20,14 @@ from mmt.core.bounds import RateHz, check
 from mmt.core.errors import InputError
 from mmt.core.existing_files import replacing
 from mmt.core.plottable import Plottable
-from mmt.texture.interpolation.interpolant import Interpolant
-from mmt.texture.interpolation.kernel_parameters import (
+from mmt.texture.interpolation.interpolant import (
     DIMENSIONS,
     MODEL_ORDER,
     PER_FORCE,
     PER_SPEED,
     TABLE,
     TABLE_SIZES,
+    Interpolant,
     filters_into,
 )
 from mmt.texture.model.file import ModelContents, arrays_of, unpack
@@ -156,7 +156,7 @@ class TextureModel(Plottable):
 
     @cached_property
     def kernel_parameters(self) -> FloatArray:
-        """Parameters of kernels, see `mmt.texture.interpolation.kernel_parameters`."""
+        """Parameters of kernels, see `mmt.texture.interpolation.interpolant`."""
         level = self.rendered.level
         table = np.zeros((0, 0, 0)) if level is None else level.table
         parameters = np.empty(TABLE + table.size)

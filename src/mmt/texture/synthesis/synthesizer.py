@@ -24,13 +24,14 @@ from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.autoregression import LARGEST_ORDER
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
-from mmt.texture.interpolation.interpolant import SCRATCH, interpolate_into
-from mmt.texture.interpolation.kernel_parameters import (
+from mmt.texture.interpolation.interpolant import (
     DIMENSIONS,
     MODEL_ORDER,
     PER_FORCE,
     PER_SPEED,
+    SCRATCH,
     TABLE_SIZES,
+    interpolate_into,
     tabulated_level,
 )
 from mmt.texture.model.texture_model import TextureModel
