@@ -10,7 +10,7 @@ from scipy.interpolate import LinearNDInterpolator, RBFInterpolator
 from scipy.spatial import Delaunay
 
 from mmt.core.errors import InputError
-from mmt.texture.interpolation.networks.evaluation import LEVEL_ROOM
+from mmt.texture.interpolation.networks import LEVEL_ROOM
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Method
 from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace, normalise_into

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import isotonic_regression, minimize
 
 from mmt.texture.autoregression.forms import lsf_to_reflection
-from mmt.texture.interpolation.networks.evaluation import (
+from mmt.texture.interpolation.networks import (
     LEAST_GAP,
     least_gap,
     nearest_valid_lsf,

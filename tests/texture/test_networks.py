@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import RBFInterpolator
 
-from mmt.texture.interpolation.networks.solving import RadialBasisNetwork
+from mmt.texture.interpolation.network_solving import RadialBasisNetwork
 from mmt_methods.selection.published import NetworkNeighbours
 
 

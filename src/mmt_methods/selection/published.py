@@ -27,7 +27,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
-from mmt.texture.interpolation.networks.solving import RadialBasisNetwork
+from mmt.texture.interpolation.network_solving import RadialBasisNetwork
 from mmt_methods.selection.points import ModelPoints, amplitude_of, spectral_error
 from mmt_methods.selection.simplices import enclose_without, hull_of
 
@@ -46,7 +46,7 @@ class NetworkNeighbours:
     """One network for all values, through or near every present point.
 
     The error at a sample, with that sample left out, follows in closed form
-    (`mmt.texture.interpolation.networks.solving`). If a sample is removed or added for good, the
+    (`mmt.texture.interpolation.network_solving`). If a sample is removed or added for good, the
     network is solved anew.
 
     Parameters

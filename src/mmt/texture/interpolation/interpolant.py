@@ -21,7 +21,7 @@ from mmt.core.compiled import kernel
 from mmt.texture.autoregression import LARGEST_ORDER
 from mmt.texture.autoregression.lsf import lsf_inverse_gain
 from mmt.texture.interpolation.delaunay import linear_into
-from mmt.texture.interpolation.networks.evaluation import network_into
+from mmt.texture.interpolation.networks import network_into
 
 SCRATCH: Final = 4 * LARGEST_ORDER + 1
 """Length of the scratch array that `interpolate_into` needs."""
@@ -59,7 +59,7 @@ class Interpolant(NamedTuple):
     links
         Simplices as in `mmt.texture.interpolation.delaunay.Triangulation`; none of a network.
     tail
-        Further numbers of a network, see `mmt.texture.interpolation.networks.evaluation`.
+        Further numbers of a network, see `mmt.texture.interpolation.networks`.
     """
 
     rows: FloatArray

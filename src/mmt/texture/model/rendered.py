@@ -8,7 +8,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.texture.interpolation.delaunay import triangulate
 from mmt.texture.interpolation.interpolant import Interpolant
-from mmt.texture.interpolation.networks.evaluation import network_arrays
+from mmt.texture.interpolation.networks import network_arrays
 from mmt.texture.interpolation.vertices import Vertices, vertex_table
 from mmt.texture.linear_algebra import nearest_rows
 from mmt.texture.settings import Method

@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import lsf_to_reflection
-from mmt.texture.interpolation.networks.evaluation import LEVEL_ROOM
+from mmt.texture.interpolation.networks import LEVEL_ROOM
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Method
 from mmt.texture.space.inputs import ANISOTROPIC, InputSpace

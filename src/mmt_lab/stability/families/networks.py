@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.interpolation.networks.solving import RadialBasisNetwork
+from mmt.texture.interpolation.network_solving import RadialBasisNetwork
 from mmt_lab.stability.cases import CaseResult, Extreme, Family
 from mmt_methods.selection.published import NetworkNeighbours
 

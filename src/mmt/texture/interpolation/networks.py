@@ -55,7 +55,7 @@ def network_arrays(points: FloatArray, values: FloatArray) -> tuple[FloatArray, 
         and force of a sample; then least and largest values; then the polynomial's coefficients.
         Shape (4 + d, max(4, 1 + order)).
     """
-    from mmt.texture.interpolation.networks.solving import RadialBasisNetwork  # as triangulation
+    from mmt.texture.interpolation.network_solving import RadialBasisNetwork  # as triangulation
 
     unit = float(values[:, 0].max()) or 1.0
     scaled = np.column_stack([values[:, 0] / unit, values[:, 1:]])

@@ -1,1 +1,0 @@
-"""The radial basis function network of paper B."""
