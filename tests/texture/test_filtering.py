@@ -14,8 +14,8 @@ from mmt.core.frames import empty_frames
 from mmt.texture.settings import LONGEST_BRIDGED, ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.biquad import bessel_low_pass, butterworth_high_pass
+from mmt.texture.signals.bridging import LARGEST_MEASUREMENT
 from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.signals.frame_gaps import LARGEST_MEASUREMENT
 from mmt.texture.signals.numbering import StreamNumbering
 
 RATE_HZ = 1000.0

@@ -15,8 +15,8 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.online.history import build_model
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.bridging import LARGEST_MEASUREMENT
 from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.signals.frame_gaps import LARGEST_MEASUREMENT
 
 SETTINGS = ModellingSettings(order=6)
 

@@ -17,7 +17,7 @@ class SignalFaults:
     """Seconds whose acceleration was no measurement, by cause, and seconds that were filled.
 
     ``missing_s``: frames that did not come. ``not_finite_s``: frames with a number that is not
-    finite, or beyond `frame_gaps.LARGEST_MEASUREMENT`, in a channel that is used. The other causes
+    finite, or beyond `bridging.LARGEST_MEASUREMENT`, in a channel that is used. The other causes
     are those of `mmt.texture.signals.validity`, counted at the output of the filter. ``bridged_s``:
     filled frames, whatever the cause. ``throughout``: whether all acceleration so far was constant.
     """

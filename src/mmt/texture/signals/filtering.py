@@ -33,8 +33,8 @@ from mmt.texture.signals.biquad import (
     bessel_low_pass,
     butterworth_high_pass,
 )
+from mmt.texture.signals.bridging import FrameGaps
 from mmt.texture.signals.faults import SignalFaults
-from mmt.texture.signals.frame_gaps import FrameGaps
 from mmt.texture.signals.numbering import StreamNumbering
 from mmt.texture.signals.validity import LEAST_LEARNT, Cause
 
@@ -45,7 +45,7 @@ class StreamFilter:
     """Filter and align a stream of frames; the cut into blocks does not matter.
 
     Up to ``longest_bridged_samples`` missing frames in a row are filled and marked as not measured.
-    A frame with a number that is not finite, or beyond `frame_gaps.LARGEST_MEASUREMENT`, in a
+    A frame with a number that is not finite, or beyond `bridging.LARGEST_MEASUREMENT`, in a
     channel that is used counts as missing. After a longer gap the filters restart: those of motion
     and force in the steady state of the first frame after it, that of the vibration in the steady
     state of its offset before it. Samples are marked invalid until the filters have settled. The
