@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from stream_samples import aligned
 
-from mmt.texture.field.blocks import BlockCutter
-from mmt.texture.online.block_sums import WITHDRAWN_S, BlockSums
+from mmt.texture.field.blocks import WITHDRAWN_S, BlockCutter, BlockSums
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC

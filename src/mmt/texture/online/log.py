@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
-from mmt.texture.field.blocks import BLOCK_S, Blocks
+from mmt.texture.field.blocks import BLOCK_S, Blocks, BlockSums
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.block_sums import BlockSums
 from mmt.texture.online.methods import build_from_packed
 from mmt.texture.online.updates import ModelSource, UpdateWork
 from mmt.texture.segmentation.segments import SampleRange

@@ -111,8 +111,7 @@ class FieldMethod(ModellingMethod):
 
     def __init__(self, settings: ModellingSettings) -> None:
         from mmt.texture.completion.uncertainty import UncertaintyCriterion
-        from mmt.texture.field.blocks import BlockCutter
-        from mmt.texture.online.block_sums import BlockSums
+        from mmt.texture.field.blocks import BlockCutter, BlockSums
 
         super().__init__(settings)
         self.criterion: UncertaintyCriterion = UncertaintyCriterion(settings)
