@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import freqz, lfilter
 from scipy.special import digamma, polygamma
 
-from mmt.texture.autoregression.effective_sample_size import LEAST, effective_samples
 from mmt.texture.autoregression.forms import reflection_to_lsf
+from mmt.texture.autoregression.spectra import LEAST_SIZE, effective_samples
 from mmt.texture.online.methods import FieldMethod
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
@@ -22,7 +22,7 @@ def test_white_noise_is_worth_all_its_samples_and_a_first_order_filter_what_bart
 
 
 def test_a_line_that_nothing_resolves_is_worth_the_least_and_no_samples_give_none():
-    assert effective_samples(np.array([[1.0, 1.0 + 1e-9]]), np.array([150]), 1000.0) == LEAST
+    assert effective_samples(np.array([[1.0, 1.0 + 1e-9]]), np.array([150]), 1000.0) == LEAST_SIZE
     assert effective_samples(np.empty((0, 4)), np.empty(0), 1000.0).shape == (0,)
 
 

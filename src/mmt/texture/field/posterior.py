@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import erf
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.effective_sample_size import UNKNOWN
+from mmt.texture.autoregression.spectra import UNKNOWN_SIZE
 from mmt.texture.field.blocks import BLOCK_S
 from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.field.covariance import (
@@ -238,7 +238,7 @@ def field_of_samples(samples: TextureSamples) -> LevelField | None:
         return None
     effective = samples.effective
     if effective is None:
-        effective = np.full(len(samples), UNKNOWN)
+        effective = np.full(len(samples), UNKNOWN_SIZE)
     blocks = np.maximum(0.5 * BLOCK_VARIANCE * effective, 0.1)  # a power scatters by 2 / effective
     cells = FieldCells.of_segments(
         samples.points[known], samples.power[known], blocks[known], BLOCK_VARIANCE

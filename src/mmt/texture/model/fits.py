@@ -2,7 +2,7 @@
 
 Each is fitted by Burg's method (`mmt.texture.autoregression.burg`). Cost: O(samples x order).
 
-A power's effective sample size (`mmt.texture.autoregression.effective_sample_size`) follows from
+A power's effective sample size (`mmt.texture.autoregression.spectra`) follows from
 the same recursion, continued to `RESOLVING_ORDER`: a lower order makes narrow lines too broad and
 the effective sample size too large.
 
@@ -21,8 +21,8 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression import LARGEST_ORDER
 from mmt.texture.autoregression.burg import ReflectionFits, burg_batch
-from mmt.texture.autoregression.effective_sample_size import effective_samples
 from mmt.texture.autoregression.forms import reflection_to_lsf
+from mmt.texture.autoregression.spectra import effective_samples
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.high_pass import without_high_pass
