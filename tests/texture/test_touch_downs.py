@@ -21,8 +21,13 @@ from mmt.texture.model.texture_model import TextureModel, load_model
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt.texture.touch_down.finding import TouchDown, TouchDownFinder
-from mmt.texture.touch_down.fitting import LEAST, fit_transient, held_out_errors
+from mmt.texture.touch_down.fitting import (
+    LEAST,
+    TouchDown,
+    TouchDownFinder,
+    fit_transient,
+    held_out_errors,
+)
 from mmt.texture.touch_down.transient import Law, Transient
 
 K = 5

@@ -11,7 +11,7 @@ from mmt.texture.online.methods import build_from_packed
 from mmt.texture.online.updates import ModelSource, UpdateWork
 from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.touch_down.finding import TouchDown
+from mmt.texture.touch_down.fitting import TouchDown
 
 _Fit = tuple[SampleRange, bytes]  # the range of its segment, and `Fit.packed`
 

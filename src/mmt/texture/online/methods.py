@@ -19,11 +19,10 @@ from mmt.texture.online.updates import DEFERRED, ReadyModel, Stopwatch, UpdateWo
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.space.inputs import InputSpace
-from mmt.texture.touch_down.fitting import fit_transient
+from mmt.texture.touch_down.fitting import TouchDown, fit_transient
 
 if TYPE_CHECKING:
     from mmt.texture.field.cells import FieldCells
-    from mmt.texture.touch_down.finding import TouchDown
 
 
 class ModellingMethod(ABC):
@@ -144,7 +143,7 @@ def build_from_packed(
     packed: Sequence[bytes],
     noise_power: float,
     cells: "FieldCells | None",
-    touch_downs: "Sequence[TouchDown]" = (),
+    touch_downs: Sequence[TouchDown] = (),
 ) -> TextureModel:
     """Return the model of cells and of fits, at least one, given as their `Fit.packed`."""
     return TextureModel(

@@ -35,7 +35,7 @@ from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.noise_floor import NoiseFloor
 from mmt.texture.space.inputs import InputSpace
 from mmt.texture.touch_down import LEAST_RATE_HZ
-from mmt.texture.touch_down.finding import TouchDown, TouchDownFinder
+from mmt.texture.touch_down.fitting import TouchDown, TouchDownFinder
 
 LARGEST_MODEL: Final = 1000
 """Largest number of samples in a model, which limits its memory and the cost of an update. Beyond

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mmt.texture.online.surface_changes import SurfaceChange
     from mmt.texture.segmentation.segments import SampleRange, Segment
     from mmt.texture.signals.aligned import AlignedBlock
-    from mmt.texture.touch_down.finding import TouchDown
+    from mmt.texture.touch_down.fitting import TouchDown
 
 
 class UpdateSteps(Protocol):
