@@ -9,7 +9,7 @@ from surface_samples import BLOCK, PEAKED, SMOOTH, make_blocks
 from mmt.core.errors import InputError
 from mmt.texture.settings import SurfaceSettings
 from mmt.texture.surfaces.blocks import SurfaceBlock
-from mmt.texture.surfaces.detection import TEMPER, WINDOW, Detection, SurfaceDetector
+from mmt.texture.surfaces.tracking import TEMPER, WINDOW, Detection, SurfaceDetector
 
 
 def followed(detector: SurfaceDetector, blocks: list[SurfaceBlock]) -> list[Detection]:
