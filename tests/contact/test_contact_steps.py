@@ -6,8 +6,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.contact.friction import SMOOTHING_M_S, friction_slope_n_s_m, step_tangential
-from mmt.contact.normal import STEP_ANGLE, ContactLaw, Drive, step_normal, substeps
+from mmt.contact.steps import (
+    SMOOTHING_M_S,
+    STEP_ANGLE,
+    ContactLaw,
+    Drive,
+    friction_slope_n_s_m,
+    step_normal,
+    step_tangential,
+    substeps,
+)
 from mmt.core.errors import InputError
 
 STIFFNESS = st.floats(50.0, 50_000.0)

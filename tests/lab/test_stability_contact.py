@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from extreme_cases import those_that_do_not_hold
 
-from mmt.contact.normal import Drive
+from mmt.contact.steps import Drive
 from mmt.testing.simulation.robot import DISSIPATION_S_M, tip_drive
 from mmt_lab.stability.families import contact, loop
 from mmt_lab.stability.families.contact import impact_growth, wall

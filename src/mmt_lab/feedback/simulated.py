@@ -20,8 +20,7 @@ from typing import Final, Generic, TypeVar
 
 import numpy as np
 
-from mmt.contact.friction import step_tangential
-from mmt.contact.normal import Drive
+from mmt.contact.steps import Drive, step_tangential
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.frames import empty_frames
 from mmt.devices.protocols import Vector

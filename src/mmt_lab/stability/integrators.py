@@ -1,7 +1,7 @@
 """Integrators of a tool against a stiff wall, side by side: two that break, and one that does not.
 
 All advance the same system, a mass on a drive that meets a unilateral Kelvin-Voigt wall
-(`Drive` and `ContactLaw`), and are called like `mmt.contact.normal.step_normal`, the integrator of
+(`Drive` and `ContactLaw`), and are called like `mmt.contact.steps.step_normal`, the integrator of
 the simulated follower. The others serve for comparison.
 
 ==================  =====  ==========================================================
@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from mmt.contact.normal import ContactLaw, Drive, step_normal
+from mmt.contact.steps import ContactLaw, Drive, step_normal
 
 State = tuple[float, float]
 """Height (m) and velocity (m/s)."""

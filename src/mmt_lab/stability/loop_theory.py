@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from mmt.contact.normal import Drive
+from mmt.contact.steps import Drive
 from mmt.core.arrays import FloatArray
 from mmt.testing.simulation import PERIOD_S
 from mmt.testing.simulation.robot import DISSIPATION_S_M, tip_drive

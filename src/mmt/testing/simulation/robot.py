@@ -4,8 +4,15 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from mmt.contact.friction import SMOOTHING_M_S, friction_slope_n_s_m, step_tangential
-from mmt.contact.normal import ContactLaw, Drive, step_normal, substeps
+from mmt.contact.steps import (
+    SMOOTHING_M_S,
+    ContactLaw,
+    Drive,
+    friction_slope_n_s_m,
+    step_normal,
+    step_tangential,
+    substeps,
+)
 from mmt.devices.protocols import Vector
 from mmt.scene import Simulated
 from mmt.testing.simulation import PERIOD_S

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.contact.normal import ContactLaw, Drive
+from mmt.contact.steps import ContactLaw, Drive
 from mmt.evaluation.document import Picture
 from mmt.evaluation.report_files import picture
 from mmt_lab.stability.cases import CaseResult, Extreme, Family, Figures

@@ -1,15 +1,23 @@
-"""Contact along the surface normal: a unilateral force law and an energy-consistent step.
+"""Contact with a surface, along its normal and in its plane: force laws and stable steps.
 
-The law is linear-elastic with Kelvin-Voigt and Hunt-Crossley damping (Hunt and Crossley,
-"Coefficient of restitution interpreted as damping in vibroimpact", J. Appl. Mech. 42,
+The law along the normal is linear-elastic with Kelvin-Voigt and Hunt-Crossley damping (Hunt and
+Crossley, "Coefficient of restitution interpreted as damping in vibroimpact", J. Appl. Mech. 42,
 1975). The step is the implicit midpoint rule with the discrete gradient of the elastic
 energy (Gonzalez, "Time integration and discrete Hamiltonian systems", J. Nonlinear Sci. 6,
 1996). In one dimension it needs no iteration: the equation is linear inside and outside
 the contact and quadratic where the surface is crossed.
 
-Stability: unconditional. Without damping the total energy is kept to rounding, also
-through impacts; with damping it never rises while the command stands still. The step
-sets the accuracy alone, see `substeps`. Cost: about 1 us a step in plain Python.
+Stability along the normal: unconditional. Without damping the total energy is kept to rounding,
+also through impacts; with damping it never rises while the command stands still. The step
+sets the accuracy alone, see `substeps`.
+
+In the plane, Coulomb friction has a smooth sign, ``F = -mu N v / sqrt(|v|^2 + v0^2)``: beyond a few
+times v0 it is that of the velocity, and near rest a viscous damper, where a true sign would chatter
+at any step. The slope is taken at the start of the step and the velocity at its middle, so the
+force is a damper of a positive coefficient within each step: it takes energy out at every step,
+however stiff.
+
+Cost: about 1 us a step along each axis, in plain Python.
 """
 
 import math
@@ -23,6 +31,9 @@ from mmt.core.bounds import check_fields
 STEP_ANGLE: Final = 0.3
 """Largest phase (rad) of the fastest vibration within one sub-step; the midpoint rule is
 then slow by less than 1 % of a period."""
+
+SMOOTHING_M_S: Final = 0.004
+"""v0: friction has 93 % of its full value at 10 mm/s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,3 +152,52 @@ def _travel(
     if force < 0.0:
         return free, 0.0
     return travel, force
+
+
+def friction_slope_n_s_m(
+    coefficient: float, normal_force_n: float, speed_m_s: float, smoothing_m_s: float
+) -> float:
+    """Return friction over speed: ``mu N / sqrt(v^2 + v0^2)``, at least 0."""
+    return coefficient * normal_force_n / math.hypot(speed_m_s, smoothing_m_s)
+
+
+def step_tangential(
+    drive: Drive,
+    slope_n_s_m: float,
+    state: tuple[float, float],
+    command_m: float,
+    step_s: float,
+) -> tuple[float, float, float]:
+    """Advance one tangential axis by one step of the implicit midpoint rule.
+
+    Parameters
+    ----------
+    drive
+        What moves the tip.
+    slope_n_s_m
+        From `friction_slope_n_s_m`, common to both axes.
+    state
+        Position (m) and velocity (m/s) at the start.
+    command_m
+        Commanded position, constant within the step.
+    step_s
+        Length of the step.
+
+    Returns
+    -------
+    position_m, velocity_m_s
+        State at the end.
+    force_n
+        Mean friction of the surface on the tip over the step.
+    """
+    position_m, velocity_m_s = state
+    inertia = 2.0 * drive.mass_kg / (step_s * step_s) + 0.5 * drive.stiffness_n_m
+    inertia += (drive.damping_n_s_m + slope_n_s_m) / step_s
+    push = 2.0 * drive.mass_kg * velocity_m_s / step_s
+    push += drive.stiffness_n_m * (command_m - position_m)
+    travel = push / inertia
+    return (
+        position_m + travel,
+        2.0 * travel / step_s - velocity_m_s,
+        -slope_n_s_m * travel / step_s,
+    )
