@@ -7,7 +7,7 @@ from mmt.contact.hand import HandContact
 from mmt.core.arrays import FloatArray
 from mmt.devices.protocols import Vector
 from mmt.scene import Simulated
-from mmt.testing.simulation.arm import START_MM
+from mmt.testing.simulation import START_MM
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
 from mmt_lab.feedback.simulated import DelayLine
 

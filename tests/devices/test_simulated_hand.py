@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mmt.scene import Hand, Simulated
-from mmt.testing.simulation.arm import nominal_compliance_mm_n
+from mmt.testing.simulation import nominal_compliance_mm_n
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.robot import SimulatedRobot
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.scene import Simulated
-from mmt.testing.simulation.arm import nominal_compliance_mm_n
+from mmt.testing.simulation import nominal_compliance_mm_n
 from mmt.testing.simulation.robot import SimulatedRobot
 
 

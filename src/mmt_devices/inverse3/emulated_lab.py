@@ -11,7 +11,7 @@ import sys
 from mmt.core.process import SWITCH_INTERVAL_S
 from mmt.devices.protocols import Vector
 from mmt.scene import Hand
-from mmt.testing.simulation.arm import START_MM
+from mmt.testing.simulation import START_MM
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt_devices.inverse3.emulated import REST_MM, EmulatedInverse3
 from mmt_devices.inverse3.emulated_tip import EmulatedTip

@@ -26,8 +26,7 @@ from mmt.core.frames import empty_frames
 from mmt.devices.protocols import Vector
 from mmt.evaluation.levels import root_mean_square
 from mmt.scene import Simulated
-from mmt.testing.simulation import PERIOD_S
-from mmt.testing.simulation.arm import START_MM
+from mmt.testing.simulation import PERIOD_S, START_MM
 from mmt.testing.simulation.robot import SimulatedRobot
 from mmt_lab.feedback.sides import PASSIVITY, Display, Method, handle_state, make_sides
 from mmt_lab.stability.loop_theory import LIGHT_GRIP

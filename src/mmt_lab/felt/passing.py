@@ -16,8 +16,7 @@ from mmt.core.frames import CHANNELS
 from mmt.devices.protocols import Vector
 from mmt.link.impairments import MessageImpairments
 from mmt.scene import Hand, Network, Simulated
-from mmt.testing.simulation import PERIOD_NS
-from mmt.testing.simulation.arm import nominal_compliance_mm_n
+from mmt.testing.simulation import PERIOD_NS, nominal_compliance_mm_n
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.known_surfaces import KnownSurface

@@ -73,7 +73,7 @@ class HandPart(Part):
         """
         scene = session.scene
         if scene.hand is not None:
-            from mmt.testing.simulation.arm import nominal_compliance_mm_n
+            from mmt.testing.simulation import nominal_compliance_mm_n
             from mmt.testing.simulation.hand import SimulatedHand
 
             compliance_mm_n = nominal_compliance_mm_n(scene.simulated or Simulated())

@@ -22,7 +22,7 @@ from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.devices.protocols import Vector
 from mmt.testing.emulated.drivers import LAB, HandleLabOptions, LabOptions, take_lab_options
 from mmt.testing.emulated.hd import EmulatedHd
-from mmt.testing.simulation.arm import START_MM
+from mmt.testing.simulation import START_MM
 from mmt.testing.simulation.robot import TipState
 
 if TYPE_CHECKING:

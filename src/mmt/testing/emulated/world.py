@@ -7,8 +7,7 @@ from mmt.core.frames import CHANNELS, acceleration_samples
 from mmt.devices.protocols import Vector
 from mmt.scene import Simulated
 from mmt.testing.emulated.clockwork import Clockwork
-from mmt.testing.simulation import RATE_HZ
-from mmt.testing.simulation.arm import START_MM
+from mmt.testing.simulation import RATE_HZ, START_MM
 from mmt.testing.simulation.follower import MovedTip, SimulatedFollower
 from mmt.testing.simulation.textures import get_surface
 

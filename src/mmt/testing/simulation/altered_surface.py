@@ -15,9 +15,8 @@ import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.testing.simulation import RATE_HZ
+from mmt.testing.simulation import RATE_HZ, NoiseRows
 from mmt.testing.simulation.alterations import LAGS, Bursts, Level, Patches, burst_decay
-from mmt.testing.simulation.noise import NoiseRows
 from mmt.testing.simulation.surfaces import ALTERED_VERSION, Surface, integrated_power, strokes_on
 from mmt.testing.simulation.vibration import VibrationSource
 

@@ -7,7 +7,7 @@ from typing import Protocol
 from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import Vector
 from mmt.scene import Simulated
-from mmt.testing.simulation.arm import START_MM
+from mmt.testing.simulation import START_MM
 from mmt.testing.simulation.course import SurfaceCourse
 from mmt.testing.simulation.instruments import Instruments
 from mmt.testing.simulation.known_surfaces import KnownSurface

@@ -8,10 +8,8 @@ import numpy as np
 
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.scene import Hand, Simulated
-from mmt.testing.simulation import PERIOD_S, RATE_HZ
-from mmt.testing.simulation.arm import START_MM, nominal_compliance_mm_n
+from mmt.testing.simulation import PERIOD_S, RATE_HZ, START_MM, NoiseRows, nominal_compliance_mm_n
 from mmt.testing.simulation.motions import in_phases, motion
-from mmt.testing.simulation.noise import NoiseRows
 from mmt.testing.simulation.strokes import Phase
 
 LEAST_FORCE_N: Final = 0.01

@@ -15,10 +15,9 @@ import numpy as np
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import frame_dtype, frame_struct, ordered_channels
 from mmt.devices.protocols import Vector
-from mmt.testing.simulation import PERIOD_NS, RATE_HZ
+from mmt.testing.simulation import PERIOD_NS, RATE_HZ, NoiseRows
 from mmt.testing.simulation.course import CourseVibration, SurfaceCourse
 from mmt.testing.simulation.known_surfaces import KnownSurface, vibration_of
-from mmt.testing.simulation.noise import NoiseRows
 from mmt.testing.simulation.robot import TipState
 from mmt.testing.simulation.vibration import VibrationSource
 

@@ -11,8 +11,7 @@ from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.scene import Hand, Scene, Simulated
-from mmt.testing.simulation import RATE_HZ
-from mmt.testing.simulation.arm import nominal_compliance_mm_n
+from mmt.testing.simulation import RATE_HZ, nominal_compliance_mm_n
 from mmt.testing.simulation.course import SurfaceCourse, surface_of
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.hand import SimulatedHand

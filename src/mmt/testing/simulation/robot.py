@@ -15,8 +15,7 @@ from mmt.contact.steps import (
 )
 from mmt.devices.protocols import Vector
 from mmt.scene import Simulated
-from mmt.testing.simulation import PERIOD_S
-from mmt.testing.simulation.arm import START_MM, TIP_MASS_KG, pole_of
+from mmt.testing.simulation import PERIOD_S, START_MM, TIP_MASS_KG, pole_of
 
 DISSIPATION_S_M: Final = 0.3
 """Hunt-Crossley dissipation of the surface: restitution 0.98 at 0.1 m/s."""

@@ -5,8 +5,8 @@ from math import cos, exp, pi, sin, sqrt
 
 import numpy as np
 
+from mmt.testing.simulation import NoiseRows
 from mmt.testing.simulation.modes import maps_at
-from mmt.testing.simulation.noise import NoiseRows
 from mmt.testing.simulation.surfaces import Surface
 
 
