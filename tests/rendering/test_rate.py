@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.signal import firwin
 
 from mmt.core.errors import InputError
-from mmt.rendering.rate import RateConverter
+from mmt.rendering.generating import RateConverter
 
 
 @cache

@@ -16,7 +16,7 @@ from library_samples import model, stiff
 
 from mmt.core.arrays import FloatArray
 from mmt.models import shipped_models
-from mmt.rendering.rate import RateConverter
+from mmt.rendering.generating import RateConverter
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.model.json_form import model_json
 from mmt.texture.model.texture_model import TextureModel, TextureSamples, load_model

@@ -701,7 +701,7 @@ export class Synthesizer {
   }
 }
 
-// ---- From the model's rate to the device's: mmt.rendering.rate
+// ---- From the model's rate to the device's: mmt.rendering.generating
 
 const greatestCommonDivisor = (a, b) => (b ? greatestCommonDivisor(b, a % b) : a);
 
