@@ -174,7 +174,7 @@ def test_more_than_its_range_is_an_overload_and_much_more_is_left_out(emulated, 
 
 
 def test_a_wrong_baud_rate_is_explained(emulated, monkeypatch) -> None:
-    monkeypatch.setattr("mmt_devices.bota.line._ANSWER_S", 0.1)
+    monkeypatch.setattr("mmt_devices.bota.driver._ANSWER_S", 0.1)
     for configure in (True, False):
         options = {"port": emulated.path, "baud": 115_200, "sinc_length": 256}
         wrong = load_device("bota-serial", {**options, "configure": configure, "start_s": 0.3})
@@ -195,7 +195,7 @@ def test_a_sensor_that_sends_text_is_explained(emulated, make) -> None:
 
 
 def test_a_sensor_that_does_not_answer_is_explained(emulated, make, monkeypatch) -> None:
-    monkeypatch.setattr("mmt_devices.bota.line._ANSWER_S", 0.1)
+    monkeypatch.setattr("mmt_devices.bota.driver._ANSWER_S", 0.1)
     emulated.deaf = True
     with pytest.raises(MmtError, match="not answer the command 'C'; its frames come, but what is"):
         make()
