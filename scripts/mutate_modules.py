@@ -70,6 +70,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "session/importing/options": ("session/test_import_options.py",),
     "session/importing/proposal": ("session/test_import_proposal.py",),
     "session/importing/quaternions": ("session/test_import_mapping.py",),
+    "session/importing/samples": ("session/test_import_times.py",),
     "session/importing/stamps": ("session/test_session_stamps.py",),
     "session/mcap_writer": (
         "session/test_session_files.py",
