@@ -57,7 +57,12 @@ X = " position_x=x position_y=0 position_z=0"
             "force_time=force.time position_time=robot.t",
         ),
         ("run.t,run.acc,run.force.value", "time=run.t acceleration=run.acc force=run.force.value"),
-        ("tip.data,tip.note", "position=tip.data"),
+        ("tip.data,tip.note", "position_x=tip.data position_y=0 position_z=0"),
+        (
+            "Time in s,Force in mN,Acceleration m/s^2",
+            "time=Time in s force=Force in mN acceleration=Acceleration m/s^2",
+        ),
+        ("t,pos_in,Position (mm)", "time=t position_x=pos_in position_y=0 position_z=0"),
         ("duration,load", "time=duration force=load"),
         ("duration,t,load", "time=t force=load"),
         (
@@ -106,9 +111,13 @@ X = " position_x=x position_y=0 position_z=0"
         ("t,acc(0),acc(1),acc(2)", "time=t acceleration=acc"),
         (
             "/imu.linear_acceleration,/w.a.force,/w.torque,/tool.translation",
-            "acceleration=/imu.linear_acceleration force=/w.a.force position=/tool.translation",
+            "acceleration=/imu.linear_acceleration force=/w.a.force position_x=/tool.translation "
+            "position_y=0 position_z=0",
         ),
-        ("/rig.t,/rig.pos,/rig.acc,/rig.v,/force", "position=/rig.pos acceleration=/rig.acc"),
+        (
+            "/rig.t,/rig.pos,/rig.acc,/rig.v,/force",
+            "position_x=/rig.pos position_y=0 position_z=0 acceleration=/rig.acc",
+        ),
         ("/rig.fz,/joints.position.elbow", "force_x=0 force_y=0 force_z=/rig.fz"),
         ("time_ms,acc_m_s2", "time=time_ms acceleration=acc_m_s2"),
         ("time_N,fx_n", "force_x=fx_n force_y=0 force_z=0"),

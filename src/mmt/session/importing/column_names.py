@@ -36,8 +36,8 @@ def target_of(name: str) -> str | None:
         of_message = next((q for q, parts in MESSAGE_PARTS.items() if last in parts), None)
         other = target_of(f".{last}") if "." in name else None
         return of_message or (other if other and quantity_of(other) in CHANNELS else None)
-    spaced = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", name.rsplit(".", 1)[-1])
-    words = re.findall(r"[a-z]+[0-9]?", spaced.lower())
+    spaced = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", name.rsplit(".", 1)[-1]).replace("^", "")
+    words = re.findall(r"[a-z]+[0-9]?", re.sub(r" in (?=\w)", " ", spaced.lower()))
     for end in range(len(words), max(0, len(words) - 3), -1):  # the last words may be a unit
         joined, behind = "".join(words[:end]), "_".join(words[end:])
         if not behind and (target := _target_of_whole(joined)):

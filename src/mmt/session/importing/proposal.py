@@ -153,6 +153,11 @@ def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOpti
             if len(told_hz) == 1 and 0 < told_hz[0] < np.inf:
                 options = replace(options, rate_hz=told_hz[0])
     found = read_columns(path, wanted_names(options), options)
+    position = guessed.get("position", "")
+    if position in found.values and found.values[position].ndim == 1 and "position" not in given:
+        straight = {"position_x": position, "position_y": "0", "position_z": "0"}
+        others = {target: name for target, name in columns.items() if target != "position"}
+        options = replace(options, columns=others | straight)
     notes = (*found.notes, *_of_several(suggested, {**guessed, **dict.fromkeys(given, "")}))
     return read, options, replace(found, notes=notes)
 
