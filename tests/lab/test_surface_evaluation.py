@@ -26,12 +26,14 @@ from mmt_lab.experiments import surfaces
 from mmt_lab.experiments.surfaces import changes_table, groups, targets
 from mmt_lab.surfaces import running
 from mmt_lab.surfaces.running import (
+    FoundChange,
     SurfaceResult,
+    SurfaceScore,
     draw_surfaces,
     run_session,
     run_simulated,
+    score,
 )
-from mmt_lab.surfaces.scoring import FoundChange, SurfaceScore, score
 
 SECOND = 1000
 
