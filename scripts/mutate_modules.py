@@ -94,7 +94,13 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
         "texture/test_segmentation.py",
         "texture/test_segmentation_online.py",
     ),
-    "texture/space/samples": ("texture/test_samples.py",),
+    "texture/space": (
+        "texture/test_samples.py",
+        "texture/test_anisotropic_model.py",
+        "texture/test_field_blocks.py",
+        "texture/test_model.py",
+        "texture/test_model_options.py",
+    ),
 }
 """Modules of ``mmt``, each with its tests in ``tests``."""
 

@@ -12,7 +12,7 @@ from mmt.texture.autoregression.forms import (
 )
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import Method
-from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC, InputSpace
 
 
 def model(

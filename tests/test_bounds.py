@@ -19,8 +19,7 @@ from mmt.texture.settings import (
     SurfaceSettings,
     TextureSettings,
 )
-from mmt.texture.space.inputs import InputSpace
-from mmt.texture.space.samples import LARGEST_POWER, TextureSamples
+from mmt.texture.space import LARGEST_POWER, InputSpace, TextureSamples
 
 NUMBERS = [math.nan, math.inf, -math.inf, -1.0, -1, 0, 0.0, 1, 0.5, 2.5, 7, 64, 65, 1e6, 1.7e308]
 OTHERS = ["auto", "delaunay", "no such thing", None, True, []]

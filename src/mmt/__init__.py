@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel, load_model
     from mmt.texture.online.history import ModelHistory, build_model
     from mmt.texture.settings import ModellingSettings, SurfaceSettings
-    from mmt.texture.space.samples import TextureSamples
+    from mmt.texture.space import TextureSamples
     from mmt.texture.surfaces.tracking import follow_surfaces
     from mmt.texture.synthesis.synthesizer import Synthesizer
 
@@ -82,7 +82,7 @@ _HOMES = {
     "SurfaceSettings": "mmt.texture.settings",
     "Synthesizer": "mmt.texture.synthesis.synthesizer",
     "TextureModel": "mmt.texture.model.texture_model",
-    "TextureSamples": "mmt.texture.space.samples",
+    "TextureSamples": "mmt.texture.space",
     "build_model": "mmt.texture.online.history",
     "evaluate_session": "mmt.evaluation.evaluate",
     "evaluate_surfaces": "mmt.evaluation.evaluate",

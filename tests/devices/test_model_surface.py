@@ -17,8 +17,7 @@ from mmt.testing.simulation.model_surface import ModelSurface, ModelVibration
 from mmt.testing.simulation.side_by_side import filter_side_by_side
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture import TextureModel
-from mmt.texture.space.inputs import InputSpace
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import InputSpace, TextureSamples
 from mmt_bridges.hatt.models import export_hatt
 
 FREQUENCIES_HZ = np.arange(501.0)

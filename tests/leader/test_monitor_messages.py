@@ -20,7 +20,7 @@ from mmt.texture.completion.distance import CompletionMonitor, cell_distances, d
 from mmt.texture.interpolation.vertices import RIM
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.space.inputs import ANISOTROPIC
+from mmt.texture.space import ANISOTROPIC
 from mmt.web.binary_messages import pack
 from mmt.web.monitor.live import MOST_SAMPLES, LiveMessages, MonitorTap
 from mmt.web.monitor.states import (

@@ -13,7 +13,7 @@ from mmt.scene import Scene
 from mmt.session.files import write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import TextureSamples
 
 KNOCK_AT = (4150, 9150)  # well inside of segments
 
@@ -84,7 +84,7 @@ def test_a_scene_that_models_as_published_selects_as_published(trials: list[Path
 
 
 def test_a_model_whose_heading_counts_is_drawn_in_two_planes(tmp_path: Path):
-    from mmt.texture.space.inputs import InputSpace
+    from mmt.texture.space import InputSpace
     from mmt_methods.selection import select
     from mmt_methods.selection.command import selection_plane
     from mmt_methods.selection.pooling import pool_models

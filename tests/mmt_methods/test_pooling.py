@@ -15,8 +15,7 @@ from mmt.session.files import write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Inputs, ModellingSettings
-from mmt.texture.space.inputs import InputSpace
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import InputSpace, TextureSamples
 from mmt_methods.selection import ModelPoints
 from mmt_methods.selection.points import band
 from mmt_methods.selection.pooling import is_model, left_out_errors, pool_models, pool_sessions

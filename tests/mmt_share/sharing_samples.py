@@ -15,8 +15,7 @@ from mmt.core.errors import MmtError
 from mmt.link.protocol import encode_event
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.space.inputs import ISOTROPIC, InputSpace
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import ISOTROPIC, InputSpace, TextureSamples
 from mmt_share.client import ListenerClient
 from mmt_share.messages import CHANGE, MODEL, STATE, STATE_DTYPE, ModelDescription
 from mmt_share.operator import OperatorClient

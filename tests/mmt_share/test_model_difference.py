@@ -14,7 +14,7 @@ from sharing_samples import samples_of
 from mmt.core.errors import InputError
 from mmt.texture.model.file import arrays_of, contents_of
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt_share.difference import apply, difference
 
 SPACES = pytest.mark.parametrize("space", [ISOTROPIC, ANISOTROPIC], ids=lambda space: space.name)

@@ -4,8 +4,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
-from mmt.texture.space.inputs import ISOTROPIC, InputSpace
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import ISOTROPIC, InputSpace, TextureSamples
 
 
 def scattered(count: int, directed: bool = False, seed: int = 0) -> FloatArray:

@@ -13,7 +13,7 @@ from mmt.core.errors import InputError
 from mmt.texture.interpolation.networks import LEVEL_ROOM
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Method
-from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace, normalise_into
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC, InputSpace, normalise_into
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 strokes = partial(strokes_in, ANISOTROPIC)

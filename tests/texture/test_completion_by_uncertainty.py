@@ -25,8 +25,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.methods import method_of
 from mmt.texture.settings import START_SHARE, STOP_SHARE, Inputs, ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC, TextureSamples
 
 DIMENSIONS = pytest.mark.parametrize("dimensions", [2, 3])
 

@@ -18,8 +18,7 @@ from mmt.texture.field.observations import BLOCK_VARIANCE, MOMENT_VARIANCE, choo
 from mmt.texture.field.posterior import DB, LevelField, right_probability
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import JND_DB
-from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC, TextureSamples
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 DIRECTED = pytest.mark.parametrize("directed", [False, True])

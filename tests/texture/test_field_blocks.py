@@ -7,7 +7,7 @@ from stream_samples import aligned
 from mmt.texture.field.blocks import WITHDRAWN_S, BlockCutter, BlockSums
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC
 
 
 def stroke(count, first=0, speed=100.0, force=1.0, seed=0):

@@ -24,7 +24,7 @@ from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Method, ModellingSettings
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ, butterworth_high_pass
 from mmt.texture.signals.high_pass import gain_without_high_pass, without_high_pass
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import TextureSamples
 
 PERIOD = 1024
 FREQUENCIES_HZ = np.arange(PERIOD // 2 + 1) * (1000.0 / PERIOD)

@@ -12,7 +12,7 @@ from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import lsf_to_ar
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import Method
-from mmt.texture.space.inputs import ISOTROPIC
+from mmt.texture.space import ISOTROPIC
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 FREQUENCIES_HZ = np.linspace(10, 490, 97)

@@ -15,8 +15,7 @@ from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import lsf_to_ar
 from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.model.texture_model import TextureModel, load_model
-from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC, InputSpace, TextureSamples
 from mmt.texture.touch_down.transient import Law, Transient
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "model-file.md"

@@ -11,7 +11,7 @@ from mmt.core.errors import InputError
 from mmt.texture.field.shape_smoothing import smoothed_shapes
 from mmt.texture.interpolation.vertices import vertex_table
 from mmt.texture.model.texture_model import TextureModel, TextureSamples, load_model
-from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC, InputSpace
 
 
 def drawn(count: int, space: InputSpace = ISOTROPIC) -> TextureSamples:

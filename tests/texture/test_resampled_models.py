@@ -11,7 +11,7 @@ from mmt.texture.autoregression.forms import lsf_to_reflection, reflection_to_ls
 from mmt.texture.field.cells import FieldCells
 from mmt.texture.model.texture_model import TextureModel, load_model
 from mmt.texture.settings import usual_order
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import TextureSamples
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 COMMON_HZ = np.arange(10.0, 490.0, 2.0)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from mmt.core.errors import InputError
-from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC
-from mmt.texture.space.samples import LARGEST_POWER, TextureSamples
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC, LARGEST_POWER, TextureSamples
 
 SPEED, FORCE = np.array([50.0, 0.0, 120.0]), np.array([0.5, 0.7, 0.0])
 POWER = np.array([0.0, LARGEST_POWER, 1.0])

@@ -11,8 +11,7 @@ from mmt.texture.autoregression.spectra import effective_samples
 from mmt.texture.field.shape_smoothing import LARGEST, smoothed, smoothed_shapes
 from mmt.texture.interpolation.vertices import boundary
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC, TextureSamples
 
 
 def truth(points):

@@ -13,7 +13,7 @@ from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.evaluation.levels import root_mean_square
 from mmt.texture.completion.distance import FORCE_RANGE_N, SPEED_RANGE_MM_S, middles
 from mmt.texture.signals.metrics import within_jnd
-from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space import InputSpace
 
 GRID_SPEED_MM_S: Final[FloatArray] = middles(SPEED_RANGE_MM_S, 12)
 GRID_FORCE_N: Final[FloatArray] = middles(FORCE_RANGE_N, 12)

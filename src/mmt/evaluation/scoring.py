@@ -24,7 +24,7 @@ from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import THRESHOLDS, Inputs, Method, ModellingSettings
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt.texture.signals.metrics import within_jnd
-from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space import InputSpace
 
 MODEL_NAMES: Final[dict[Inputs, str]] = {
     "isotropic": "speed and force",

@@ -16,7 +16,7 @@ from mmt.texture.completion.distance import Cells, cell_distances, cells_of
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space import InputSpace
 from mmt.texture.synthesis.actuator import FREQUENCIES_HZ, ActuatorResponse
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from mmt.texture.autoregression.forms import (
 )
 from mmt.texture.autoregression.moving_average import all_pole
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
-from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space import InputSpace
 from mmt_bridges.hatt.file import HattModelSet, format_hatt, read_hatt
 
 

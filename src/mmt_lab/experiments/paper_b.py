@@ -22,7 +22,7 @@ from mmt.evaluation.report_files import picture
 from mmt.testing.simulation.textures import GRAINED
 from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectra
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
-from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space import InputSpace
 from mmt_lab.harness.experiment import Seed, SpectraOption
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.tables import table_of

@@ -13,7 +13,7 @@ from mmt.core.arrays import BoolArray
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.signals.amplitude_spectra import expected_amplitude
 from mmt.texture.signals.metrics import gfc_of_rows
-from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space import InputSpace
 from mmt_lab.selection.sessions import Trials, session_trials
 from mmt_methods.selection import ModelPoints, select
 from mmt_methods.selection.published import select_published

@@ -18,7 +18,7 @@ from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space import InputSpace
 from mmt_lab.harness.experiment import hand_of
 from mmt_lab.selection.knocks import add_knock, read_taps, simulated_knock
 from mmt_methods.selection import ModelPoints

@@ -11,8 +11,7 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Method
-from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC, InputSpace, TextureSamples
 
 _ORDER: Final = 10
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mmt.core.arrays import FloatArray
-    from mmt.texture.space.samples import TextureSamples
+    from mmt.texture.space import TextureSamples
     from mmt_methods.selection import Selection
     from mmt_methods.selection.pooling import Pool
 

@@ -19,8 +19,7 @@ from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.metrics import gfc_of_rows
-from mmt.texture.space.inputs import InputSpace
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import InputSpace, TextureSamples
 from mmt_methods.selection import ModelPoints
 from mmt_methods.selection.points import amplitude_of, spectral_error
 from mmt_methods.selection.simplices import enclose, enclose_without

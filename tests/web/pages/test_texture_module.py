@@ -20,7 +20,7 @@ from mmt.rendering.generating import RateConverter
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.model.json_form import model_json
 from mmt.texture.model.texture_model import TextureModel, TextureSamples, load_model
-from mmt.texture.space.inputs import ANISOTROPIC, ISOTROPIC
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt.web.texture_page import MODULE
 

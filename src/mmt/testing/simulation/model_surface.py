@@ -26,7 +26,7 @@ from mmt.testing.simulation.side_by_side import filter_side_by_side
 from mmt.testing.simulation.surfaces import MODEL_VERSION, strokes_on
 from mmt.testing.simulation.vibration import VibrationSource
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space import InputSpace
 
 _BLOCK = 100  # samples at once, at most
 _RUN_IN_S = 2.0

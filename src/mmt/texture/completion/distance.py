@@ -27,7 +27,7 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.completion.criterion import Criterion, Progress
 from mmt.texture.linear_algebra import nearest_distances
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, ModellingSettings
-from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space import InputSpace
 
 DIVISIONS: Final = 3
 NEIGHBOURS: Final = 3

@@ -44,7 +44,7 @@ from mmt.texture.field.posterior import DB, LevelField, right_probability
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import JND_DB, ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space import InputSpace
 
 _PLANAR_SHAPE: Final = (1, 12, 12)
 _DIRECTED_SHAPE: Final = (12, 5, 5)

@@ -15,7 +15,7 @@ from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.field.cells import FieldCells
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock, Columns
-from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space import InputSpace
 
 BLOCK_S: Final = 0.05
 _LARGEST_CHANGE: Final = 2.0

@@ -40,7 +40,7 @@ from mmt.texture.linear_algebra import (
     solve_backward,
     solve_forward,
 )
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import TextureSamples
 
 DB: Final = 10.0 / np.log(10.0)
 """Decibels in a neper of power."""

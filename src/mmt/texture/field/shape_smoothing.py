@@ -32,7 +32,7 @@ from mmt.texture.field.cells import distinct_rows
 from mmt.texture.interpolation.vertices import boundary
 from mmt.texture.linear_algebra import nearest_rows
 from mmt.texture.linear_algebra import product as matrix_product
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import TextureSamples
 from mmt.texture.tridiagonal import (
     Tridiagonal,
     rotated,

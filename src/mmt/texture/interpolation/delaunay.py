@@ -1,6 +1,6 @@
 """Piecewise linear interpolation over a Delaunay triangulation, in two and three dimensions.
 
-The points are normalised inputs, see `mmt.texture.space.inputs`. A point is located by a walk
+The points are normalised inputs, see `mmt.texture.space`. A point is located by a walk
 from the simplex (triangle or tetrahedron) of the last point, each step away from the corner with
 the least weight. A hand moves continuously, so that a step or two suffices. If the walk does not
 settle, all simplices are scanned. A visibility walk in a Delaunay triangulation does not run in

@@ -12,8 +12,7 @@ from mmt.core.errors import InputError
 from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.model.file_arrays import Arrays, file_arrays
 from mmt.texture.settings import Method
-from mmt.texture.space.inputs import InputSpace
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import InputSpace, TextureSamples
 
 if TYPE_CHECKING:
     from mmt.texture.touch_down.transient import Transient

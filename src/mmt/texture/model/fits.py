@@ -26,8 +26,7 @@ from mmt.texture.autoregression.spectra import effective_samples
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.high_pass import without_high_pass
-from mmt.texture.space.inputs import InputSpace
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import InputSpace, TextureSamples
 
 RESOLVING_ORDER: Final = 24
 """Order that resolves narrow lines, for each sample of a frame; at most `LARGEST_ORDER` in all, and

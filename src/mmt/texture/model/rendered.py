@@ -12,7 +12,7 @@ from mmt.texture.interpolation.networks import network_arrays
 from mmt.texture.interpolation.vertices import Vertices, vertex_table
 from mmt.texture.linear_algebra import nearest_rows
 from mmt.texture.settings import Method
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import TextureSamples
 
 if TYPE_CHECKING:
     from mmt.texture.field.cells import FieldCells

@@ -33,8 +33,7 @@ from mmt.texture.interpolation.interpolant import (
 from mmt.texture.model.file import ModelContents, arrays_of, unpack
 from mmt.texture.model.file_arrays import pack_arrays
 from mmt.texture.settings import METHODS, Method
-from mmt.texture.space.inputs import InputSpace
-from mmt.texture.space.samples import TextureSamples
+from mmt.texture.space import InputSpace, TextureSamples
 
 if TYPE_CHECKING:
     from mmt.texture.field.cells import FieldCells

@@ -18,7 +18,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.updates import DEFERRED, ReadyModel, Stopwatch, UpdateWork
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space import InputSpace
 from mmt.texture.touch_down.fitting import TouchDown, fit_transient
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import numpy as np
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.dft321 import dft321
-from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space import InputSpace
 
 
 class SampleRange(NamedTuple):

@@ -25,7 +25,7 @@ from mmt.texture.settings import ModellingSettings, SurfaceSettings, surface_che
 from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.numbering import StreamNumbering
-from mmt.texture.space.inputs import InputSpace
+from mmt.texture.space import InputSpace
 from mmt.texture.surfaces.blocks import SurfaceBlock, SurfaceBlockCutter
 from mmt.texture.surfaces.regression import SurfaceRegression, features
 

@@ -35,7 +35,7 @@ from mmt.texture.interpolation.interpolant import (
     tabulated_level,
 )
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.space.inputs import normalise_into
+from mmt.texture.space import normalise_into
 from mmt.texture.synthesis.generation import (
     COMPLEMENT,
     LARGEST_AMPLITUDE,

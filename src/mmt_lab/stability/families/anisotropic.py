@@ -16,7 +16,7 @@ from mmt.texture.autoregression.forms import lsf_to_reflection
 from mmt.texture.interpolation.networks import LEVEL_ROOM
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Method
-from mmt.texture.space.inputs import ANISOTROPIC, InputSpace
+from mmt.texture.space import ANISOTROPIC, InputSpace
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.stability.cases import CaseResult, Extreme, Family
 from mmt_lab.stability.degenerate import build, of_space, random_points

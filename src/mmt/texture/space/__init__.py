@@ -1,1 +1,0 @@
-"""Input space of a texture model, and the samples in it."""
