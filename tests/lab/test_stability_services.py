@@ -9,11 +9,13 @@ from extreme_cases import case_of, those_that_do_not_hold
 import mmt.leader.output.playout
 import mmt.texture.online.modeller
 from mmt.core.frames import empty_frames
-from mmt_lab.stability import endless, interrupted
 from mmt_lab.stability.cases import run_case
-from mmt_lab.stability.endless import MemoryWatch, run_endless_modelling
 from mmt_lab.stability.families import services
-from mmt_lab.stability.interrupted import interrupted_cases
+from mmt_lab.stability.families.services import (
+    MemoryWatch,
+    interrupted_cases,
+    run_endless_modelling,
+)
 
 
 def test_what_needs_no_hour_holds() -> None:
@@ -47,15 +49,15 @@ def strokes(count: int, speed_mm_s: float) -> np.ndarray:
 
 def test_a_frame_that_is_not_filled_in_is_seen() -> None:
     frames = strokes(3000, 100.0)
-    assert interrupted.judge_stop(SUMMARY, frames).held
-    assert not interrupted.judge_stop(SUMMARY, np.delete(frames, 1500)).held
+    assert services.judge_stop(SUMMARY, frames).held
+    assert not services.judge_stop(SUMMARY, np.delete(frames, 1500)).held
     lost = {**SUMMARY, "backfill": {"filled": 39, "lost": 1}}
-    assert not interrupted.judge_stop(lost, frames).held
+    assert not services.judge_stop(lost, frames).held
 
 
 def test_a_robot_that_catches_up_too_fast_is_seen() -> None:
-    assert interrupted.judge_speed(340.0, SUMMARY, strokes(3000, 340.0)).held
-    assert not interrupted.judge_speed(340.0, SUMMARY, strokes(3000, 400.0)).held
+    assert services.judge_speed(340.0, SUMMARY, strokes(3000, 340.0)).held
+    assert not services.judge_speed(340.0, SUMMARY, strokes(3000, 400.0)).held
 
 
 def test_a_clock_that_is_not_watched_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -76,14 +78,14 @@ def test_endless_modelling_keeps_its_size(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 60)
     figures = run_endless_modelling(60).figures
     assert figures["samples"] == 60
-    assert figures["growth_blocks"] < endless.MOST_BLOCKS
+    assert figures["growth_blocks"] < services.MOST_BLOCKS
 
 
 def test_a_model_without_an_end_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 10**9)
     outcome = run_endless_modelling(120)
     assert outcome.figures["samples"] > 300
-    assert outcome.figures["growth_blocks"] > endless.MOST_BLOCKS
+    assert outcome.figures["growth_blocks"] > services.MOST_BLOCKS
     assert not outcome.held
 
 

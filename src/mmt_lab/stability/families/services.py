@@ -1,21 +1,53 @@
 """The services and their parts: clocks that step, stopped processes, and endless modelling."""
 
+import asyncio
+import gc
+import signal
+import sys
+import tempfile
+import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Final
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
+import psutil
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.frames import empty_frames
 from mmt.leader.output.playout import PlayoutBuffer
-from mmt_lab.stability import endless
+from mmt.scene import Hand, Link
+from mmt.session.mcap_reader import scanned_frames
+from mmt.session.mcap_scan import scan_mcap
+from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.settings import ModellingSettings
+from mmt_lab.soak.services import SoakServices
 from mmt_lab.stability.cases import CaseResult, Extreme, Family
-from mmt_lab.stability.endless import PERIOD_NS
-from mmt_lab.stability.interrupted import interrupted_cases
 
 _STEP_NS: Final = 10_000_000_000
 _START_NS: Final = 100_000_000_000
 _EVENT_MS: Final = 4000
+
+_BEFORE_S: Final = 1.5
+_AFTER_S: Final = 4.0
+_SPEED_MS: Final = 50
+"""Speeds are means over this: the position sensor's noise is then under 1 mm/s."""
+
+Judging = Callable[[dict[str, Any], RecordArray], CaseResult]
+
+PERIOD_NS: Final = 1_000_000
+
+MOST_BLOCKS: Final = 3000
+MOST_MB: Final = 3.0
+MOST_SLOWER: Final = 1.5
+
+_SETTLED: Final = 2
+"""Number of quarters after which everything has its final size."""
+_STROKES: Final = 83
+_STROKE_SAMPLES: Final = 240
+"""Samples of a stroke that gives one segment."""
 
 
 def cases(*, modelling_s: int = 600, stopped_s: float = 6.0) -> list[Extreme]:
@@ -36,9 +68,8 @@ def cases(*, modelling_s: int = 600, stopped_s: float = 6.0) -> list[Extreme]:
         *interrupted_cases(stopped_s),
         Extreme(
             f"a model that is never complete, {modelling_s} s of strokes in one corner",
-            f"under {endless.MOST_BLOCKS} objects and {endless.MOST_MB:g} MB more, "
-            f"time within {endless.MOST_SLOWER:g} x",
-            partial(endless.run_endless_modelling, modelling_s),
+            f"under {MOST_BLOCKS} objects and {MOST_MB:g} MB more, time within {MOST_SLOWER:g} x",
+            partial(run_endless_modelling, modelling_s),
         ),
     ]
 
@@ -89,6 +120,147 @@ def _stepping_clock(of_follower: bool, step_ns: int) -> CaseResult:
         f"{missing} missing, delay {before:.0f} ms before and {after:.0f} ms after",
         held=missing == 0 and abs(after - before) <= 2.0,
         figures={"missing": missing, "before_ms": before, "after_ms": after},
+    )
+
+
+def interrupted_cases(stopped_s: float) -> list[Extreme]:
+    """Return the cases, or none if the system cannot stop a process.
+
+    `stopped_s` is how long the leader is stopped.
+    """
+    fastest_mm_s = Hand().fastest_mm_s + Link().recovery_mm_s
+    stopping = Extreme(
+        f"the leader stopped for {stopped_s:g} s in a session",
+        "it goes on, and every frame of that time is filled in",
+        partial(_with_a_stop, judge_stop, leader=True, length_s=stopped_s),
+    )
+    stalling = Extreme(
+        "the follower stopped for 1 s while the hand strokes",
+        f"the robot catches up at {fastest_mm_s:g} mm/s at most",
+        partial(_with_a_stop, partial(judge_speed, fastest_mm_s), leader=False, length_s=1.0),
+    )
+    return [stopping, stalling] if hasattr(signal, "SIGSTOP") else []
+
+
+def _with_a_stop(judge: Judging, *, leader: bool, length_s: float) -> CaseResult:
+    """Run the demo's services, stop one, and judge the leader's summary and recording."""
+    with tempfile.TemporaryDirectory(prefix="mmt-stability-") as directory:
+        file = Path(directory) / "session.mcap"
+        services = asyncio.run(_session(file, leader, length_s))
+        if not services.summary:
+            return CaseResult("; ".join(services.errors), held=False)
+        return judge(services.summary, scanned_frames(scan_mcap(file)))
+
+
+async def _session(file: Path, leader: bool, length_s: float) -> SoakServices:
+    async with SoakServices(file, 0, lambda _: None) as services:
+        await asyncio.sleep(_BEFORE_S)
+        await services.pause(leader, length_s)
+        await asyncio.sleep(_AFTER_S)
+        await services.finish()
+    return services
+
+
+def judge_stop(summary: dict[str, Any], frames: RecordArray) -> CaseResult:
+    """Judge a session in which the leader was stopped, by its summary and its frames (n,)."""
+    gaps = summary.get("backfill", {"filled": 0, "lost": 0})  # absent if nothing was missing
+    steps = np.diff(frames["sequence"].astype(np.int64))
+    absent = int((steps - 1).sum())
+    return CaseResult(
+        f"{summary['outcome']}; {gaps['filled']} frames filled in, {absent} not in the recording",
+        held=summary["outcome"] == "stopped" and gaps["lost"] == absent == 0,
+        figures={"filled": gaps["filled"], "lost": gaps["lost"], "absent": absent},
+    )
+
+
+def judge_speed(fastest_mm_s: float, summary: dict[str, Any], frames: RecordArray) -> CaseResult:
+    """Judge the robot's largest speed, over stretches without a missing frame."""
+    place, number = frames["position_mm"].astype(np.float64), frames["sequence"].astype(np.int64)
+    whole = number[_SPEED_MS:] - number[:-_SPEED_MS] == _SPEED_MS
+    way_mm = np.linalg.norm(place[_SPEED_MS:] - place[:-_SPEED_MS], axis=1)[whole]
+    speed_mm_s = float(1000.0 * way_mm.max() / _SPEED_MS)
+    return CaseResult(
+        f"{summary['outcome']}; {speed_mm_s:.0f} mm/s",
+        held=summary["outcome"] == "stopped" and speed_mm_s <= 1.05 * fastest_mm_s,
+        figures={"mm_s": speed_mm_s},
+    )
+
+
+@dataclass
+class MemoryWatch:
+    """Memory of the process after each quarter of a run: interpreter blocks, resident memory."""
+
+    blocks: list[int] = field(default_factory=list)
+    megabytes: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
+
+    def sample(self) -> None:
+        """Note the present state."""
+        gc.collect()
+        self.seconds.append(time.thread_time())
+        self.blocks.append(sys.getallocatedblocks())
+        self.megabytes.append(psutil.Process().memory_info().rss / 1e6)
+
+    def growth(self) -> tuple[int, float, float]:
+        """Return the growth in blocks and MB over the second half, and the slow-down.
+
+        The slow-down is the processor's time for the last quarter over that for the third one.
+        """
+        spans = np.diff(self.seconds)
+        return (
+            self.blocks[-1] - self.blocks[_SETTLED],
+            self.megabytes[-1] - self.megabytes[_SETTLED],
+            float(spans[-1] / spans[_SETTLED]),
+        )
+
+    def flat(self) -> bool:
+        """Return whether growth and slow-down are within their bounds."""
+        blocks, megabytes, slower = self.growth()
+        return blocks < MOST_BLOCKS and megabytes < MOST_MB and slower < MOST_SLOWER
+
+
+def corner_strokes() -> RecordArray:
+    """Return frames (n,) of strokes to and fro in one corner of the plane."""
+    generator = np.random.default_rng(0)
+    speed = generator.uniform(20.0, 80.0, _STROKES)
+    force = generator.uniform(0.2, 0.8, _STROKES)
+    way = np.repeat(speed * (-1.0) ** np.arange(_STROKES), _STROKE_SAMPLES)
+    frames = empty_frames(len(way))
+    frames["position_mm"][:, 0] = np.cumsum(way) / 1000.0
+    frames["force_n"][:, 2] = np.repeat(force, _STROKE_SAMPLES)
+    level = np.repeat(speed * force / 300.0, _STROKE_SAMPLES)
+    frames["acceleration_m_s2"][:, 2] = 9.81 + level * generator.standard_normal(len(way))
+    return frames
+
+
+def run_endless_modelling(seconds: int) -> CaseResult:
+    """Model a hand that stays in one corner, so that the criterion of distances is never met."""
+    settings = ModellingSettings(method="published")  # an expected share would be met
+    modeller, watch = OnlineModeller(settings), MemoryWatch()
+    strokes = corner_strokes()
+    watch.sample()
+    updates_s = []
+    for second in range(1, seconds + 1):
+        number = np.arange(1000 * (second - 1), 1000 * second)
+        frames = strokes[number % len(strokes)]
+        frames["sequence"], frames["time_ns"] = number, number * PERIOD_NS
+        update = modeller.update(frames)
+        updates_s.append(sum(update.durations_s.values()))
+        if 4 * second >= seconds * len(watch.seconds):
+            watch.sample()
+    update_ms = 1e3 * float(np.median(updates_s[seconds // 2 :]))
+    blocks, megabytes, slower = watch.growth()
+    return CaseResult(
+        f"{update.samples} samples, {blocks:+d} objects, {megabytes:+.1f} MB, {slower:.2f} x the "
+        f"time, update {update_ms:.0f} ms",
+        held=watch.flat() and not update.started,
+        figures={
+            "samples": update.samples,
+            "growth_blocks": blocks,
+            "growth_mb": megabytes,
+            "slower": slower,
+            "update_ms": update_ms,
+        },
     )
 
 
