@@ -6,7 +6,7 @@ from stream_samples import aligned
 
 from mmt.texture.field.cells import FieldCells
 from mmt.texture.field.posterior import LevelField
-from mmt.texture.signals.noise_floor import LEAST_WINDOWS, WINDOW, NoiseFloor
+from mmt.texture.signals.aligned import LEAST_WINDOWS, WINDOW, NoiseFloor
 
 
 def block(count, noise, speed=0.0, force=0.0, seed=0, valid=True):

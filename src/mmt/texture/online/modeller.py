@@ -31,8 +31,8 @@ from mmt.texture.online.updates import (
 from mmt.texture.segmentation.segmenter import OnlineSegmenter
 from mmt.texture.segmentation.segments import SampleRange
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.aligned import NoiseFloor
 from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.signals.noise_floor import NoiseFloor
 from mmt.texture.space import InputSpace
 from mmt.texture.touch_down import LEAST_RATE_HZ
 from mmt.texture.touch_down.fitting import TouchDown, TouchDownFinder

@@ -23,8 +23,7 @@ from mmt.texture.field import blocks as field_blocks
 from mmt.texture.field.blocks import mean_square
 from mmt.texture.field.covariance import coordinates
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.signals.noise_floor import NoiseFloor
+from mmt.texture.signals.aligned import AlignedBlock, NoiseFloor
 from mmt.texture.surfaces.regression import MEANS
 
 COMPONENTS: Final = 6
