@@ -19,7 +19,8 @@ from mmt.core.frames import CONTACT, ENERGY, Channel, frame_dtype
 from mmt.leader.reports import LeaderSummary
 from mmt.leader.service import Leader
 from mmt.link.access import Access
-from mmt.link.client import FollowerClient, FollowerEvents
+from mmt.link.client import FollowerClient
+from mmt.link.endpoint import FollowerEvents
 from mmt.link.handshake import admit
 from mmt.link.protocol import FollowerHello
 from mmt.link.reader import BlockReader

@@ -11,9 +11,10 @@ import numpy as np
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import COMMAND_DTYPE, FIELD_OF_CHANNEL, Channel, channels_of, frame_dtype
 from mmt.link.access import Access
-from mmt.link.client import FollowerClient, FollowerEvents
+from mmt.link.client import FollowerClient
+from mmt.link.endpoint import FollowerEvents, LeaderEvents
 from mmt.link.protocol import FollowerHello
-from mmt.link.server import LeaderEvents, LeaderServer
+from mmt.link.server import LeaderServer
 from mmt.scene import Link
 
 CHANNELS: tuple[Channel, ...] = ("position", "force")

@@ -21,7 +21,8 @@ import mmt.link.connection
 from mmt.core.errors import MmtError
 from mmt.core.frames import frame_dtype
 from mmt.link.client import FollowerClient
-from mmt.link.server import LeaderEvents, LeaderServer
+from mmt.link.endpoint import LeaderEvents
+from mmt.link.server import LeaderServer
 from mmt.link.websocket import Send
 from mmt.scene import Link
 

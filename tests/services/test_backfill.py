@@ -19,7 +19,8 @@ from mmt.core.arrays import RecordArray
 from mmt.core.frames import CHANNELS, SEQUENCES
 from mmt.follower.service import Follower, FollowerSummary
 from mmt.leader.reports import LeaderSummary
-from mmt.link.client import FollowerClient, FollowerEvents
+from mmt.link.client import FollowerClient
+from mmt.link.endpoint import FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables

@@ -14,7 +14,8 @@ from service_runs import MadeSource, Together, small_scene
 
 from mmt.core.errors import InputError
 from mmt.link.access import TOKEN_VARIABLE
-from mmt.link.client import FollowerClient, FollowerEvents
+from mmt.link.client import FollowerClient
+from mmt.link.endpoint import FollowerEvents
 from mmt.link.protocol import FollowerHello
 
 TOKEN = "a token that nobody guesses"

@@ -16,7 +16,8 @@ from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.modelling import pipeline
 from mmt.leader.motion.feedback import StreamedForce
-from mmt.link.client import FollowerClient, FollowerEvents
+from mmt.link.client import FollowerClient
+from mmt.link.endpoint import FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables

@@ -18,8 +18,8 @@ from mmt.core.verdict import has_failed
 from mmt.follower.guarded_source import GuardedSource
 from mmt.follower.sources import DeviceBackedSource, build_source
 from mmt.link.access import Access
-from mmt.link.client import FollowerClient, FollowerEvents
-from mmt.link.endpoint import emulated_network, extra_event
+from mmt.link.client import FollowerClient
+from mmt.link.endpoint import FollowerEvents, emulated_network, extra_event
 from mmt.link.protocol import FollowerHello
 from mmt.scene import Link, Scene
 

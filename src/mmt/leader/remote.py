@@ -137,8 +137,8 @@ class RemoteFollower:
         MmtError
             The port, the token or a certificate cannot be used.
         """
-        from mmt.link.endpoint import emulated_network, extra_event
-        from mmt.link.server import LeaderEvents, LeaderServer
+        from mmt.link.endpoint import LeaderEvents, emulated_network, extra_event
+        from mmt.link.server import LeaderServer
 
         assert self._scene.link is not None  # noqa: S101 - the caller has looked
         self.server = LeaderServer(

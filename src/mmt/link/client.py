@@ -43,9 +43,6 @@ if TYPE_CHECKING:
 
 LOG: Final = logging.getLogger("mmt.link")
 
-
-__all__ = ["FollowerClient", "FollowerEvents"]
-
 _MESSAGES_WAITING: Final = 1000
 """Queue length if no frames are buffered: frames dropped from the queue are lost."""
 _LIVE_MESSAGES_WAITING: Final = 50

@@ -10,8 +10,6 @@ from typing import Final
 
 from mmt.scene import Network
 
-__all__ = ["MessageImpairments"]
-
 _MS: Final = 1_000_000
 _S: Final = 1_000_000_000
 _DUPLICATES_NS: Final = 3 * _MS

@@ -40,9 +40,6 @@ if TYPE_CHECKING:
 
 LOG: Final = logging.getLogger("mmt.link")
 
-
-__all__ = ["LeaderEvents", "LeaderServer"]
-
 _COMMANDS_WAIT_S: Final = 0.05
 """How long commands may be queued for a stalled link: older ones are useless."""
 

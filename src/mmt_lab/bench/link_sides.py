@@ -18,9 +18,10 @@ from aiohttp import web
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import CHANNELS, COMMAND_DTYPE
 from mmt.core.process import be_real_time, prefer_even_ticks
-from mmt.link.client import FollowerClient, FollowerEvents
+from mmt.link.client import FollowerClient
+from mmt.link.endpoint import FollowerEvents, LeaderEvents
 from mmt.link.protocol import FollowerHello
-from mmt.link.server import LeaderEvents, LeaderServer
+from mmt.link.server import LeaderServer
 from mmt.scene import Link
 from mmt_lab.bench.link_traffic import Kind, Send, Side, Turn, TurnFigures, run_turn
 
