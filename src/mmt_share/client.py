@@ -15,6 +15,7 @@ from mmt.link.connection import LeaderConnection, check_url
 from mmt.link.protocol import peer_text
 from mmt.link.rate_limit import PeriodLimit, RateLimit
 from mmt.link.websocket import Send
+from mmt_share.changes import ModelReplica
 from mmt_share.lag import FIRST_ANSWERS, ListenerState
 from mmt_share.messages import (
     AGAIN,
@@ -34,7 +35,6 @@ from mmt_share.messages import (
     Hello,
     ModelDescription,
 )
-from mmt_share.replica import ModelReplica
 from mmt_share.tables import Listening
 
 if TYPE_CHECKING:

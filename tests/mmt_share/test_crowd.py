@@ -7,7 +7,7 @@ from sharing_samples import about, model_of, shared, until
 from mmt.texture.model.file import arrays_of
 from mmt_lab.sharing.counting import run_listeners
 from mmt_lab.sharing.crowd import crowd
-from mmt_share.difference import digest
+from mmt_share.changes import digest
 
 
 async def test_a_crowd_finds_the_ready_model_and_each_change_of_it() -> None:

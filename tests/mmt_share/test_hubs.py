@@ -17,7 +17,7 @@ from sharing_samples import ENDED, Heard, about, listening, model_of, refused, s
 from mmt.core.errors import InputError, MmtError
 from mmt.texture.model.file import arrays_of
 from mmt.texture.model.file_arrays import file_arrays
-from mmt_share.difference import apply, digest
+from mmt_share.changes import apply, digest
 from mmt_share.hub import peers
 from mmt_share.hub.manager import FORBIDDEN, HubManager
 from mmt_share.messages import SHARING_VERSION, ModelDescription

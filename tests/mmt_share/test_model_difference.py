@@ -15,7 +15,7 @@ from mmt.core.errors import InputError
 from mmt.texture.model.file import arrays_of, contents_of
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space import ANISOTROPIC, ISOTROPIC, InputSpace
-from mmt_share.difference import apply, difference
+from mmt_share.changes import apply, difference
 
 SPACES = pytest.mark.parametrize("space", [ISOTROPIC, ANISOTROPIC], ids=lambda space: space.name)
 

@@ -22,8 +22,8 @@ from mmt.link.protocol import CONNECT_PACKET, EVENT_NAMESPACE, MSGPACK_EVENT, en
 from mmt.link.rate_limit import PeriodLimit
 from mmt.link.websocket import LINK_PATH
 from mmt.texture.model.file_arrays import file_arrays
+from mmt_share.changes import ModelReplica, digest
 from mmt_share.client import ANSWER_PERIOD_S
-from mmt_share.difference import digest
 from mmt_share.lag import FIRST_ANSWERS, ListenerState
 from mmt_share.messages import (
     AGAIN,
@@ -37,7 +37,6 @@ from mmt_share.messages import (
     WELCOME,
     Hello,
 )
-from mmt_share.replica import ModelReplica
 from mmt_share.tables import Listening
 
 _CONNECT_ERROR: Final = 4

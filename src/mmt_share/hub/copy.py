@@ -8,9 +8,9 @@ from typing import Any, Final
 from mmt.core.errors import InputError
 from mmt.link.protocol import encode_event
 from mmt.link.rate_limit import PeriodLimit
+from mmt_share.changes import ModelReplica
 from mmt_share.messages import CHANGE, END, MODEL, STATE, STATE_DTYPE, WELCOME
 from mmt_share.relay import Relay
-from mmt_share.replica import ModelReplica
 
 _TIME_S: Final = struct.Struct("<d")
 """Session time, with which a state of the hand begins."""

@@ -17,7 +17,7 @@ from mmt.leader.part import Part, Session, Tick
 from mmt.link.protocol import encode_event
 from mmt.texture.model.file import arrays_of
 from mmt.texture.model.file_arrays import pack_arrays
-from mmt_share.difference import difference
+from mmt_share.changes import difference
 from mmt_share.messages import (
     MODEL,
     STATE,
