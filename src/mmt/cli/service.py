@@ -245,7 +245,8 @@ class ServiceRun(ABC, Generic[AnyService]):
             return await service.run(ready)
         finally:
             if self.options.json_lines:
-                _write_modules()
+                loaded = [n for n, m in [*sys.modules.items()] if getattr(m, "__spec__", None)]
+                write_line("modules", modules=loaded)
 
 
 def _print_parts(scene: Scene, service: Service) -> None:
@@ -258,9 +259,3 @@ def _print_parts(scene: Scene, service: Service) -> None:
     hand_force = scene.describe_hand_force()
     if service == "leader" and hand_force is not None:
         messages.print(f"the hand's force: {hand_force}")
-
-
-def _write_modules() -> None:
-    """Write a JSON line with the modules that this process has imported."""
-    imported = (n for n, m in list(sys.modules.items()) if getattr(m, "__spec__", None) is not None)
-    write_line("modules", modules=list(imported))
