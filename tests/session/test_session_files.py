@@ -15,6 +15,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from session_samples import START_NS, made_frames
 
+import mmt.session
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import __version__
 from mmt.core.frames import ALL_CHANNELS, CHANNELS
@@ -354,3 +355,10 @@ def test_a_file_says_what_it_is_and_who_wrote_it(tmp_path):
     ]
     assert topics == {"/frames", "/plot"}
     assert encodings == {"protobuf"}
+
+
+def test_the_package_passes_on_what_reads_and_writes_and_nothing_else():
+    for name in mmt.session.__all__:
+        assert getattr(mmt.session, name) is getattr(mmt, name)
+    with pytest.raises(AttributeError, match=r"mmt\.session' has no attribute 'nothing'"):
+        _ = mmt.session.nothing
