@@ -16,8 +16,8 @@ from waiting import until
 from mmt.core.errors import InputError
 from mmt.core.frames import acceleration_samples
 from mmt.leader import publishing
+from mmt.leader.building import LeaderParts
 from mmt.leader.part import Session
-from mmt.leader.parts import LeaderParts
 from mmt.leader.publishing import clock_ahead_ns
 from mmt.scene.files import scene_from_tables
 from mmt_bridges.lsl import part as lsl

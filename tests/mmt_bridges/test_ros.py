@@ -17,8 +17,8 @@ from waiting import until
 
 from mmt.core.errors import InputError
 from mmt.core.frames import acceleration_samples
+from mmt.leader.building import LeaderParts
 from mmt.leader.part import Part, Session
-from mmt.leader.parts import LeaderParts
 from mmt.scene.files import scene_from_tables
 from mmt_bridges.ros import part as ros
 from mmt_bridges.ros.part import RosPart

@@ -1,6 +1,6 @@
 """The base class of the leader's parts: a few verbs, which do nothing unless overridden.
 
-A part is one module with a class derived from `Part`, and a builder in `mmt.leader.parts`,
+A part is one module with a class derived from `Part`, and a builder in `mmt.leader.building`,
 which passes it the `Session` that all parts of a run share and the other parts that it needs. The
 service calls its verbs. `Scene` is not imported here, since its class has the tables of added
 parts, whose modules import this one.

@@ -1,156 +1,22 @@
-"""The list of the leader's parts and their builders, which import what a scene needs.
+"""The list of the leader's parts; a part that a scene leaves out is not imported.
 
-A builder passes its part those of the earlier parts that it needs. Parts are built, and their
-verbs called, in the order of the list: parts that read come before parts that play. To add a
-part, write its module, a builder and a line; another package adds one by an entry point
-(`mmt.scene.added`).
+Parts are built, and their verbs called, in the order of the list: parts that read come before
+parts that play. To add a part, write its module, a builder and a line; another package adds
+one by an entry point (`mmt.scene.added`).
 """
 
 from collections.abc import Callable, Collection
 from functools import partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from mmt.leader.part import Part, Parts, Session
+from mmt.leader import building
+from mmt.leader.building import LeaderParts
+from mmt.leader.part import Part, Session
 from mmt.scene import Scene
 from mmt.scene.added import added_parts, imported
 
 if TYPE_CHECKING:
-    from mmt.leader.modelling.pipeline import Modelling
     from mmt.leader.modelling.process import ModellingProcess
-    from mmt.leader.monitoring import MonitorPart
-    from mmt.leader.motion.feedback_part import ForceFeedbackPart, OtherForce
-    from mmt.leader.motion.hand import HandPart
-    from mmt.leader.output.model_output import ModelOutput, OtherGenerator
-    from mmt.leader.output.stream import StreamedMotion, StreamedVibration
-    from mmt.leader.output.synthesis import SynthesizingPart
-    from mmt.leader.output.vibration import VibrationPart
-    from mmt.leader.recording import RecordingPart
-
-
-class LeaderParts(Parts):
-    """The parts of a leader, with names for those that others need; None if left out."""
-
-    recording: "RecordingPart | None" = None
-    hand: "HandPart | None" = None
-    playout: "StreamedVibration | None" = None
-    motion: "StreamedMotion | None" = None
-    other_force: "OtherForce | None" = None
-    """Set by another package's part."""
-    force_feedback: "ForceFeedbackPart | None" = None
-    modelling_process: "ModellingProcess | None" = None
-    """Set if the process was launched before."""
-    modelling: "Modelling | None" = None
-    synthesizing: "SynthesizingPart | None" = None
-    generating: "OtherGenerator | None" = None
-    """Set by another package's part."""
-    vibration: "VibrationPart | None" = None
-    completing: "ModelOutput"
-    """Every leader has this part."""
-    monitor: "MonitorPart | None" = None
-
-
-def _recording(session: Session, parts: LeaderParts) -> Part:
-    from mmt.leader.recording import RecordingPart
-
-    parts.recording = RecordingPart(session)
-    return parts.recording
-
-
-def _hand(session: Session, parts: LeaderParts) -> Part | None:
-    from mmt.leader.motion.hand import HandPart
-
-    parts.hand = HandPart.build(session)
-    return parts.hand
-
-
-def _playout(session: Session, parts: LeaderParts) -> Part | None:
-    from mmt.leader.output.stream import StreamedVibration
-
-    parts.playout = StreamedVibration.build(session)
-    return parts.playout
-
-
-def _motion(session: Session, parts: LeaderParts) -> Part | None:
-    from mmt.leader.output.stream import StreamedMotion
-
-    parts.motion = StreamedMotion.build(session)
-    return parts.motion
-
-
-def _force_feedback(session: Session, parts: LeaderParts) -> Part | None:
-    from mmt.leader.motion.feedback_part import ForceFeedbackPart
-
-    parts.force_feedback = ForceFeedbackPart.build(session, parts.hand, parts.other_force)
-    return parts.force_feedback
-
-
-def _modelling(session: Session, parts: LeaderParts) -> Part | None:
-    from mmt.leader.modelling.pipeline import Modelling
-
-    parts.modelling = Modelling.build(
-        session,
-        lambda update, seconds: parts.completing.update(update, seconds),  # noqa: PLW0108 - made later
-        parts.modelling_process,
-    )
-    return parts.modelling
-
-
-def _synthesizing(session: Session, parts: LeaderParts) -> Part | None:
-    from mmt.leader.output.synthesis import SynthesizingPart
-
-    parts.synthesizing = SynthesizingPart.build(session)
-    return parts.synthesizing
-
-
-def _vibration(session: Session, parts: LeaderParts) -> Part | None:
-    from mmt.leader.output.vibration import VibrationPart
-
-    parts.vibration = VibrationPart.build(
-        session,
-        parts.playout,
-        parts.motion,
-        None if parts.synthesizing is None else parts.synthesizing.synthesizer,
-        None if parts.generating is None else parts.generating.vibration,
-    )
-    return parts.vibration
-
-
-def _completing(session: Session, parts: LeaderParts) -> Part:
-    from mmt.leader.output.model_output import ModelOutput
-
-    parts.completing = ModelOutput(
-        session,
-        parts.recording,
-        parts.modelling,
-        parts.synthesizing,
-        parts.generating,
-        parts.vibration,
-    )
-    return parts.completing
-
-
-def _metrics(session: Session, _: LeaderParts) -> Part:
-    from mmt.leader.metrics import MetricsPart
-
-    return MetricsPart.build(session)
-
-
-def _monitor(session: Session, parts: LeaderParts) -> Part | None:
-    from mmt.leader.monitoring import MonitorPart, SessionView
-
-    table, recording = session.scene.monitor, parts.recording
-    if table is None or recording is None:
-        return None
-    view = SessionView(
-        session,
-        parts.completing,
-        recording,
-        modelling=parts.modelling,
-        playout=parts.playout,
-        vibration=parts.vibration,
-    )
-    parts.monitor = MonitorPart(session, view, table)
-    return parts.monitor
 
 
 class PartEntry(NamedTuple):
@@ -167,38 +33,36 @@ class PartEntry(NamedTuple):
 
 _OWN: Final[dict[str, PartEntry]] = {
     "recording": PartEntry(
-        _recording,
+        building.recording,
         lambda scene: scene.recording is not None or scene.monitor is not None,
     ),
-    "hand": PartEntry(_hand, lambda scene: scene.commands),
+    "hand": PartEntry(building.hand, lambda scene: scene.commands),
     "playout": PartEntry(
-        _playout,
+        building.playout,
         lambda scene: scene.streams,
         numerics=("mmt.texture.synthesis.concealment",),
     ),
-    "motion": PartEntry(_motion, lambda scene: scene.rendering is not None),
+    "motion": PartEntry(building.motion, lambda scene: scene.rendering is not None),
     "force_feedback": PartEntry(
-        _force_feedback,
+        building.force_feedback,
         lambda scene: scene.force_feedback is not None,
     ),
     "modelling": PartEntry(
-        _modelling,
+        building.modelling,
         lambda scene: scene.texture is not None,
         ("segmenting", "fitting", "synthesizing", "completing"),
         ("mmt.leader.modelling.pipeline",),
     ),
     "synthesizing": PartEntry(
-        _synthesizing,
+        building.synthesizing,
         lambda scene: scene.rendering is not None,
         numerics=("mmt.texture.synthesis.synthesizer",),
     ),
-    "vibration": PartEntry(_vibration, lambda scene: scene.actuator is not None),
-    "completing": PartEntry(_completing, lambda _: True),
-    "metrics": PartEntry(_metrics, lambda scene: scene.metrics is not None),
-    "monitor": PartEntry(_monitor, lambda scene: scene.monitor is not None, ("monitor",)),
+    "vibration": PartEntry(building.vibration, lambda scene: scene.actuator is not None),
+    "completing": PartEntry(building.completing, lambda _: True),
+    "metrics": PartEntry(building.metrics, lambda scene: scene.metrics is not None),
+    "monitor": PartEntry(building.monitor, lambda scene: scene.monitor is not None, ("monitor",)),
 }
-
-
 """By name: how the part is made, and which scenes have it."""
 
 
@@ -232,8 +96,6 @@ def _asks_for(scene: Scene, key: str) -> bool:
 
 
 PARTS: Final = _with_added(_OWN)
-
-
 """The product's own parts and added ones."""
 
 

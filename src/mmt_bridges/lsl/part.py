@@ -4,8 +4,8 @@ import asyncio
 from typing import Final
 
 from mmt.core.extras import require
+from mmt.leader.building import LeaderParts
 from mmt.leader.part import Session
-from mmt.leader.parts import LeaderParts
 from mmt.leader.publishing import PublishingPart
 from mmt_bridges.lsl.streams import Streams
 from mmt_bridges.lsl.table import Lsl

@@ -26,8 +26,8 @@ from mmt.session.data import to_json
 from mmt_bridges.ros.table import Ros
 
 if TYPE_CHECKING:
+    from mmt.leader.building import LeaderParts
     from mmt.leader.output.model_output import ModelOutput
-    from mmt.leader.parts import LeaderParts
     from mmt.texture.model.texture_model import TextureModel
 
 _LEAVE_S: Final = 3.0

@@ -7,8 +7,9 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
+from mmt.leader.building import LeaderParts
 from mmt.leader.part import Session
-from mmt.leader.parts import LeaderParts, build_parts
+from mmt.leader.parts import build_parts
 from mmt.scene import (
     Actuator,
     Hand,

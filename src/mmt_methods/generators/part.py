@@ -27,9 +27,9 @@ from mmt_methods.generators.vibration import GeneratedVibration
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
+    from mmt.leader.building import LeaderParts
     from mmt.leader.modelling.pipeline import Modelling
     from mmt.leader.output.model_crossfade import Renderer
-    from mmt.leader.parts import LeaderParts
     from mmt.texture.online.updates import NewSamples
 
 _LONGEST_START_S: Final = 120.0

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
     from prometheus_client.core import Metric
 
+    from mmt.leader.building import LeaderParts
     from mmt.leader.motion.feedback import Feedback
     from mmt.leader.motion.hand import HandPart
-    from mmt.leader.parts import LeaderParts
 
 _CONTACT_TICKS: Final = 50
 _DECISIONS: Final = {

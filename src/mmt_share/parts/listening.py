@@ -10,8 +10,8 @@ from mmt_share.client import ListenerClient
 from mmt_share.tables import Listening, Operating
 
 if TYPE_CHECKING:
+    from mmt.leader.building import LeaderParts
     from mmt.leader.output.model_output import ModelOutput
-    from mmt.leader.parts import LeaderParts
     from mmt_share.parts.operating import OperatingPart
 
 

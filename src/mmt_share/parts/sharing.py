@@ -33,8 +33,8 @@ from mmt_share.tables import Control, Sharing
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
+    from mmt.leader.building import LeaderParts
     from mmt.leader.output.model_output import ModelOutput
-    from mmt.leader.parts import LeaderParts
     from mmt.texture.model.texture_model import TextureModel
 
 _PERIOD_S: Final = 0.05
