@@ -235,3 +235,34 @@ def test_an_orientation_is_four_components_or_an_array_in_the_order_of_its_name(
     ):
         with pytest.raises(InputError, match=f"^a.npz: .*{reason}"):
             mapped({**rest, **values}, {"orientation": "q"})
+
+
+LATE = np.r_[0:10, 20:30, 10:20, 30:50]
+TWICE = np.r_[0:30, 20:50]
+
+
+@pytest.mark.parametrize(
+    ("rows", "left"), [(LATE, ""), (TWICE, ", and 10 that were written twice were left out")]
+)
+def test_rows_are_put_in_the_order_of_their_times_with_their_names(rows, left):
+    speed = 100.0 + 50.0 * X
+    speed[7] = np.nan
+    values = {"t": TIME_S[rows], "f": VECTORS[rows], "v": speed[rows], "other": np.arange(7.0)}
+    columns = {"time": "t", "force": "f", "speed": "v"}
+    found = mapped(values, columns)
+    ordered = mapped({"t": TIME_S, "f": VECTORS, "v": speed}, columns)
+    for channel in ("force", "position"):
+        np.testing.assert_array_equal(found.times[channel], TIME_S)
+        np.testing.assert_array_equal(found.values[channel], ordered.values[channel])
+        place = int(np.flatnonzero(rows == 40)[0])
+        assert found.row_name(channel, 40) == f"row {place}, counted from 0"
+    assert found.notes[0] == f"t falls: the rows were put in the order of their times{left}"
+    assert not any("anew" in note for note in found.notes)
+    exported = mapped({**values, "sequence": np.arange(len(rows)) * 1.0}, columns)
+    assert not any("order" in note for note in exported.notes)
+
+
+def test_messages_are_put_in_the_order_of_their_times():
+    found = mapped({"/f": VECTORS[LATE]}, {"force": "/f"}, times={"/f": TIME_S[LATE]})
+    np.testing.assert_array_equal(found.values["force"], VECTORS)
+    assert found.notes == ("/f falls: the rows were put in the order of their times",)
