@@ -186,7 +186,7 @@ async def test_emulated_devices_carry_the_main_job(tmp_path: Path, scene: str) -
     together = await Together.listening(load_scene(Path(scene), changes))
     following = asyncio.create_task(together.follow())
     await together.until(
-        lambda: together.leader.time_s > 2.0 and together.leader.status().frames > 200
+        lambda: together.leader.time_s > 5.0 and together.leader.status().frames > 200
     )
     assert (await together.stop()).problem is None
     summary = await following
