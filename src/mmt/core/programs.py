@@ -5,7 +5,6 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from types import FrameType
 from typing import Any, Final
 
@@ -24,6 +23,8 @@ def python_command(*arguments: str) -> list[str]:
 
 def import_path() -> str:
     """Return a `PYTHONPATH` with which a child can import the modules that this process can."""
+    from pathlib import Path  # not at the start of a program, where Ctrl-C is not handled yet
+
     named = filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))
     here = {Path.cwd()} - {Path(each).resolve() for each in named}
     return os.pathsep.join(each for each in sys.path if each and Path(each).resolve() not in here)

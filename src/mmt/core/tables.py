@@ -1,9 +1,9 @@
 """Tables for people: their one style in a terminal, and labels for the keys of figures."""
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
+if TYPE_CHECKING:
+    from rich.table import Table
 
 _UNITS: Final = {
     "nm rad": "N m/rad",
@@ -25,7 +25,7 @@ _UNITS: Final = {
 """Units by the ending of a key, longer endings first. Other units, such as mm, stay as they are."""
 
 
-def plain_table(title: str = "", *columns: str, padding: int = 1, header: bool = True) -> Table:
+def plain_table(title: str = "", *columns: str, padding: int = 1, header: bool = True) -> "Table":
     """Return a table without borders, its title at the left.
 
     Parameters
@@ -39,6 +39,9 @@ def plain_table(title: str = "", *columns: str, padding: int = 1, header: bool =
     header
         Whether the names of the columns are shown.
     """
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
     table = Table(
         title=title or None,
         title_justify="left",
