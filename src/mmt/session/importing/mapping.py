@@ -50,6 +50,7 @@ class _Mapping:
         self._notes: dict[str, None] = {}
         self._told: set[str] = set()
         self._by_name: dict[str, str] = {}
+        self._orders: dict[str, IntArray | None] = {}
 
     def samples(self) -> Samples:
         values: dict[Channel, FloatArray] = {}
@@ -69,6 +70,8 @@ class _Mapping:
             if (order := self._order(time_s, name)) is not None:
                 vectors, time_s = vectors[order], time_s[order]
                 names[channel] = partial(name_of, names[channel], order)
+            if vectors.ndim == 1:
+                vectors = self._path(vectors, time_s)
             if vectors.ndim == 3:
                 several = vectors.shape[1]
                 steps_s = np.diff(time_s) if sequence is None else FRAME_PERIOD_S
@@ -99,7 +102,10 @@ class _Mapping:
         )
 
     def _vectors(self, channel: Channel) -> FloatArray | None:
-        """Return a channel (n, 3), or (n, k, 3) for k samples per row; None if it is missing."""
+        """Return a channel (n, 3), or (n, k, 3) for k samples per row; None if it is missing.
+
+        If a speed (n,) is mapped in place of position, that is returned.
+        """
         if channel == "orientation":
             turns = self._of_axes(channel)
             return None if turns is None else normalised(turns)
@@ -116,7 +122,9 @@ class _Mapping:
                 )
             return whole
         joined = self._of_axes(channel)
-        return self._path() if joined is None and channel == "position" else joined
+        if joined is None and channel == "position" and "speed" in mapped:
+            return self._column("speed", "speed")
+        return joined
 
     def _of_axes(self, channel: Channel) -> FloatArray | None:
         """Return a channel whose components are columns of their own, or None if it has none."""
@@ -147,18 +155,10 @@ class _Mapping:
         shape = shapes.pop()
         return np.stack([np.broadcast_to(given[axis], shape) for axis in axes], axis=-1)
 
-    def _path(self) -> FloatArray | None:
-        """Integrate a mapped speed to positions (n, 3) along x; None if no speed is mapped."""
-        speed = self._column("speed", "speed") if "speed" in self._options.columns else None
-        if speed is None:
-            return None
-        name, time_s = self._time("position", len(speed))
-        order = self._order(time_s, name)
-        rows = slice(None) if order is None else order
-        steps_mm = np.diff(time_s[rows]) * (speed[rows][1:] + speed[rows][:-1]) / 2
-        x_mm = np.full(len(speed), np.nan)
-        x_mm[rows] = np.nancumsum([0.0, *steps_mm])
-        x_mm[~np.isfinite(speed)] = np.nan
+    def _path(self, speed: FloatArray, time_s: FloatArray) -> FloatArray:
+        """Integrate a speed (n,), mapped in place of position, to positions (n, 3) along x."""
+        steps_mm = np.diff(time_s) * (speed[1:] + speed[:-1]) / 2
+        x_mm = np.where(np.isfinite(speed), np.nancumsum([0.0, *steps_mm]), np.nan)
         self._note(
             f"position was made of {self._options.columns['speed']}: a straight path along x"
         )
@@ -298,14 +298,14 @@ class _Mapping:
     def _order(self, time_s: FloatArray, name: str) -> IntArray | None:
         """Return `order_of` times of a name, for rows without frame numbers, and note it."""
         columns = self._columns.values
-        if "sequence" in columns:
-            return None
-        order = order_of(time_s, (c for c in columns.values() if c.shape[:1] == time_s.shape))
-        if order is not None:
-            twice = len(time_s) - len(order)
-            left = f", and {twice} that were written twice were left out" if twice else ""
-            self._note(f"{name} falls: the rows were put in the order of their times{left}")
-        return order
+        if name not in self._orders and "sequence" not in columns:
+            alike = (column for column in columns.values() if column.shape[:1] == time_s.shape)
+            self._orders[name] = order = order_of(time_s, alike)
+            if order is not None:
+                twice = len(time_s) - len(order)
+                left = f", and {twice} that were written twice were left out" if twice else ""
+                self._note(f"{name} falls: the rows were put in the order of their times{left}")
+        return self._orders.get(name)
 
     def _stamps(self, channel: Channel) -> tuple[str, FloatArray] | None:
         """Return the name and the times (n,) of a channel in the file, or None."""
