@@ -109,8 +109,7 @@ def propose(path: str | Path, options: ImportOptions | None = None) -> Proposal:
     options = replace(options, units={**options.units, **units})
     standard = {*names, *_with_vectors(names)}
     found = set(mapped) | {target for target, name in STANDARD_NAMES.items() if name in standard}
-    timed = bool(read.times) or options.rate_hz is not None or _is_timed(names, mapped)
-    lacking = [] if timed else ["time"]
+    lacking = [] if _is_timed(read, options) else ["time"]
     if "speed" in found:
         found.add("position")
     lacking += [channel for channel in CHANNELS if not {channel, f"{channel}_x"} & found]
@@ -145,13 +144,8 @@ def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOpti
     times = _own_times(read, guessed) or _times_beside(read.names, guessed)
     given, columns = options.columns, {**guessed, **times, **options.columns}
     options = replace(options, columns=columns)
-    rates = Wanted(name for name in read.names if _RATE.search(name.lower()))
-    if rates and options.rate_hz is None and not read.times and not _is_timed(read.names, columns):
-        with suppress(InputError):  # texts, for instance
-            arrays = read_columns(path, rates, options).values.values()
-            told_hz = np.concatenate([*map(np.ravel, arrays)]).tolist()
-            if len(told_hz) == 1 and 0 < told_hz[0] < np.inf:
-                options = replace(options, rate_hz=told_hz[0])
+    if not _is_timed(read, options):
+        options = replace(options, rate_hz=_told_rate_hz(path, read.names, options))
     found = read_columns(path, wanted_names(options), options)
     position = guessed.get("position", "")
     if position in found.values and found.values[position].ndim == 1 and "position" not in given:
@@ -259,11 +253,22 @@ def _own_times(read: SourceColumns, columns: Mapping[str, str]) -> dict[str, str
     return {f"{channel}_time": times[channel] for channel in CHANNELS if times.get(channel)}
 
 
-def _is_timed(names: Sequence[str], columns: Mapping[str, str]) -> bool:
-    """Return whether a column is that of times, or rows are messages, which have times."""
-    standard = {*names} & {STANDARD_NAMES[target] for target in STANDARD_NAMES if "time" in target}
-    of_messages = any(text.startswith("/") for text in columns.values())
-    return bool(standard) or of_messages or any(target.endswith("time") for target in columns)
+def _is_timed(read: SourceColumns, options: ImportOptions) -> bool:
+    """Return whether rows have times: columns of them, a rate, or those of messages."""
+    standard = {target for target, name in STANDARD_NAMES.items() if name in read.names}
+    of_messages = any(text.startswith("/") for text in options.columns.values())
+    of_columns = any(target.endswith("time") for target in (*options.columns, *standard))
+    return bool(read.times) or options.rate_hz is not None or of_messages or of_columns
+
+
+def _told_rate_hz(path: Path, names: Sequence[str], options: ImportOptions) -> float | None:
+    """Return the rate that a file holds as its only number of such a name, or None."""
+    rates = Wanted(name for name in names if _RATE.search(name.lower()))
+    found = [0.0]
+    with suppress(InputError):  # texts, for instance
+        arrays = read_columns(path, rates, options).values.values() if rates else ()
+        found = [value for array in arrays for value in np.ravel(array).tolist()]
+    return found[0] if len(found) == 1 and 0 < found[0] < np.inf else None
 
 
 def _times_beside(names: Sequence[str], columns: Mapping[str, str]) -> dict[str, str]:
@@ -273,15 +278,16 @@ def _times_beside(names: Sequence[str], columns: Mapping[str, str]) -> dict[str,
     """
     found: dict[str, str] = {}
     for target, name in columns.items():
+        channel = quantity_of(target).replace("speed", "position")
+        if channel not in CHANNELS or name.startswith("/"):  # messages have their own
+            continue
         group = f"{VALUES.sub('', name) if VALUES.search(name) else name.rpartition('.')[0]}."
         own = re.escape(re.sub(r"[_. ][xyzXYZ]$", "", name))
         beside = re.compile(rf"{own}[_ ](?P<after>.+)|(?P<before>.+)[_ ]{own}")
-        channel = quantity_of(target).replace("speed", "position")
         for other in names:
             match = beside.fullmatch(other)
             word = (match["after"] or match["before"]) if match else other.removeprefix(group)
-            of_rows = channel in CHANNELS and not name.startswith("/")  # messages have their own
-            if of_rows and word != other and target_of(word.strip("_ ")) == "time":
+            if word != other and target_of(word.strip("_ ")) == "time":
                 found.setdefault(f"{channel}_time", other)
     return {target: name for target, name in found.items() if name != columns.get("time")}
 
