@@ -117,7 +117,8 @@ def test_a_small_file_that_takes_much_is_refused(tmp_path, name, make, time_s, t
     with pytest.raises(InputError, match=rf"^import \S*{name}: {told}"):
         import_session(path, reading_memory_gb=FEW_MB / 1e3, reading_time_s=time_s)
     assert peak_mb(resource.RUSAGE_SELF) < here_mb + 100
-    assert peak_mb(resource.RUSAGE_CHILDREN) < max(before_mb, FEW_MB) + 200
+    # a forked process begins with the peak of its parent
+    assert peak_mb(resource.RUSAGE_CHILDREN) < max(before_mb, here_mb, FEW_MB) + 200
 
 
 @pytest.mark.parametrize(
