@@ -101,9 +101,8 @@ def _measure(sensor: adxl335.Adxl335, duration_s: float) -> tuple[str, list[Rest
     """Prompt for each orientation and measure it."""
     sensor.connect()
     try:
-        calibration_file(
-            adxl335.CALIBRATED_AS, sensor.serial_number
-        )  # raises if there is no serial number
+        # raises if there is no serial number
+        calibration_file(adxl335.CALIBRATED_AS, sensor.serial_number)
         messages.print(
             "Put the sensor against something upright in six ways. Enter measures, s skips; "
             "each axis is needed once, all six are best."
@@ -200,9 +199,8 @@ def calibrate_tool(
         force_sensor.close()
         accelerometer.close()
     load = tool_load.identify([pose for pose in found if pose is not None])
-    path = save_calibration(
-        tool_load.CALIBRATED_AS, name, load.as_dict()
-    )  # whatever the turning brings
+    # whatever the turning brings
+    path = save_calibration(tool_load.CALIBRATED_AS, name, load.as_dict())
     devices = load_scene(Path(scene)).devices
     if devices is not None and devices.tool_axes:
         turned_s = _TURNED * duration_s

@@ -1,4 +1,4 @@
-"""Power spectral densities of autoregressive models, and what a measured power is worth by them."""
+"""Power spectral densities of autoregressive models, and effective sample sizes of powers."""
 
 from typing import Final
 
