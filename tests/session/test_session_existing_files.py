@@ -6,7 +6,7 @@ from session_samples import made_frames
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.session.files import read_session
-from mmt.session.mcap_windows import McapWindows
+from mmt.session.mcap_index import IndexedSession
 from mmt.session.recorder import McapRecorder
 
 
@@ -29,10 +29,9 @@ def test_a_recorder_refuses_a_file_that_holds_something(tmp_path):
 def test_a_recording_that_replaced_another_has_an_index_that_counts_from_its_beginning(tmp_path):
     path = record(tmp_path / "run.mcap", 3000, scene={"session": {"name": "first"}})
     record(path, 10, existing="replace", scene={"session": {"name": "second"}})
-    windows = McapWindows.open(path)
+    windows = IndexedSession.open(path)
     assert windows is not None
     assert windows.scene == {"session": {"name": "second"}}
-    windows.close()
 
 
 def test_a_recorder_that_numbers_takes_the_next_name(tmp_path):

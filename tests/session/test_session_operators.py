@@ -11,8 +11,9 @@ import mmt
 from mmt.cli.main import app
 from mmt.evaluation import tables
 from mmt.session.files import read_session, write_session
+from mmt.session.mcap_index import IndexedSession
 from mmt.session.operators import ControlPeriod, control_periods, control_sentence
-from mmt.session.stream import SessionStream, open_recording
+from mmt.session.stream import open_recording
 
 
 def event(time_s: float, control: object, operator: object = "ann") -> dict[str, Any]:
@@ -90,7 +91,7 @@ def test_evaluation_and_info_say_who_operated_and_judge_all_strokes_alike(tmp_pa
     alone, shared = tmp_path / "alone.mcap", tmp_path / "shared.mcap"
     write_session(alone, frames, scene=scene | given, annotations=truth)
     write_session(shared, frames, scene=scene | given, annotations=truth, events=HANDED)
-    assert isinstance(open_recording(shared), SessionStream)
+    assert isinstance(open_recording(shared), IndexedSession)
 
     figures = []
     for path, periods in ((alone, []), (shared, [period.as_dict() for period in PERIODS])):

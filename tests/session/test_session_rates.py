@@ -1,7 +1,6 @@
 """Sessions whose acceleration has several samples a frame: recorded, read, exported, imported."""
 
 import time
-from contextlib import closing
 
 import numpy as np
 import pytest
@@ -26,7 +25,7 @@ from mmt.session.files import export_session, import_session, read_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.info import info
-from mmt.session.mcap_windows import open_windows
+from mmt.session.mcap_index import open_windows
 from mmt.session.recorder import McapRecorder
 from mmt.session.recover import recover
 from mmt.session.stream import blocks_of, open_recording
@@ -69,10 +68,10 @@ def test_a_recording_says_its_rate_and_is_read_by_all_ways(tmp_path, samples_per
     assert {output.rate_hz for output in session.outputs} == {1000.0 * samples_per_frame}
     assert all(len(o.vibration_m_s2) == 20 * samples_per_frame for o in session.outputs)
     assert session.outputs[-1].end_s - session.outputs[0].time_s == pytest.approx(0.06)
-    with closing(open_windows(path)) as windows:
-        assert windows.samples_per_frame == samples_per_frame
-        np.testing.assert_array_equal(windows.window(-1.0, 1e9).frames, frames)
-        assert windows.window(0.0, 0.0).frames.dtype == frames.dtype
+    windows = open_windows(path)
+    assert windows.samples_per_frame == samples_per_frame
+    np.testing.assert_array_equal(windows.window(-1.0, 1e9).frames, frames)
+    assert windows.window(0.0, 0.0).frames.dtype == frames.dtype
     recover(path, tmp_path / "again.mcap")
     np.testing.assert_array_equal(read_session(tmp_path / "again.mcap").frames, frames)
     export_session(session, tmp_path / "whole.mcap")
@@ -169,8 +168,8 @@ def test_acceleration_and_output_have_one_rate(tmp_path):
     )
     export_session(still, tmp_path / "still.mcap")
     assert read_session(tmp_path / "still.mcap").outputs[0].rate_hz == 4000.0
-    with closing(open_windows(tmp_path / "still.mcap")) as windows:
-        assert windows.samples_per_frame == 4
+    windows = open_windows(tmp_path / "still.mcap")
+    assert windows.samples_per_frame == 4
 
 
 def test_columns_are_a_table_and_one_line_makes_them_a_signal():

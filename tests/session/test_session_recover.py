@@ -4,7 +4,6 @@ import struct
 import subprocess
 import sys
 import tracemalloc
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +19,10 @@ from mmt.core.frames import CHANNELS
 from mmt.session.data import OutputBlock
 from mmt.session.files import read_session, write_session
 from mmt.session.info import info
-from mmt.session.mcap_windows import open_windows
+from mmt.session.mcap_index import IndexedSession, open_windows
 from mmt.session.mcap_writer import SessionWriter
 from mmt.session.recover import recover
-from mmt.session.stream import SessionStream, blocks_of, open_recording
+from mmt.session.stream import blocks_of, open_recording
 
 FLUSH_FRAMES = 500
 
@@ -318,12 +317,12 @@ def test_a_session_is_read_whatever_it_is_packed_by(
     session = read_session(path)
     np.testing.assert_array_equal(session.frames, frames)
     stream = open_recording(path)
-    assert isinstance(stream, SessionStream)
+    assert isinstance(stream, IndexedSession)
     np.testing.assert_array_equal(np.concatenate(list(blocks_of(stream))), frames)
     assert len(stream.events) == len(session.events) == 10
-    with closing(open_windows(path)) as windows:
-        assert not windows.in_memory
-        np.testing.assert_array_equal(windows.window(0.0, 10.0).frames, frames)
+    windows = open_windows(path)
+    assert not windows.in_memory
+    np.testing.assert_array_equal(windows.window(0.0, 10.0).frames, frames)
 
 
 @pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
@@ -341,8 +340,8 @@ def test_a_chunk_larger_than_it_says_is_damaged(tmp_path, whole, compression):
         read_session(path)
     with pytest.raises(InputError, match="mmt session recover"):
         list(blocks_of(open_recording(path)))
-    with closing(open_windows(path)) as windows:
-        assert 0 < len(windows.window(0.0, 10.0).frames) < len(whole[1])
+    windows = open_windows(path)
+    assert 0 < len(windows.window(0.0, 10.0).frames) < len(whole[1])
 
 
 def test_a_small_file_that_unpacks_to_much_is_refused_before_it_does(tmp_path, monkeypatch):

@@ -11,8 +11,9 @@ from mmt.core.frames import CHANNELS
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.session.data import RecordedSession
 from mmt.session.files import read_session, write_session
+from mmt.session.mcap_index import IndexedSession
 from mmt.session.recorder import McapRecorder
-from mmt.session.stream import SessionStream, blocks_of, in_memory, open_recording
+from mmt.session.stream import blocks_of, in_memory, open_recording
 from mmt.texture.online.history import stream_blocks
 from mmt.texture.signals.numbering import StreamNumbering
 
@@ -28,7 +29,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_stream_has_the_frames_of_the_file_in_their_order(file: Path) -> None:
     stream, session = open_recording(file), read_session(file)
-    assert isinstance(stream, SessionStream)
+    assert isinstance(stream, IndexedSession)
     for _ in range(2):  # every reading begins anew
         blocks = list(blocks_of(stream))
         assert len(blocks) > 1

@@ -1,7 +1,5 @@
 """A window of a recording holds what the whole recording holds there."""
 
-from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +13,11 @@ from mmt.core.frames import CHANNELS
 from mmt.session.data import OutputBlock, RecordedSession
 from mmt.session.files import export_session, read_session, write_session
 from mmt.session.info import info
-from mmt.session.mcap_windows import open_windows
+from mmt.session.mcap_index import IndexedSession, open_windows
 from mmt.session.mcap_writer import FRAMES_TOPIC, open_writer
 from mmt.session.messages import FRAME_BLOCK, FrameCodec, frame_schema
 from mmt.session.recorder import McapRecorder
-from mmt.session.stream import SessionStream, open_recording
+from mmt.session.stream import open_recording
 from mmt.session.windows import SessionWindows
 
 COUNT = 3000
@@ -43,9 +41,8 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def windows(recorded: Path) -> Iterator[SessionWindows]:
-    with closing(open_windows(recorded)) as windows:
-        yield windows
+def windows(recorded: Path) -> SessionWindows:
+    return open_windows(recorded)
 
 
 def test_a_whole_file_is_read_by_its_index(windows: SessionWindows) -> None:
@@ -94,8 +91,8 @@ def test_frames_that_came_late_stand_at_their_places(tmp_path: Path) -> None:
         for index in [*range(40), *range(60, 100)]:
             recorder.record_frames(frames[index : index + 1])
         recorder.record_backfill(frames[40:60], 5_040_000_000)
-    with closing(open_windows(path)) as windows:
-        found = windows.window(0.0, 10.0)
+    windows = open_windows(path)
+    found = windows.window(0.0, 10.0)
     np.testing.assert_array_equal(found.frames, frames)
     assert (np.diff(found.time_s) >= 0).all()
     assert int(found.arrivals[0, 0]) == 5_000_000_000
@@ -113,17 +110,10 @@ def test_blocks_that_another_writer_has_numbered_otherwise_are_read(tmp_path: Pa
             came_ns = int(block["time_ns"][0])
             writer.add_message(channel, came_ns, codec.encode(block), came_ns, 1000 + number)
         writer.finish()
-    with closing(open_windows(path)) as windows:
-        found = windows.window(0.0, 1.0)
+    windows = open_windows(path)
+    found = windows.window(0.0, 1.0)
     np.testing.assert_array_equal(found.frames, frames)
     np.testing.assert_allclose(found.time_s, (frames["time_ns"] - frames["time_ns"][0]) / 1e9)
-
-
-def test_another_view_is_independent(windows: SessionWindows) -> None:
-    other = windows.reopen()
-    other.window(0.0, 1.0)
-    other.close()
-    assert len(windows.window(2.9, 3.0).frames) > 0
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".csv"])
@@ -133,7 +123,6 @@ def test_other_kinds_are_held_in_memory(tmp_path: Path, suffix: str) -> None:
     windows = open_windows(path)
     assert windows.in_memory
     assert len(windows.window(0.0, 0.1).frames) == pytest.approx(100, abs=2)
-    assert windows.reopen() is windows
 
 
 def test_a_file_that_was_cut_off_shows_what_it_holds(tmp_path: Path, recorded: Path) -> None:
@@ -157,14 +146,14 @@ def test_times_of_a_recording_from_mid_session_count_from_its_first_frame(
         recorder.record_frames(FRAMES[1000:])
     if not whole:
         path.write_bytes(path.read_bytes()[:-200])
-    with closing(open_windows(path)) as windows:
-        assert windows.in_memory is not whole
-        assert [event["at_s"] for event in windows.events] == [0.25, 0.5, 0.75]
+    windows = open_windows(path)
+    assert windows.in_memory is not whole
+    assert [event["at_s"] for event in windows.events] == [0.25, 0.5, 0.75]
     assert [period.from_s for period in info(path).control] == [0.0, 0.25, 0.5, 0.75]
     assert info(path).hand_overs[0] == "0.250 s: told"
     if whole:
         streamed = open_recording(path)
-        assert isinstance(streamed, SessionStream)
+        assert isinstance(streamed, IndexedSession)
         assert [event["time_s"] for event in streamed.events] == [0.25, 0.5, 0.75]
 
 
@@ -173,8 +162,8 @@ def test_a_damaged_chunk_is_a_gap(tmp_path: Path, recorded: Path) -> None:
     data[len(data) // 3] ^= 0xFF
     path = tmp_path / "damaged.mcap"
     path.write_bytes(data)
-    with closing(open_windows(path)) as windows:
-        frames = windows.window(0.0, 10.0).frames
+    windows = open_windows(path)
+    frames = windows.window(0.0, 10.0).frames
     assert 0 < len(frames) < COUNT
     assert np.isin(frames["sequence"], FRAMES["sequence"]).all()
 

@@ -152,6 +152,8 @@ def evaluate_session(
     )
 
     duration_s = (seen.highest + 1 - seen.first) / settings.rate_hz
+    # a file is read again for its events: only if control may have changed hands
+    events = session.events if "control" in (session.scene or {}) else ()
     final_s = duration_s if leader.stop_s is None else leader.stop_s
     model = scorer.model(final_s)  # kept, so that it is built only once
     worst, errors = scorer.errors(final_s)
@@ -193,7 +195,7 @@ def evaluate_session(
         course=np.array([(u.time_s, u.progress.value) for u in leader.updates]),
         models=leader,
         power_map=errors,
-        control=control_periods(session.events, duration_s),
+        control=control_periods(events, duration_s),
         at_skin=at_skin(session, model, truth, strokes),
         touch_downs=held_out_errors(leader.log.touch_downs, settings.vibration_rate_hz),
         processing_s=time.perf_counter() - started,

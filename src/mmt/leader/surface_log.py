@@ -145,16 +145,13 @@ def replayed_words(replay: Replay) -> list[SurfaceStatement]:
     Their sequence numbers are those of the replay, which begin at 0. Empty if the file is not on
     this machine, or if gaps are closed up, which moves the numbers.
     """
-    from mmt.session.mcap_windows import open_windows
+    from mmt.session.mcap_index import open_windows
 
     if replay.file is None or replay.gaps != "keep" or not replay.file.is_file():
         return []
     session = open_windows(replay.file)
-    try:
-        words = surface_statements(session.events)
-        beginning = session.window(0.0, min(1.0, session.duration_s)).frames["sequence"]
-    finally:
-        session.close()
+    words = surface_statements(session.events)
+    beginning = session.window(0.0, min(1.0, session.duration_s)).frames["sequence"]
     first = int(beginning[0]) if len(beginning) else 0
     return [SurfaceStatement(max(0, word.sample - first), word.surface) for word in words]
 

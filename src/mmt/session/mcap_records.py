@@ -198,6 +198,14 @@ def open_records(stream: BinaryIO) -> Iterator[RecordWalk]:
         yield RecordWalk(data)
 
 
+def problems_of(stream: BinaryIO) -> list[str]:
+    """Return the problems of a non-empty file, none if it is whole; see `RecordWalk`."""
+    with open_records(stream) as records:
+        for _ in records:
+            pass
+        return records.problems
+
+
 def intact(attachment: bytes) -> bool:
     """Return whether an attachment's checksum is right.
 

@@ -245,7 +245,7 @@ def read_index(path: Path, stream: BinaryIO) -> tuple[Any, Any] | None:
     return (reader, summary) if chunks and size <= most_bytes(path) else None
 
 
-def chunk_messages(stream: BinaryIO, index: ChunkIndex) -> list[Message]:
+def chunk_messages(path: Path, index: ChunkIndex) -> list[Message]:
     """Return the messages of a chunk, given its entry in the file's index.
 
     Raises
@@ -253,8 +253,9 @@ def chunk_messages(stream: BinaryIO, index: ChunkIndex) -> list[Message]:
     Exception
         As in `unpacked`; also if the chunk is larger than its entry says.
     """
-    stream.seek(index.chunk_start_offset + HEAD.size)
-    chunk = Chunk.read(ReadDataStream(stream))
+    with path.open("rb") as stream:
+        stream.seek(index.chunk_start_offset + HEAD.size)
+        chunk = Chunk.read(ReadDataStream(stream))
     records = breakup_chunk(unpacked(chunk, index.uncompressed_size), validate_crc=True)
     return [record for record in records if isinstance(record, Message)]
 

@@ -1,55 +1,18 @@
 """Read a session file from beginning to end, a few chunks at a time, to bound memory."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Union
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.core.frames import samples_per_frame
-from mmt.session.data import JsonObject, RecordedSession
+from mmt.session.data import RecordedSession
 from mmt.session.files import read_session
 
 if TYPE_CHECKING:
-    from mmt.session.messages import FrameCodec
+    from mmt.session.mcap_index import IndexedSession
 
-_MCAP: Final = ".mcap"
-
-
-@dataclass(frozen=True, eq=False)
-class SessionStream:
-    """A session whose frames stay in its file; for other fields see `RecordedSession`."""
-
-    path: Path
-    codec: "FrameCodec" = field(repr=False)
-    """Codec of the messages with frames."""
-    scene: JsonObject | None = None
-    annotations: bytes = b""
-    complete: bool = True
-    events: Sequence[JsonObject] = ()
-    """The events if the scene has ``[control]``, else empty."""
-
-    @property
-    def samples_per_frame(self) -> int:
-        """Samples of acceleration per frame."""
-        return samples_per_frame(self.codec.dtype)
-
-    def blocks(self) -> Iterator[RecordArray]:
-        """Yield the frames (n,) of a few chunks at a time; each call starts at the beginning.
-
-        Raises
-        ------
-        InputError
-            The file is damaged; the message says how to recover it.
-        """
-        from mmt.session.mcap_chunks import frame_payloads
-
-        for payloads in frame_payloads(self.path):
-            yield self.codec.decode(payloads)
-
-
-Recording = RecordedSession | SessionStream
+Recording = Union[RecordedSession, "IndexedSession"]
 """A recorded session, in memory or in its file."""
 
 
@@ -82,18 +45,19 @@ def open_recording(path: Path) -> Recording:
     InputError
         See `mmt.read_session`.
     """
-    if path.suffix.lower() == _MCAP:
-        from mmt.session.mcap_chunks import open_in_order
+    indexed = None
+    if path.suffix.lower() == ".mcap":
+        from mmt.session.mcap_index import IndexedSession
 
-        stream = open_in_order(path)
-        if stream is not None:
-            return SessionStream(path, *stream)
-    return read_session(path)
+        indexed = IndexedSession.open_in_order(path)
+    return read_session(path) if indexed is None else indexed
 
 
 def blocks_of(recording: Recording) -> Iterator[RecordArray]:
     """Return an iterator over a recording's frames, in blocks (n,)."""
-    return recording.blocks() if isinstance(recording, SessionStream) else iter([recording.frames])
+    return (
+        iter([recording.frames]) if isinstance(recording, RecordedSession) else recording.blocks()
+    )
 
 
 def in_memory(recording: Recording) -> RecordedSession:
@@ -104,4 +68,4 @@ def in_memory(recording: Recording) -> RecordedSession:
     InputError
         See `mmt.read_session`.
     """
-    return read_session(recording.path) if isinstance(recording, SessionStream) else recording
+    return recording if isinstance(recording, RecordedSession) else read_session(recording.path)

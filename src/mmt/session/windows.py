@@ -7,7 +7,7 @@ less than the session time in the events' ``time_s``.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol, Self
+from typing import Protocol
 
 import numpy as np
 
@@ -38,7 +38,7 @@ class Window:
 
 
 class SessionWindows(Protocol):
-    """A recording that is read in windows; not thread-safe, see `reopen`."""
+    """A recording that is read in windows, by any thread."""
 
     path: Path
     scene: JsonObject | None
@@ -47,21 +47,17 @@ class SessionWindows(Protocol):
     samples_per_frame: int
     """Samples of acceleration, and of the output, per frame."""
     duration_s: float
-    events: Sequence[JsonObject]
-    """In order, each with its recording time as ``at_s``."""
     has_output: bool
     """Whether the leader's output was recorded."""
     in_memory: bool
     """Whether the whole session is in memory."""
 
+    @property
+    def events(self) -> Sequence[JsonObject]:
+        """The events in order, each with its recording time as ``at_s``."""
+
     def window(self, begin_s: float, end_s: float) -> Window:
         """Return the content from `begin_s` up to before `end_s`, in recording time."""
-
-    def reopen(self) -> Self:
-        """Return another view of the same recording, for another thread."""
-
-    def close(self) -> None:
-        """Close the file."""
 
 
 def overlapping(outputs: Sequence[OutputBlock], begin_s: float, end_s: float) -> list[OutputBlock]:
@@ -104,10 +100,3 @@ class MemoryWindows:
         first, stop = np.searchsorted(self._time_s, [begin_s, end_s]).tolist()
         outputs = overlapping(self._outputs, begin_s, end_s)
         return Window(self._time_s[first:stop], self._frames[first:stop], outputs)
-
-    def reopen(self) -> Self:
-        """Return this object, which is immutable."""
-        return self
-
-    def close(self) -> None:
-        """Do nothing: no file is open."""

@@ -103,7 +103,7 @@ class ModelRebuild:
     Parameters
     ----------
     windows
-        The recording; closed by `close`.
+        The recording.
     settings
         Settings of the modelling.
     period_s
@@ -134,12 +134,11 @@ class ModelRebuild:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop the thread, and close the recording and the snapshots."""
+        """Stop the thread, and close the snapshots."""
         self._leave.set()
         if self._thread.ident is not None:
             self._thread.join()
         self.snapshots.close()
-        self._windows.close()
 
     def at(self, time_s: float) -> ModelState | None:
         """Return the state at a recording time, or None before the first update."""

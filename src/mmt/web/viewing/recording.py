@@ -7,7 +7,7 @@ from mmt.core.errors import InputError
 from mmt.core.verdict import Facts, Verdict, verdict
 from mmt.scene import Scene, Texture
 from mmt.scene.files import scene_of_recording
-from mmt.session.mcap_windows import open_windows
+from mmt.session.mcap_index import open_windows
 from mmt.session.windows import SessionWindows, Window
 from mmt.texture.model.texture_model import TextureModel
 from mmt.web.binary_messages import pack
@@ -61,10 +61,9 @@ class ViewedRecording:
             self._rebuilding.start()
 
     def close(self) -> None:
-        """Stop the thread and close the file."""
+        """Stop the thread."""
         if self._rebuilding is not None:
             self._rebuilding.close()
-        self.windows.close()
 
     # --- what the page asks for
 
@@ -193,7 +192,7 @@ class ViewedRecording:
             self._remarks = [f"No model: the recording has no {' and no '.join(lacking)} channel."]
             return None
         period_s = self._texture.update_period_s
-        return ModelRebuild(self.windows.reopen(), self.settings, period_s)
+        return ModelRebuild(self.windows, self.settings, period_s)
 
 
 def _completion(state: ModelState | None) -> dict[str, Any] | None:

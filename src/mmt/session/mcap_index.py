@@ -1,11 +1,10 @@
-"""Windows of an indexed session file: each chunk is read when a window needs it."""
+"""Indexed session files: each chunk is read when a block of frames or a window needs it."""
 
 from collections.abc import Iterator, Sequence
-from copy import copy
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, BinaryIO, Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from mcap.records import ChunkIndex, Message
@@ -21,18 +20,23 @@ from mmt.session.mcap_reader import (
     scanned_session,
     utc_offset_ns,
 )
+from mmt.session.mcap_records import problems_of
 from mmt.session.mcap_scan import DAMAGE, chunk_messages, read_index, scan_mcap
 from mmt.session.mcap_writer import (
+    ANNOTATIONS_ATTACHMENT,
     BACKFILL_TOPIC,
     EVENTS_TOPIC,
     FRAMES_TOPIC,
     OUTPUT_TOPIC,
+    RECOVERY_METADATA,
     SCENE_METADATA,
     SESSION_METADATA,
 )
 from mmt.session.messages import OutputCodec
 from mmt.session.windows import MemoryWindows, SessionWindows, Window, overlapping
 
+_CHUNKS_TOGETHER: Final = 8
+"""Chunks whose frames make one block, a few seconds of a session."""
 _CHUNKS_KEPT: Final = 64
 """Size of the cache of decoded chunks: 30 s or more, some 100 KB each; playback reads each once."""
 
@@ -48,14 +52,17 @@ class _Part:
     late: bool
 
 
-class McapWindows:
-    """Windows of a session file with an index; see `mmt.session.windows.SessionWindows`."""
+class IndexedSession:
+    """A session file with an index, whose frames stay in it; any thread may read.
+
+    `open` makes one. For its attributes see `mmt.session.windows.SessionWindows` and
+    `mmt.session.data.RecordedSession`.
+    """
 
     in_memory = False
 
-    def __init__(self, path: Path, stream: BinaryIO, reader: Any, summary: Any) -> None:
+    def __init__(self, path: Path, reader: Any, summary: Any) -> None:
         self.path = path
-        self._stream = stream
         self._chunks: list[ChunkIndex] = sorted(
             (index for index in summary.chunk_indexes if index.message_index_offsets),
             key=lambda index: index.chunk_start_offset,
@@ -67,6 +74,9 @@ class McapWindows:
         self.scene: JsonObject | None = (
             None if scene is None else json_object(scene, f"session {path}: the scene")
         )
+        attached = [a.data for a in reader.iter_attachments() if a.name == ANNOTATIONS_ATTACHMENT]
+        self.annotations: bytes = attached[-1] if attached else b""
+        self.complete = not metadata.get(RECOVERY_METADATA)
         about = metadata.get(SESSION_METADATA, {})
         self.session_id: str | None = about.get("session_id")
         self._codec = frame_codec(path, summary.channels, summary.schemas, about)
@@ -77,7 +87,9 @@ class McapWindows:
         self._output_codec = OutputCodec(output_schema.data) if output_schema else None
         self._utc_offset_ns = utc_offset_ns(about) or 0
         self._part = lru_cache(_CHUNKS_KEPT)(self._read_part)
-        self._start_ns = self._first_frame_ns()
+        first = next(self._on_topic(FRAMES_TOPIC), None)
+        self.has_frames = first is not None
+        self._start_ns = 0 if first is None else int(first.log_time)
         self._begins_s, self._ends_s = (
             (np.array(times_ns, dtype=np.int64) - self._start_ns) / 1e9
             for times_ns in (
@@ -88,7 +100,6 @@ class McapWindows:
         # a message has the time of its first sample, and lasts 20 ms or slightly longer
         self.duration_s = float(self._ends_s.max()) + 0.02
         self.has_output = self._output_codec is not None
-        self.events: Sequence[JsonObject] = self._read_events()
 
     @classmethod
     def open(cls, path: Path) -> Self | None:
@@ -97,24 +108,57 @@ class McapWindows:
         Raises
         ------
         InputError
-            The file is missing, not a session, or holds no frames.
+            The file is not a session, of a newer version, or its scene is not valid.
         """
         try:
-            stream = path.open("rb")
-        except OSError as error:
-            raise InputError(f"session {path}: {error.strerror or error}") from error
-        try:
-            found = read_index(path, stream)
-            if found is None:
-                stream.close()
-                return None
-            return cls(path, stream, *found)
+            with path.open("rb") as stream:
+                found = read_index(path, stream)
+                return None if found is None else cls(path, *found)
         except (*DAMAGE, OSError):
-            stream.close()
             return None
-        except InputError:
-            stream.close()
-            raise
+
+    @classmethod
+    def open_in_order(cls, path: Path) -> Self | None:
+        """Open a file for `blocks`; None if it must be read whole.
+
+        That is the case if it has back-filled frames, or any damage. Raises as `open` does.
+        """
+        session = cls.open(path)
+        if session is None or BACKFILL_TOPIC in session._topics.values():
+            return None
+        with path.open("rb") as stream:
+            return None if problems_of(stream) else session
+
+    @cached_property
+    def events(self) -> Sequence[JsonObject]:
+        """The events in order, each with its recording time as ``at_s``; reads the file."""
+        events = (
+            recorded_event(self.path, m, self._mcap_channels[m.channel_id], self._start_ns)
+            for m in self._on_topic(EVENTS_TOPIC)
+        )
+        timed = [{**event, "at_s": event["time_s"]} for event in events]
+        return sorted(timed, key=lambda event: float(event["at_s"]))
+
+    def blocks(self) -> Iterator[RecordArray]:
+        """Yield the frames (n,) of a few chunks at a time; each call starts at the beginning.
+
+        Raises
+        ------
+        InputError
+            A chunk is damaged; the message says how to recover the file.
+        """
+        for first in range(0, len(self._chunks), _CHUNKS_TOGETHER):
+            messages: list[Message] = []
+            for index in self._chunks[first : first + _CHUNKS_TOGETHER]:
+                try:
+                    messages += chunk_messages(self.path, index)
+                except (*DAMAGE, OSError) as error:
+                    raise InputError(
+                        f"session {self.path}: a chunk cannot be read ({error}); save what is "
+                        f"readable with: mmt session recover {self.path}"
+                    ) from error
+            live = (m for m in messages if self._topics.get(m.channel_id) == FRAMES_TOPIC)
+            yield self._codec.decode([message.data for message in live])
 
     def window(self, begin_s: float, end_s: float) -> Window:
         """See `mmt.session.windows.SessionWindows.window`.
@@ -144,24 +188,7 @@ class McapWindows:
             time_s, frames, outputs, arrivals[(arrived_s >= begin_s) & (arrived_s < end_s)]
         )
 
-    def reopen(self) -> Self:
-        """See `mmt.session.windows.SessionWindows.reopen`."""
-        other = copy(self)
-        other._stream = self.path.open("rb")
-        other._part = lru_cache(_CHUNKS_KEPT)(other._read_part)
-        return other
-
-    def close(self) -> None:
-        """Close the file."""
-        self._stream.close()
-
     # ---
-
-    def _first_frame_ns(self) -> int:
-        first = next(self._on_topic(FRAMES_TOPIC), None)
-        if first is None:
-            raise InputError(f"session {self.path}: it holds no frames")
-        return int(first.log_time)
 
     def _on_topic(self, topic: str) -> Iterator[Message]:
         """Yield the messages of a topic, in the order of the file."""
@@ -173,17 +200,9 @@ class McapWindows:
     def _messages(self, index: ChunkIndex) -> list[Message]:
         """Return the messages of a chunk, or none if the chunk is damaged."""
         try:
-            return chunk_messages(self._stream, index)
-        except DAMAGE:
+            return chunk_messages(self.path, index)
+        except (*DAMAGE, OSError):
             return []
-
-    def _read_events(self) -> list[JsonObject]:
-        events = (
-            recorded_event(self.path, m, self._mcap_channels[m.channel_id], self._start_ns)
-            for m in self._on_topic(EVENTS_TOPIC)
-        )
-        timed = [{**event, "at_s": event["time_s"]} for event in events]
-        return sorted(timed, key=lambda event: float(event["at_s"]))
 
     def _read_part(self, number: int) -> _Part:
         """Decode a chunk; `_part` does so from a cache if possible."""
@@ -248,5 +267,9 @@ def open_windows(path: str | Path) -> SessionWindows:
     path = Path(path)
     if path.suffix.lower() != ".mcap":
         return MemoryWindows(read_session(path))
-    indexed = McapWindows.open(path)
-    return indexed if indexed is not None else MemoryWindows(scanned_session(scan_mcap(path)))
+    indexed = IndexedSession.open(path)
+    if indexed is None:
+        return MemoryWindows(scanned_session(scan_mcap(path)))
+    if not indexed.has_frames:
+        raise InputError(f"session {path}: it holds no frames")
+    return indexed
