@@ -8,7 +8,7 @@ from mmt.leader.building import LeaderParts
 from mmt.leader.part import Session
 from mmt.leader.publishing import PublishingPart
 from mmt_bridges.lsl.streams import Streams
-from mmt_bridges.lsl.table import Lsl
+from mmt_bridges.tables import Lsl
 
 _LINGER_S: Final = 0.5
 """Time that recipients have to fetch the last samples, which liblsl drops with the outlet."""

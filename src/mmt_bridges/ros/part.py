@@ -23,7 +23,7 @@ from mmt.core.programs import python_command
 from mmt.leader.part import Session
 from mmt.leader.publishing import Block, Marker, PublishingPart
 from mmt.session.data import to_json
-from mmt_bridges.ros.table import Ros
+from mmt_bridges.tables import Ros
 
 if TYPE_CHECKING:
     from mmt.leader.building import LeaderParts

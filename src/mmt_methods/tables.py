@@ -4,7 +4,7 @@ from typing import Final
 
 from mmt.scene.added import AddedPart
 
-PART: Final = AddedPart(
+GENERATING: Final = AddedPart(
     "mmt_methods.generators.part:GeneratingPart",
     before="vibration",
     key="rendering.generator",
