@@ -11,8 +11,8 @@ from link_samples import CHANNELS, FollowerNotes, LeaderNotes, follower, frames,
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import frame_dtype
 from mmt.core.sequence_numbers import Range
-from mmt.link.backfill import FRAMES_PER_MESSAGE, BackfillSender, FrameBuffer
 from mmt.link.endpoint import LeaderEvents
+from mmt.link.frame_sender import FRAMES_PER_MESSAGE, BackfillSender, FrameBuffer
 from mmt.link.protocol import BACKFILL, GONE, MAX_RANGES, encode_event
 from mmt.link.queue import SendQueue
 

@@ -19,9 +19,8 @@ from link_samples import (
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import ALL_CHANNELS, CHANNELS, MOST_SAMPLES, SEQUENCES, Channel
-from mmt.link.backfill import FrameBuffer
 from mmt.link.endpoint import LeaderEvents
-from mmt.link.frame_sender import FrameSender
+from mmt.link.frame_sender import FrameBuffer, FrameSender
 from mmt.link.protocol import MAX_MESSAGE_BYTES, MAX_RECORDS_PER_MESSAGE, FollowerHello
 from mmt.link.queue import SendQueue
 from mmt.link.rate_limit import RateLimit

@@ -11,11 +11,10 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import COMMAND_DTYPE
 from mmt.core.ticking import TimeHistogram
 from mmt.link.access import Access
-from mmt.link.backfill import BackfillSender
 from mmt.link.clock_exchange import ClockRequester
 from mmt.link.connection import LeaderConnection
 from mmt.link.endpoint import Endpoint, ExtraEvent, FollowerEvents
-from mmt.link.frame_sender import FrameSender
+from mmt.link.frame_sender import BackfillSender, FrameSender
 from mmt.link.protocol import (
     CLOCK,
     COMMANDS,
