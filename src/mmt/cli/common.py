@@ -19,11 +19,9 @@ from rich.text import Text
 
 from mmt.cli.options import simplify_help
 from mmt.core.errors import InputError, MmtError, printable
-from mmt.core.existing_files import free_folder, write_file
 from mmt.core.extras import __version__, optional_import
 from mmt.core.programs import on_end_signal, restoring_end_signals
 from mmt.core.queued_output import finish_output, hurry_output, is_queued, queue_output
-from mmt.core.tables import label, plain_table
 
 STANDARD_OUTPUT: Final = Path("-")
 """Value of a file option that stands for standard output."""
@@ -151,6 +149,8 @@ def report_option(help_text: str = "Write a report there.") -> Any:
     """Return the option ``--report``: a folder, with a number if it already holds a report."""
 
     def taken(folder: Path | None) -> Path | None:
+        from mmt.core.existing_files import free_folder
+
         return None if folder is None else free_folder(folder)
 
     return typer.Option("--report", metavar="FOLDER", callback=taken, help=help_text)
@@ -168,6 +168,8 @@ def write_json(path: Path | None, content: object) -> None:
         return
     text = json.dumps(content, indent=2) + "\n"
     if path != STANDARD_OUTPUT:
+        from mmt.core.existing_files import write_file
+
         write_file(path, text)
         return
     try:
@@ -231,6 +233,8 @@ def stopping_on_signals(stop: Callable[[], None]) -> Iterator[None]:
 
 def summary_table(title: str, summary: Mapping[str, Any]) -> Table:
     """Return a summary's nested mappings as a table with rows of part, figure and value."""
+    from mmt.core.tables import plain_table
+
     table = plain_table(title, header=False)
     table.add_column("part", style="bold")
     table.add_column("figure")
@@ -247,6 +251,8 @@ def flatten(content: object, prefix: str = "") -> list[tuple[str, str]]:
     """Return nested mappings as (name, text) pairs; empty values are left out."""
     if not isinstance(content, Mapping):
         return [] if content in (None, "", [], {}) else [(prefix, as_text(content))]
+    from mmt.core.tables import label
+
     rows: list[tuple[str, str]] = []
     for name, value in content.items():
         words = label(name)

@@ -3,14 +3,15 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import InputError
-from mmt.devices.protocols import Vector
 from mmt.scene import Devices, Replay, Scene, Simulated
 
 if TYPE_CHECKING:
     from mmt.devices.source import FrameReceiver, LossWatcher
     from mmt.devices.tool_load import LoadRemover
+    from mmt.testing.simulation.course import SurfaceCourse
+    from mmt.testing.simulation.known_surfaces import KnownSurface
 
 
 class FollowerSource(Protocol):
@@ -99,13 +100,18 @@ def build_source(scene: Scene) -> FollowerSource:
 
 
 def _simulated(scene: Scene, table: Simulated) -> FollowerSource:
-    from mmt.testing.simulation.course import surface_of
     from mmt.testing.simulation.follower import SimulatedFollower
+    from mmt.testing.simulation.textures import get_surface
 
     session = scene.session
-    surface = surface_of(
-        table, session.duration_s, session.seed, float(session.acceleration_rate_hz)
-    )
+    surface: KnownSurface | SurfaceCourse
+    rate_hz = float(session.acceleration_rate_hz)
+    if table.course is None:
+        surface = get_surface(table.surface, rate_hz)
+    else:
+        from mmt.testing.simulation.course import surface_of
+
+        surface = surface_of(table, session.duration_s, session.seed, rate_hz)
     return SimulatedFollower(table, channels=scene.channels(), seed=session.seed, surface=surface)
 
 

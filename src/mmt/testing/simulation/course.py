@@ -186,9 +186,9 @@ class CourseVibration(VibrationSource):
         ]
 
     @property
-    def surface(self) -> KnownSurface:
-        """The surface under the tool."""
-        return self._course.surfaces[self._watch.surface]
+    def friction_coefficient(self) -> float:
+        """Friction of the surface under the tool."""
+        return self._course.surfaces[self._watch.surface].friction_coefficient
 
     def run(
         self,

@@ -2,16 +2,17 @@
 
 from collections.abc import Sequence
 from math import isfinite
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from mmt.core.arrays import RecordArray
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import RecordArray, Vector
 from mmt.scene import Simulated
 from mmt.testing.simulation import START_MM
-from mmt.testing.simulation.course import SurfaceCourse
 from mmt.testing.simulation.instruments import Instruments
 from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.robot import SimulatedRobot, TipState
+
+if TYPE_CHECKING:
+    from mmt.testing.simulation.course import SurfaceCourse
 
 
 class MovedTip(Protocol):
@@ -49,7 +50,7 @@ class SimulatedFollower:
         *,
         channels: Sequence[str],
         seed: int,
-        surface: KnownSurface | SurfaceCourse,
+        surface: "KnownSurface | SurfaceCourse",
     ) -> None:
         self._settings = settings
         self._surface = surface

@@ -8,18 +8,20 @@ resolution of 0.03 mm as of a Phantom Premium.
 
 from collections.abc import Sequence
 from math import cos, floor, hypot, pi, sin, sqrt
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import frame_dtype, frame_struct, ordered_channels
-from mmt.devices.protocols import Vector
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ, NoiseRows
-from mmt.testing.simulation.course import CourseVibration, SurfaceCourse
 from mmt.testing.simulation.known_surfaces import KnownSurface, vibration_of
 from mmt.testing.simulation.robot import TipState
+from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.vibration import VibrationSource
+
+if TYPE_CHECKING:
+    from mmt.testing.simulation.course import SurfaceCourse
 
 GRAVITY_M_S2: Final = 9.80665
 
@@ -158,7 +160,7 @@ class Instruments:
 
     def __init__(
         self,
-        surface: KnownSurface | SurfaceCourse,
+        surface: "KnownSurface | SurfaceCourse",
         channels: Sequence[str],
         seed: int,
         *,
@@ -176,11 +178,7 @@ class Instruments:
         self._with_position = "position" in chosen
         self._with_force = "force" in chosen
         self._with_acceleration = "acceleration" in chosen
-        self._vibration: VibrationSource = (
-            CourseVibration(surface, texture)
-            if isinstance(surface, SurfaceCourse)
-            else vibration_of(surface, texture)
-        )
+        self._vibration = _vibration_on(surface, texture)
         self._encoder = Encoder(exact=not noise)
         self._gauge = ForceGauge(gauge, exact=not noise)
         self._accelerometer = TiltedAccelerometer(
@@ -195,9 +193,7 @@ class Instruments:
     @property
     def friction_coefficient(self) -> float | None:
         """Friction of the surface that a course has reached, or None without a course."""
-        if isinstance(self._vibration, CourseVibration):
-            return self._vibration.surface.friction_coefficient
-        return None
+        return self._vibration.friction_coefficient
 
     def frames(self, tips: Sequence[TipState]) -> RecordArray:
         """Return one frame for each tick's state, shape (n,)."""
@@ -240,3 +236,14 @@ class Instruments:
                 )
             )
         return shaken
+
+
+def _vibration_on(
+    surface: "KnownSurface | SurfaceCourse", generator: np.random.Generator
+) -> VibrationSource:
+    if not isinstance(surface, Surface):
+        from mmt.testing.simulation.course import CourseVibration, SurfaceCourse
+
+        if isinstance(surface, SurfaceCourse):
+            return CourseVibration(surface, generator)
+    return vibration_of(surface, generator)

@@ -13,6 +13,11 @@ from mmt.testing.simulation.surfaces import Surface
 class VibrationSource(ABC):
     """Makes the vibration of a surface at the surface's rate."""
 
+    @property
+    def friction_coefficient(self) -> float | None:
+        """Friction of the surface that a course has reached, or None without a course."""
+        return None
+
     @abstractmethod
     def run(
         self,
