@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from mmt.contact.hand import HandContact
-from mmt.core.arrays import FloatArray
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import FloatArray, Vector
 from mmt.scene import Simulated
 from mmt.testing.simulation import START_MM
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive

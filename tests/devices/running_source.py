@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
-from mmt.devices.protocols import ForceSensor, Robot, SampledSensor, Vector
+from mmt.core.arrays import RecordArray, Vector
+from mmt.devices.protocols import ForceSensor, Robot, SampledSensor
 from mmt.devices.source import DeviceSource
 
 PATIENCE_S = 20.0

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 
-from mmt.devices.protocols import SensorReading, Vector
+from mmt.core.arrays import Vector
+from mmt.devices.protocols import SensorReading
 
 START_NS = 5_000_000_000_000
 MS = 1_000_000

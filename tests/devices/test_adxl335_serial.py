@@ -15,12 +15,12 @@ from driver_fixtures import (  # noqa: F401 - fixtures
 )
 from sensor_reading import read_some, read_until, read_until_fault
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, GravityCalibration
 from mmt.devices.adxl335.serial_driver import SerialAdxl335
 from mmt.devices.calibrations import save_calibration
 from mmt.devices.drivers import load_device
-from mmt.devices.protocols import Vector
 
 if sys.platform == "win32":
     pytest.skip("there are no pseudo-terminals", allow_module_level=True)

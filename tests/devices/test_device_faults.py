@@ -12,10 +12,11 @@ from driver_fixtures import Keep, closed_devices, connected_devices, own_calibra
 from running_source import RunningSource
 from sensor_reading import read_some, read_until_lost
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.drivers import load_device
-from mmt.devices.protocols import SampledSensor, Vector
+from mmt.devices.protocols import SampledSensor
 from mmt.testing.emulated import Truth
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 

@@ -8,11 +8,11 @@ import pytest
 from synthetic_sensors import MS, SyntheticSensor, Time
 from waiting import until
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices import slots as ports_module
 from mmt.devices import source as source_module
-from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.protocols import SensorReading
 from mmt.devices.reconnection import Reasons
 from mmt.devices.source import DeviceSource
 

@@ -15,7 +15,7 @@ from instruments import Instrument
 from running_source import RunningSource
 from synthetic_sensors import MS, START_NS, SyntheticSensor, Time
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import acceleration_samples, frame_dtype
 from mmt.devices.adxl335.gravity import nominal
@@ -23,7 +23,7 @@ from mmt.devices.adxl335.serial_driver import SerialAdxl335
 from mmt.devices.drivers import load_device
 from mmt.devices.frame_assembly import FrameAssembler, ReadingAges
 from mmt.devices.lanes import WAITING, PolledLane
-from mmt.devices.protocols import SampledSensor, SensorReading, Vector
+from mmt.devices.protocols import SampledSensor, SensorReading
 from mmt.devices.source import DeviceSource
 from mmt.devices.vibration_lane import VibrationLane
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board

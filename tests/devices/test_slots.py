@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 import pytest
 import running_source
 
-from mmt.devices.protocols import SensorReading, Vector
+from mmt.core.arrays import Vector
+from mmt.devices.protocols import SensorReading
 from mmt.devices.slots import RobotSlot, SampledSlot
 
 MS = 1_000_000

@@ -15,10 +15,11 @@ from typer.testing import CliRunner
 
 from mmt.cli import calibrating, device_testing
 from mmt.cli.main import app
+from mmt.core.arrays import Vector
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import ALL_CHANNELS, CHANNELS, empty_frames
 from mmt.core.quaternions import Quaternion
-from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.protocols import SensorReading
 from mmt.devices.source import DeviceSource
 from mmt.devices.tool_load import LoadRemover, Pose, ToolLoad, identify, load_from, measure_pose
 from mmt.scene.files import load_scene

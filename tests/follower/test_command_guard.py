@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import COMMAND_DTYPE, frame_dtype
-from mmt.devices.protocols import Vector
 from mmt.follower.command_guard import CommandGuard
 from mmt.scene import Link
 

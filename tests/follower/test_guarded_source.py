@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import COMMAND_DTYPE, empty_frames
-from mmt.devices.protocols import Vector
 from mmt.follower.guarded_source import GuardedSource
 from mmt.scene.files import scene_from_tables
 

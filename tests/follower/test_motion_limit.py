@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector
 from mmt.follower.guarded_source import MotionLimit
 from mmt.scene import Simulated
 

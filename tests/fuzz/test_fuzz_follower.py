@@ -9,7 +9,7 @@ import fuzzing
 import pytest
 from hypothesis import strategies as st
 
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector
 from mmt.follower.service import Follower
 from mmt.link.connection import LeaderConnection
 from mmt.link.websocket import Handlers

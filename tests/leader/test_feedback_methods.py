@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from mmt.contact.passivity import PassivitySettings
+from mmt.core.arrays import Vector
 from mmt.core.frames import CONTACT_DTYPE, CONTACT_GATHERED, ENERGY_DTYPE, empty_frames
-from mmt.devices.protocols import InterfaceState, Vector
+from mmt.devices.protocols import InterfaceState
 from mmt.follower.feedback import ContactReporter, PassiveFollower
 from mmt.follower.feedback import build_feedback as follower_feedback
 from mmt.leader.motion.feedback import StreamedForce

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from waiting import until
 
 from mmt.contact.passivity import PassivitySettings
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.frames import ENERGY_DTYPE, frame_dtype
-from mmt.devices.protocols import InterfaceState, Vector
+from mmt.devices.protocols import InterfaceState
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.feedback_model import ModelForce
 from mmt.leader.motion.feedback_passive import PassiveForce

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector
 from mmt.leader.motion.slew import ForceRamp, GuardedDisplay, VibrationSlew
 from mmt.scene.files import scene_from_tables
 

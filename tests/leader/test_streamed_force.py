@@ -6,8 +6,7 @@ from frame_samples import made_frames
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.core.arrays import RecordArray
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import RecordArray, Vector
 from mmt.leader.motion.feedback import StreamedForce
 
 

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 from sensor_reading import until_turned
 from waiting import children, until, until_lost
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.drivers import load_device
-from mmt.devices.protocols import Vector
 from mmt.testing.emulated import drivers as lab_drivers
 from mmt_devices.universal_robots.emulated.arm import PLAYING, POWER_OFF, STOPPED
 from mmt_devices.universal_robots.emulated.controller import EmulatedUrController

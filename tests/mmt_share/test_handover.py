@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import InputError
-from mmt.devices.protocols import InterfaceState, Vector
+from mmt.devices.protocols import InterfaceState
 from mmt.leader.motion.slew import FADE_TICKS
 from mmt.leader.part import Session, Tick
 from mmt.scene.files import scene_from_tables

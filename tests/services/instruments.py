@@ -1,6 +1,6 @@
 """A device for tests of what reads devices."""
 
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector
 
 
 class Instrument:

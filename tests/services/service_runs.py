@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import frame_dtype
-from mmt.devices.protocols import Vector
 from mmt.follower import service as follower_service
 from mmt.follower.service import Follower, FollowerSummary
 from mmt.leader.reports import LeaderSummary

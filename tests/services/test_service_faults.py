@@ -10,10 +10,10 @@ from frame_samples import made_frames
 from modelling_beside import InThread
 from service_runs import MadeSource, Together, run_session, small_scene
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
-from mmt.devices.protocols import InterfaceState, Vector
+from mmt.devices.protocols import InterfaceState
 from mmt.leader.modelling import pipeline
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.link.client import FollowerClient

@@ -11,9 +11,8 @@ import pytest
 from frame_samples import made_frames
 from service_runs import MadeSource, Together, small_scene
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import frame_dtype
-from mmt.devices.protocols import Vector
 from mmt.session.files import read_session
 
 

@@ -12,9 +12,8 @@ import pytest
 from service_processes import Service
 from service_runs import Together, small_scene
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import InputError
-from mmt.devices.protocols import Vector
 from mmt.leader.reports import LeaderSummary
 from mmt.leader.service import Leader
 from mmt.leader.surface_log import replayed_words

@@ -6,8 +6,8 @@ from typing import Annotated, Final, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from mmt.core.arrays import Vector
 from mmt.core.quaternions import UNIT_VECTORS, Quaternion, product, quaternion_of_axes
-from mmt.devices.protocols import Vector
 
 Millimetres = Annotated[float, Field(ge=-1000, le=1000)]
 """One coordinate of an origin, as an option."""

@@ -13,9 +13,9 @@ from typing import Any
 
 import platformdirs
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import write_file
-from mmt.devices.protocols import Vector
 
 
 def calibration_file(device: str, serial: str, directory: Path | None = None) -> Path:

@@ -9,8 +9,9 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
+from mmt.core.arrays import Vector
 from mmt.core.quaternions import Quaternion, unit_quaternion
-from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.protocols import SensorReading
 from mmt.devices.sensor_clock import SensorClock
 
 SPACING_NS: Final = 1_000_000

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector
 
 FASTEST_MM_S: Final = 5000.0
 """No hand and no arm of this kind moves its tip faster."""

@@ -13,14 +13,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, runtime_checkable
 
-from mmt.core import arrays
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, Vector
 
 if TYPE_CHECKING:
     from mmt.core.quaternions import Quaternion
-
-Vector = arrays.Vector
-"""x, y, z as plain floats."""
 
 
 class Device(Protocol):

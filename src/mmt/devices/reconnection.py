@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, Final, Generic, Protocol, TypeVar
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, Vector
 from mmt.core.errors import DeviceLost
 from mmt.devices.protocols import (
     ActuatorStatistics,
     Device,
     InterfaceState,
     LeaderInterface,
-    Vector,
     VibrationActuator,
 )
 

@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, Final
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.lanes import Lane, OrientationLane, PolledLane
 from mmt.devices.protocols import (
@@ -17,7 +18,6 @@ from mmt.devices.protocols import (
     PositionKeeping,
     Robot,
     SampledSensor,
-    Vector,
     fault_table,
 )
 from mmt.devices.reconnection import Reasons, Reconnection

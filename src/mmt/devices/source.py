@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.frames import (
     FIELD_OF_CHANNEL,
@@ -23,7 +23,7 @@ from mmt.core.rotations import turn_into_scene
 from mmt.devices.frame_assembly import FrameAssembler, ReadingAges
 from mmt.devices.lanes import Lane, OrientationLane, PolledLane
 from mmt.devices.polling import PhasePoller, Retry
-from mmt.devices.protocols import Accelerometer, ForceSensor, Pacing, Robot, SampledSensor, Vector
+from mmt.devices.protocols import Accelerometer, ForceSensor, Pacing, Robot, SampledSensor
 from mmt.devices.slots import PolledSlot, RobotSlot, SampledSlot, Slot, failure, slot_of, summaries
 from mmt.devices.vibration_lane import VibrationLane
 

@@ -22,12 +22,12 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.arrays import FloatArray, RecordArray, Vector
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import acceleration_samples
 from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.calibrations import finite_vector
-from mmt.devices.protocols import Accelerometer, ForceSensor, SampledSensor, Vector
+from mmt.devices.protocols import Accelerometer, ForceSensor, SampledSensor
 from mmt.devices.tool_turning import DELAY, SPAN, TurningEstimator
 
 CALIBRATED_AS: Final = "tool"

@@ -11,10 +11,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, Vector
 from mmt.core.frames import FRAMES_HZ
 from mmt.devices.lanes import WAITING, Lane, Waiting, on_line
-from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.protocols import SensorReading
 
 BEFORE: Final = 8
 """Readings before the instant that make up its value, with one after it."""

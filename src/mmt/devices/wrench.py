@@ -7,8 +7,8 @@ from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import MmtError
-from mmt.devices.protocols import Vector
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Angle = Annotated[float, Field(ge=-360, le=360)]

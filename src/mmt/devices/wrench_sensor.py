@@ -6,9 +6,10 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.overload import OverloadNotice
-from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.protocols import SensorReading
 from mmt.devices.wrench import Matrix, Six, WrenchConverter, WrenchOptions
 
 Stamped = tuple[int, Six]

@@ -6,10 +6,9 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final, Literal
 
-from mmt.core.arrays import RecordArray, clipped, difference, step_towards
+from mmt.core.arrays import RecordArray, Vector, clipped, difference, step_towards
 from mmt.core.frames import steps_ahead
 from mmt.core.logs import RepeatLimit
-from mmt.devices.protocols import Vector
 from mmt.follower.round_trips import EchoCheck, SilenceLimit
 from mmt.scene import Link
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from mmt.contact.energies import EnergyCounts, EnergyReport
 from mmt.contact.passivity import MotionPort, PassivitySettings
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import (
     CONTACT,
     CONTACT_DTYPE,
@@ -16,7 +16,6 @@ from mmt.core.frames import (
     ENERGY_DTYPE,
     FeedbackSide,
 )
-from mmt.devices.protocols import Vector
 from mmt.scene import Scene
 
 _M: Final = 1e-3

@@ -10,12 +10,12 @@ from collections.abc import Callable, Coroutine, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol, TypeVar
 
-from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.arrays import FloatArray, RecordArray, Vector
 from mmt.core.ending import Ending
 from mmt.core.errors import MmtError
 from mmt.core.ticking import Ticker
 from mmt.core.verdict import Facts, Verdict, verdict
-from mmt.devices.protocols import InterfaceState, Vector
+from mmt.devices.protocols import InterfaceState
 from mmt.leader.run_log import Journal, RunLog
 
 if TYPE_CHECKING:

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import FAILED
 from mmt.core.frames import COMMAND_DTYPE
 from mmt.core.process import ProcessMeter
 from mmt.core.sequence_numbers import Range
-from mmt.devices.protocols import Vector
 from mmt.leader.backfill import Backfill
 from mmt.leader.numbering import FrameRateWatch, SessionNumbering
 from mmt.leader.part import Session

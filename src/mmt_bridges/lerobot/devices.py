@@ -15,9 +15,9 @@ from lerobot.robots import Robot
 from lerobot.teleoperators import Teleoperator
 from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import MmtError
 from mmt.core.frames import ALL_CHANNELS
-from mmt.devices.protocols import Vector
 from mmt.session.data import axis_columns
 from mmt_bridges.lerobot.config_devices import MmtRobotConfig, MmtTeleoperatorConfig
 from mmt_bridges.lerobot.dataset import state_names

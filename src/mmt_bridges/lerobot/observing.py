@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import DeviceLost, InputError
 from mmt.core.frames import FIELD_OF_CHANNEL, acceleration_samples
-from mmt.devices.protocols import Vector
 from mmt.leader.part import Part, Session, Tick
 from mmt_bridges.lerobot.handle import ActionHandle
 

@@ -13,9 +13,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.programs import python_command
-from mmt.devices.protocols import Vector
 from mmt.scene import Scene
 from mmt.scene.files import find_scene
 from mmt_bridges.lerobot.settings import Settings, session_scene

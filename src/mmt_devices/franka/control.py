@@ -2,8 +2,7 @@
 
 from typing import Any, Final
 
-from mmt.core.arrays import difference, step_towards
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector, difference, step_towards
 from mmt_devices.franka.options import FrankaRobotOptions
 from mmt_devices.franka.problems import ArmProblem
 

@@ -6,13 +6,13 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any, Final, Generic, TypeVar
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, InputError
 from mmt.core.extras import require
 from mmt.core.quaternions import Quaternion
 from mmt.devices.axes import Axes
 from mmt.devices.discovery import missing_package
 from mmt.devices.drivers import read_options
-from mmt.devices.protocols import Vector
 from mmt_devices.franka.arm import ArmState, FrankaArm, acquire_arm, release_arm
 from mmt_devices.franka.control import PositionControl
 from mmt_devices.franka.options import ArmOptions, FrankaRobotOptions

@@ -20,8 +20,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import FloatArray, Vector
 
 _LAG_S: Final = 0.02
 _REST_S: Final = 0.02

@@ -10,8 +10,8 @@ import re
 from pathlib import Path
 from typing import Final
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.protocols import Vector
 from mmt_devices.iio.attributes import Attributes
 from mmt_devices.iio.layout import TIMESTAMP, Layout, parse_element
 

@@ -9,9 +9,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.axes import Axes
-from mmt.devices.protocols import Vector
 from mmt_devices.inverse3.exchange import Inverse3State, ServiceAnswer
 from mmt_devices.inverse3.link import ServiceLink
 from mmt_devices.inverse3.options import InverseOptions

@@ -13,7 +13,7 @@ from typing import Any, Final, Literal
 
 from aiohttp import WSMsgType, web
 
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector
 from mmt_devices.inverse3.emulated_tip import EmulatedTip
 
 REST_MM: Final[Vector] = (0.0, -150.0, 150.0)

@@ -8,8 +8,8 @@ import gc
 import json
 import sys
 
+from mmt.core.arrays import Vector
 from mmt.core.process import SWITCH_INTERVAL_S
-from mmt.devices.protocols import Vector
 from mmt.scene import Hand
 from mmt.testing.simulation import START_MM
 from mmt.testing.simulation.hand import SimulatedHand

@@ -4,8 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from mmt.core.arrays import difference
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector, difference
 
 HeldAt = Callable[[Vector], Vector]
 """Returns where a hand holds the tip (mm) one millisecond later, given the force (N) it feels."""

@@ -3,7 +3,7 @@
 import struct
 from typing import Final, NamedTuple
 
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector
 
 COMMAND: Final = struct.Struct("<cq3d")
 """Kind, time of the command (ns, host's monotonic clock), and three numbers."""

@@ -4,10 +4,10 @@ import time
 from collections import Counter, deque
 from typing import Final, Literal
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.process import ticks_in_real_time
 from mmt.devices.driver_process import DriverProcess, text_of
-from mmt.devices.protocols import Vector
 from mmt_devices.inverse3 import exchange as to
 from mmt_devices.inverse3.exchange import ABSENT, Inverse3State, ServiceAnswer
 from mmt_devices.inverse3.options import InverseOptions

@@ -13,7 +13,7 @@ import json
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector
 
 PROFILE: Final = "mmt"
 """Name of our sessions in the Haply Hub."""

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import Any, Final
 
+from mmt.core.arrays import Vector
 from mmt.devices.drivers import read_options
-from mmt.devices.protocols import Vector
 from mmt_devices.inverse3.driver import InverseDriver
 from mmt_devices.inverse3.link import ServiceLink
 from mmt_devices.inverse3.options import Inverse3RobotOptions

@@ -6,10 +6,9 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
-from mmt.core.arrays import step_towards
+from mmt.core.arrays import Vector, step_towards
 from mmt.core.guards import ForceGuard
 from mmt.devices.plausibility import PlausibilityCheck
-from mmt.devices.protocols import Vector
 from mmt_devices.inverse3.exchange import ABSENT, Inverse3State, ServiceAnswer
 from mmt_devices.inverse3.messages import (
     CommandNames,

@@ -3,10 +3,10 @@
 import time
 from typing import Any, Final
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.extras import require
 from mmt.devices.drivers import read_options
-from mmt.devices.protocols import Vector
 from mmt_devices.universal_robots import sharing
 from mmt_devices.universal_robots.frame import SceneFrame
 from mmt_devices.universal_robots.messages import UrState

@@ -5,9 +5,9 @@ from collections import Counter, deque
 from dataclasses import asdict
 from typing import Final
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.driver_process import DriverProcess, text_of
-from mmt.devices.protocols import Vector
 from mmt_devices.universal_robots import messages as to
 from mmt_devices.universal_robots.messages import UrState
 from mmt_devices.universal_robots.servo import ServoSettings

@@ -4,7 +4,7 @@ from typing import Annotated, Final, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector
 
 _Millimetres = Annotated[float, Field(ge=-3000, le=3000)]
 _Radians = Annotated[float, Field(ge=-6.3, le=6.3)]

@@ -4,12 +4,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.extras import require
 from mmt.core.quaternions import Quaternion
 from mmt.devices.discovery import missing_package
 from mmt.devices.drivers import read_options
-from mmt.devices.protocols import Vector
 from mmt_devices.universal_robots import dashboard, sharing
 from mmt_devices.universal_robots.frame import M_TO_MM, SceneFrame
 from mmt_devices.universal_robots.options import UrRobotOptions

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, InputError
-from mmt.devices.protocols import Vector
 from mmt_devices.universal_robots.link import ArmLink
 from mmt_devices.universal_robots.messages import UrState
 from mmt_devices.universal_robots.options import UrOptions

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from typing import Any, TypeVar
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import MmtError
 from mmt.core.extras import require
 from mmt.core.quaternions import Quaternion
 from mmt.devices.drivers import Role
-from mmt.devices.protocols import Vector
 from mmt.testing.emulated.drivers import VirtualDevice
 from mmt_devices.universal_robots.force import UrForceSensor
 from mmt_devices.universal_robots.robot import UrRobot, missing

@@ -21,9 +21,8 @@ from typing import Final, Generic, TypeVar
 import numpy as np
 
 from mmt.contact.steps import Drive, step_tangential
-from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.arrays import FloatArray, RecordArray, Vector
 from mmt.core.frames import empty_frames
-from mmt.devices.protocols import Vector
 from mmt.evaluation.levels import root_mean_square
 from mmt.scene import Simulated
 from mmt.testing.simulation import PERIOD_S, START_MM

@@ -11,9 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, IntArray, RecordArray
+from mmt.core.arrays import FloatArray, IntArray, RecordArray, Vector
 from mmt.core.frames import CHANNELS
-from mmt.devices.protocols import Vector
 from mmt.link.impairments import MessageImpairments
 from mmt.scene import Hand, Network, Simulated
 from mmt.testing.simulation import PERIOD_NS, nominal_compliance_mm_n

@@ -3,9 +3,9 @@
 import time
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.core.arrays import difference, step_towards
+from mmt.core.arrays import Vector, difference, step_towards
 from mmt.core.errors import InputError, printable
-from mmt.devices.protocols import InterfaceState, Vector
+from mmt.devices.protocols import InterfaceState
 from mmt.leader.motion.slew import FADE_TICKS
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Link, Texture

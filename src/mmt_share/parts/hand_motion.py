@@ -3,8 +3,8 @@
 from collections import deque
 from typing import Final
 
-from mmt.core.arrays import RecordArray, difference
-from mmt.devices.protocols import InterfaceState, Vector
+from mmt.core.arrays import RecordArray, Vector, difference
+from mmt.devices.protocols import InterfaceState
 
 _WINDOW: Final = 200
 """Messages whose delay is remembered: two seconds at a hundred messages a second."""

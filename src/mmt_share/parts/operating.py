@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector
 from mmt.leader.part import Part, Session, Tick
 from mmt_share.control_messages import ControlNews, control_access
 from mmt_share.operator import OperatorClient

@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 from statistics import linear_regression, median
 from typing import Any, Final, Literal, NamedTuple, cast, get_args
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import InputError
 from mmt.devices.calibrations import finite_vector
-from mmt.devices.protocols import Vector
 
 GRAVITY_M_S2: Final = 9.80665
 

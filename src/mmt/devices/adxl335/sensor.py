@@ -9,6 +9,7 @@ from math import hypot
 from statistics import fmean, pstdev
 from typing import Final
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.accelerometer_axes import signed_axes
 from mmt.devices.adxl335.gravity import (
@@ -22,7 +23,7 @@ from mmt.devices.adxl335.gravity import (
 from mmt.devices.adxl335.options import Adxl335Options
 from mmt.devices.calibrations import load_calibration
 from mmt.devices.overload import OverloadNotice
-from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.protocols import SensorReading
 
 RANGE_M_S2: Final = 3.0 * GRAVITY_M_S2
 """Guaranteed full scale (data sheet); a typical sensor reaches 3.6 g."""

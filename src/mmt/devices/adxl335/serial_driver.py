@@ -8,12 +8,13 @@ from typing import Any, Final
 
 from serial.tools import list_ports
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.adxl335.framing import BoardDecoder, BoardFrame, Counts, Timeline
 from mmt.devices.adxl335.options import BAND, SerialOptions
 from mmt.devices.adxl335.sensor import Adxl335
 from mmt.devices.drivers import read_options
-from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.protocols import SensorReading
 from mmt.devices.serial_line import SerialLine
 
 NAME: Final = "adxl335-serial"

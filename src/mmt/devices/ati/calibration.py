@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import InputError
 from mmt.core.units import unit_factor
-from mmt.devices.protocols import Vector
 from mmt.devices.wrench import Positive, WrenchOptions
 
 

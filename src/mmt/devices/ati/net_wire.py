@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from mmt.core.arrays import Vector
 from mmt.core.bounds import finite_number
 from mmt.core.errors import MmtError
 from mmt.core.requests import AnswerError, open_answer
 from mmt.devices.ati.calibration import Calibration, force_in_newton, torque_in_newton_mm
-from mmt.devices.protocols import Vector
 from mmt.devices.wrench import Matrix, diagonal
 
 PORT: Final = 49152

@@ -5,8 +5,8 @@ from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
+from mmt.core.arrays import Vector
 from mmt.devices.axes import Axes, AxesOptions, Millimetres
-from mmt.devices.protocols import Vector
 
 DEFAULT_AXES: Final = "x,-z,y"
 """The scene's x is HD's x; its y points away from the user; its z, the normal, points up."""

@@ -5,7 +5,7 @@ from ctypes import c_uint32
 from ctypes.util import find_library
 from typing import Any, Final
 
-from mmt.core.arrays import step_towards
+from mmt.core.arrays import Vector, step_towards
 from mmt.core.errors import InputError
 from mmt.core.quaternions import Quaternion, quaternion_of_axes
 from mmt.devices.drivers import read_options
@@ -14,7 +14,6 @@ from mmt.devices.openhaptics.driver import HdDriver
 from mmt.devices.openhaptics.library import Matrix, Stack
 from mmt.devices.openhaptics.options import HdRobotOptions
 from mmt.devices.openhaptics.servo import STUCK, Servo
-from mmt.devices.protocols import Vector
 
 _LONGEST_STEP_S: Final = 0.005
 _TRANSFORM: Final = c_uint32(CURRENT_TRANSFORM)

@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any, Final
 
+from mmt.core.arrays import Vector
 from mmt.core.guards import ForceGuard
 from mmt.core.process import follow_real_time
 from mmt.devices.openhaptics.constants import (
@@ -25,7 +26,6 @@ from mmt.devices.openhaptics.constants import (
 from mmt.devices.openhaptics.library import VECTOR, Vector3
 from mmt.devices.openhaptics.options import HdOptions
 from mmt.devices.plausibility import PlausibilityCheck
-from mmt.devices.protocols import Vector
 
 STUCK: Final = "a position that stays the same under the largest force"
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray, bounded
+from mmt.core.arrays import RecordArray, Vector, bounded
 from mmt.core.frames import FeedbackSide
-from mmt.devices.protocols import InterfaceState, Vector
+from mmt.devices.protocols import InterfaceState
 from mmt.leader.motion.slew import SILENCE_TICKS, ForceDisplay, ForceRamp
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ from mmt.contact.force_map import ForceMap, SmoothSpeed
 from mmt.contact.hand import HandContact
 from mmt.contact.passivity import PassivitySettings
 from mmt.contact.rendering import LocalContact, RenderingSettings
-from mmt.core.arrays import RecordArray, bounded
+from mmt.core.arrays import RecordArray, Vector, bounded
 from mmt.core.frames import CONTACT, CONTACT_DTYPE
-from mmt.devices.protocols import InterfaceState, Vector
+from mmt.devices.protocols import InterfaceState
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.passivity_ports import PassivityPorts
 from mmt.leader.motion.slew import SILENCE_TICKS, ForceDisplay

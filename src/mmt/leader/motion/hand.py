@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from mmt.core.arrays import RecordArray
-from mmt.devices.protocols import LeaderInterface, Vector, fault_table
+from mmt.core.arrays import RecordArray, Vector
+from mmt.devices.protocols import LeaderInterface, fault_table
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Link, Simulated
 

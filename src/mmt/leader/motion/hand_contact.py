@@ -6,9 +6,9 @@ import numpy as np
 
 from mmt.contact.estimation import ContactModel, EstimationSettings
 from mmt.contact.hand import HandContact
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import CONTACT, CONTACT_DTYPE
-from mmt.devices.protocols import InterfaceState, Vector
+from mmt.devices.protocols import InterfaceState
 from mmt.leader.part import Session
 from mmt.scene import Texture
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from mmt.contact.passivity import ForcePort, PassivitySettings
-from mmt.core.arrays import bounded
-from mmt.devices.protocols import InterfaceState, Vector
+from mmt.core.arrays import Vector, bounded
+from mmt.devices.protocols import InterfaceState
 
 _M: Final = 1e-3
 _UNLIMITED: Final[Vector] = (math.inf, math.inf, math.inf)

@@ -6,9 +6,8 @@ The guards are the last before a device: values are finite, and bounded in size 
 import math
 from typing import Final, Protocol
 
-from mmt.core.arrays import FloatArray, step_towards
+from mmt.core.arrays import FloatArray, Vector, step_towards
 from mmt.core.guards import ForceGuard, SampleGuard
-from mmt.devices.protocols import Vector
 
 SILENCE_TICKS: Final = 50
 """Longest silence that counts as the network's jitter."""

@@ -3,7 +3,7 @@
 import random
 from collections.abc import Callable
 
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector
 
 Truth = Callable[[int], Vector]
 """True value for an emulated device: a vector in the channel's unit, at a time (ns) of the host's

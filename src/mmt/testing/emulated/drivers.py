@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final, Generic, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, Vector
 from mmt.core.errors import DeviceLost, InputError
 from mmt.core.frames import AccelerationRateHz
 from mmt.devices.drivers import Role, load_device, read_options
@@ -17,7 +17,6 @@ from mmt.devices.protocols import (
     SampledSensor,
     SensorReading,
     SetupRemarks,
-    Vector,
 )
 from mmt.testing.emulated.lab_process import LabProcess
 from mmt.testing.emulated.robot import DatagramRobot

@@ -12,9 +12,9 @@ import time
 from collections import deque
 from typing import Final
 
+from mmt.core.arrays import Vector
 from mmt.core.process import SWITCH_INTERVAL_S
 from mmt.devices.haptuator.framing import FULL_SCALE
-from mmt.devices.protocols import Vector
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
 

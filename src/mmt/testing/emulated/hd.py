@@ -14,8 +14,8 @@ from typing import Any, Final, Literal, NamedTuple
 
 import platformdirs
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import MmtError
-from mmt.devices.protocols import Vector
 
 _SOURCES: Final = tuple(
     Path(__file__).with_name(name) for name in ("hd_stub.c", "hd_stub_world.c", "hd_stub.h")

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from mmt.core.arrays import Vector
 from mmt.devices.openhaptics.handle import OpenHapticsHandle
 from mmt.devices.openhaptics.options import HdRobotOptions
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
-from mmt.devices.protocols import Vector
 from mmt.testing.emulated.drivers import LAB, HandleLabOptions, LabOptions, take_lab_options
 from mmt.testing.emulated.hd import EmulatedHd
 from mmt.testing.simulation import START_MM

@@ -7,8 +7,8 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.protocols import Vector
 
 if TYPE_CHECKING:
     from mmt.testing.emulated.clockwork import Clockwork

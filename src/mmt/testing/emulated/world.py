@@ -3,8 +3,8 @@
 import time
 from typing import Final
 
+from mmt.core.arrays import Vector
 from mmt.core.frames import CHANNELS, acceleration_samples
-from mmt.devices.protocols import Vector
 from mmt.scene import Simulated
 from mmt.testing.emulated.clockwork import Clockwork
 from mmt.testing.simulation import RATE_HZ, START_MM

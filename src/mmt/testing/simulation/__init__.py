@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector
 from mmt.scene import Simulated
 
 RATE_HZ: Final = 1000.0

@@ -6,7 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from mmt.devices.protocols import InterfaceState, Vector
+from mmt.core.arrays import Vector
+from mmt.devices.protocols import InterfaceState
 from mmt.scene import Hand, Simulated
 from mmt.testing.simulation import PERIOD_S, RATE_HZ, START_MM, NoiseRows, nominal_compliance_mm_n
 from mmt.testing.simulation.motions import in_phases, motion

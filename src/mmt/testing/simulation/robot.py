@@ -13,7 +13,7 @@ from mmt.contact.steps import (
     step_tangential,
     substeps,
 )
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector
 from mmt.scene import Simulated
 from mmt.testing.simulation import PERIOD_S, START_MM, TIP_MASS_KG, pole_of
 

@@ -4,7 +4,7 @@ import random
 from collections.abc import Mapping
 from typing import Any, Final, Protocol
 
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import Vector
 from mmt_devices.universal_robots.frame import SceneFrame
 
 NO_COMMAND: Final = 0

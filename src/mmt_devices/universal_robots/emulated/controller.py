@@ -17,8 +17,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import MmtError
-from mmt.devices.protocols import Vector
 from mmt_devices.universal_robots.emulated.arm import (
     EMERGENCY_STOP,
     PLAYING,

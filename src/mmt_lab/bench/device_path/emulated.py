@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, Final
 
+from mmt.core.arrays import Vector
 from mmt.core.process import PRIORITY, prefer_even_ticks, wake_on_time
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
-from mmt.devices.protocols import Vector
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 from mmt.testing.emulated.digital_ft import EmulatedDigitalFt
 from mmt.testing.emulated.labjack_u6 import EmulatedU6

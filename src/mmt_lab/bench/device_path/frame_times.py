@@ -6,8 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, IntArray
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import FloatArray, IntArray, Vector
 
 PERIOD_NS: Final = 50_000_000
 """Period of a turn; a value's angle gives the time in it, even if a filter changes its length."""
