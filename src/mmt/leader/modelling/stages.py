@@ -5,46 +5,18 @@ by holding the interpreter lock.
 """
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, cast
 
 from mmt.core.arrays import RecordArray
+from mmt.leader.modelling.results import Models, UnchangedModel, UpdateResult, with_models
 from mmt.texture.modeller_factory import ModellerFactory
-from mmt.texture.online.updates import ModelUpdate, NewSamples, ReadyModel, UpdateWork
+from mmt.texture.online.updates import ModelUpdate, ReadyModel, UpdateWork
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
-    from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.online.surface_changes import SurfaceStatement
     from mmt.texture.surfaces.modeller import SurfaceModeller
-
-Models = dict[int | None, "TextureModel | None"]
-"""The newest model of each surface by number, or by None if surfaces are not told apart."""
-
-
-class UnchangedModel(ReadyModel):
-    """Placeholder for the model in the last update of the surface; `received` replaces it."""
-
-
-@dataclass(frozen=True)
-class UpdateResult:
-    """Result of an update.
-
-    Attributes
-    ----------
-    update
-        The update, or None if it is not announced.
-    kept
-        Numbers of the surfaces whose models are kept; None if surfaces are not told apart.
-    samples
-        Observed samples, and segments added and removed; None unless `Stages.return_samples` was
-        called.
-    """
-
-    update: ModelUpdate | None
-    kept: tuple[int, ...] | None
-    samples: NewSamples | None
 
 
 class Stages:
@@ -119,7 +91,7 @@ class Stages:
         work.modeller.judge(work)
         update = None
         if work.announced and work.update is not None:
-            update = _with_models(work.update, self._to_send)
+            update = with_models(work.update, self._to_send)
         samples = work.samples if self._returns_samples else None
         return UpdateResult(update, self._modeller.kept, samples)
 
@@ -129,20 +101,3 @@ class Stages:
             return UnchangedModel()
         self._sent[surface] = model
         return ReadyModel(model)
-
-
-def received(update: ModelUpdate, models: Models) -> ModelUpdate:
-    """Return an update with all its models filled in, and store these in `models`."""
-
-    def source(each: ModelUpdate) -> ReadyModel:
-        if not isinstance(each.source, UnchangedModel):
-            models[each.surface] = each.model
-        return ReadyModel(models[each.surface])
-
-    return _with_models(update, source)
-
-
-def _with_models(update: ModelUpdate, source: Callable[[ModelUpdate], ReadyModel]) -> ModelUpdate:
-    """Return an update with new sources of its models; surfaces that were left come first."""
-    left = tuple(_with_models(each, source) for each in update.left)
-    return replace(update, left=left, source=source(update))
