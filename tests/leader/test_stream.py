@@ -10,7 +10,8 @@ from scipy import signal
 import mmt
 from mmt.core.arrays import RecordArray
 from mmt.leader.output.playout import PlayoutBuffer
-from mmt.leader.output.stream import StreamedMotion, StreamedVibration
+from mmt.leader.output.stream import StreamedVibration
+from mmt.leader.output.streamed_motion import StreamedMotion
 from mmt.leader.output.three_axes import ThreeAxes
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.settings import VibrationAxis

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from mmt.leader.motion.feedback_part import ForceFeedbackPart, OtherForce
     from mmt.leader.motion.hand import HandPart
     from mmt.leader.output.model_output import ModelOutput, OtherGenerator
-    from mmt.leader.output.stream import StreamedMotion, StreamedVibration
+    from mmt.leader.output.stream import StreamedVibration
+    from mmt.leader.output.streamed_motion import StreamedMotion
     from mmt.leader.output.synthesis import SynthesizingPart
     from mmt.leader.output.vibration import VibrationPart
     from mmt.leader.recording import RecordingPart
@@ -64,8 +65,10 @@ def playout(session: Session, parts: LeaderParts) -> Part | None:
 
 
 def motion(session: Session, parts: LeaderParts) -> Part | None:
-    """Make the streamed motion."""
-    from mmt.leader.output.stream import StreamedMotion
+    """Make the streamed motion, if no hand drives the scene's model."""
+    if session.scene.commands:
+        return None
+    from mmt.leader.output.streamed_motion import StreamedMotion
 
     parts.motion = StreamedMotion.build(session)
     return parts.motion

@@ -1,11 +1,12 @@
 """Crossfade from one model's vibration to another's, without a step."""
 
 import math
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.leader.output.renderer import SynthesizedVibration, TouchDownRenderer
 
 
 def crossfaded(share: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
@@ -23,17 +24,6 @@ def crossfaded(share: FloatArray, before: FloatArray, after: FloatArray) -> Floa
     return mixed
 
 
-class SynthesizedVibration(Protocol):
-    """Renders vibration from a model, or from another method's generator."""
-
-    @property
-    def directed(self) -> bool:
-        """Whether the inputs are velocity x, y and force, not speed and force."""
-
-    def render(self, *inputs: FloatArray) -> FloatArray:
-        """Return one sample in m/s2 for each moment of the inputs, shape (n,)."""
-
-
 class Renderer(SynthesizedVibration, Protocol):
     """Renders from one model: a `Synthesizer`, or an object used like one."""
 
@@ -45,14 +35,6 @@ class RestartedRenderer(Renderer, Protocol):
 
     def reset(self) -> None:
         """Begin anew."""
-
-
-@runtime_checkable
-class TouchDownRenderer(Protocol):
-    """A renderer that renders the transient of a touch-down too."""
-
-    def touch_down(self, approach_speed_mm_s: float) -> None:
-        """Add the transient to the samples that follow."""
 
 
 class ModelCrossfade:

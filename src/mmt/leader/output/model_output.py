@@ -10,7 +10,7 @@ from mmt.texture.signals.faults import SignalFaults
 
 if TYPE_CHECKING:
     from mmt.leader.modelling.pipeline import Modelling
-    from mmt.leader.output.model_crossfade import SynthesizedVibration
+    from mmt.leader.output.renderer import SynthesizedVibration
     from mmt.leader.output.synthesis import SynthesizingPart
     from mmt.leader.output.vibration import VibrationPart
     from mmt.leader.recording import RecordingPart

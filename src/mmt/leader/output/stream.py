@@ -1,4 +1,4 @@
-"""The parts that use each frame at once: vibration to play, motion and force for rendering.
+"""The part that plays the vibration of each frame at once.
 
 Plain Python filters, a few microseconds a frame, so that a leader that only streams needs
 neither numba nor scipy.
@@ -13,21 +13,17 @@ from mmt.leader.output.concealment import LONGEST_FRAMES, build_concealment
 from mmt.leader.output.playout import PlayoutBuffer
 from mmt.leader.part import Part, Session
 from mmt.scene import Texture
-from mmt.texture.settings import Axis, VibrationAxis
+from mmt.texture.settings import VibrationAxis
 from mmt.texture.signals.biquad import (
-    MOTION_CUTOFF_HZ,
     VIBRATION_CUTOFF_HZ,
     Biquad,
     BiquadFilter,
-    bessel_low_pass,
     butterworth_high_pass,
 )
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
-_AXES: Final[dict[str, int]] = {"x": 0, "y": 1, "z": 2}
-_REST_TICKS: Final = 100
 _PEAK_DECAY: Final = 0.995
 _PEAKS: Final = 2.0
 
@@ -61,7 +57,7 @@ class StreamedVibration(Part):
         if axis == "dft321":
             self._axis, self._high_pass = slice(None), _AllAxes(high_pass, rate_hz)
         else:
-            self._axis, self._high_pass = _AXES[axis], BiquadFilter(high_pass)
+            self._axis, self._high_pass = "xyz".index(axis), BiquadFilter(high_pass)
         self._next: int | None = None
         self._peak = 0.0
 
@@ -146,66 +142,3 @@ class _AllAxes:
         """Return the vibration of a frame's samples, each of three axes."""
         x, y, z = map(BiquadFilter.steps, self._filters, zip(*acceleration_m_s2, strict=True))
         return self._together.steps(x, y, z)
-
-
-class StreamedMotion(Part):
-    """The follower's velocity and normal force, for a scene without a hand at the leader.
-
-    Both are low-passed at 20 Hz (Bessel) and lag by the network's delay plus about 11 ms of the
-    filter.
-    """
-
-    def __init__(self, normal: Axis, rate_hz: float) -> None:
-        self._normal = _AXES[normal]
-        self._tangential = tuple(axis for axis in range(3) if axis != self._normal)
-        self._rate_hz = rate_hz
-        lowpass = bessel_low_pass(MOTION_CUTOFF_HZ, rate_hz)
-        self._filters = tuple(BiquadFilter(lowpass) for _ in range(3))
-        self._position = (0.0, 0.0)
-        self._next: int | None = None
-        self._idle_ticks = 0
-        self.velocity_mm_s = (0.0, 0.0)
-        self.force_n = 0.0
-
-    @classmethod
-    def build(cls, session: Session) -> "StreamedMotion | None":
-        """Return the motion that drives the scene's model, or None if a hand does."""
-        if session.scene.commands:
-            return None
-        return cls((session.scene.texture or Texture()).normal, session.rate_hz)
-
-    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
-        """Follow the newest frames (n,)."""
-        _ = arrival_ns
-        self._idle_ticks = 0
-        first, second = self._tangential
-        positions = frames["position_mm"].tolist()
-        forces = frames["force_n"][:, self._normal].tolist()
-        sequences = frames["sequence"].tolist()
-        for sequence, position, force in zip(sequences, positions, forces, strict=True):
-            raw = (position[first], position[second], force)
-            if sequence != self._next:
-                for lowpass in self._filters:
-                    lowpass.reset()
-                self._position = raw[:2]
-            self._next = sequence + 1
-            x, y, smooth_force = (
-                lowpass.step(value) for lowpass, value in zip(self._filters, raw, strict=True)
-            )
-            rate_hz, (x_before, y_before) = self._rate_hz, self._position
-            self.velocity_mm_s = ((x - x_before) * rate_hz, (y - y_before) * rate_hz)
-            self._position = (x, y)
-            self.force_n = max(0.0, smooth_force)
-
-    def step(self, elapsed: int) -> tuple[float, float, float]:
-        """Return velocity (mm/s) and force (N) now, at rest after 100 ticks without a frame."""
-        self._idle_ticks += elapsed
-        if self._idle_ticks > _REST_TICKS:
-            self.on_lost()
-        return *self.velocity_mm_s, self.force_n
-
-    def on_lost(self) -> None:
-        """Forget the motion: the stream has stopped, or the follower is lost."""
-        self._next = None
-        self.velocity_mm_s = (0.0, 0.0)
-        self.force_n = 0.0

@@ -4,10 +4,10 @@ from collections import deque
 from typing import TYPE_CHECKING, Final
 
 from mmt.devices.protocols import InterfaceState
-from mmt.leader.output.model_crossfade import ModelCrossfade
 from mmt.leader.part import Part, Session
 
 if TYPE_CHECKING:
+    from mmt.leader.output.model_crossfade import ModelCrossfade
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.synthesis.synthesizer import Synthesizer
 
@@ -84,6 +84,8 @@ class SynthesizingPart(Part):
         several = scene.texture is not None and scene.texture.surfaces is not None
         if not several and not scene.is_given("model"):
             return cls(first, rate_remark=rate_remark)
+        from mmt.leader.output.model_crossfade import ModelCrossfade
+
         samples = round(table.crossfade_ms * session.acceleration_rate_hz / 1000)
         crossfade = ModelCrossfade(first, made(scene.session.seed + 1), crossfade_samples=samples)
         return cls(crossfade, crossfade, rate_remark)

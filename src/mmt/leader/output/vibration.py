@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, get_args, runtime_checkable
+from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from mmt.devices.protocols import (
 )
 from mmt.leader.motion.hand import loss_metrics
 from mmt.leader.motion.slew import VibrationSlew
-from mmt.leader.output.model_crossfade import SynthesizedVibration, TouchDownRenderer
+from mmt.leader.output.renderer import MotionFollowing, SynthesizedVibration, TouchDownRenderer
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Actuator, Texture
 
@@ -26,18 +26,11 @@ if TYPE_CHECKING:
 
     from mmt.devices.reconnection import ReconnectingActuator
     from mmt.leader.output.model_crossfade import Renderer
-    from mmt.leader.output.stream import StreamedMotion, StreamedVibration
+    from mmt.leader.output.stream import StreamedVibration
+    from mmt.leader.output.streamed_motion import StreamedMotion
     from mmt.leader.output.synthesis import Landing
 
 Mode = Literal["silent", "streamed", "fading", "synthesized"]
-
-
-@runtime_checkable
-class MotionFollowing(SynthesizedVibration, Protocol):
-    """Synthesized vibration that follows the motion even while it is not played."""
-
-    def follow(self, *inputs: FloatArray) -> object:
-        """Follow the motion, given the inputs of `render`, without rendering."""
 
 
 class VibrationSwitch:
