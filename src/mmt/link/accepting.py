@@ -17,14 +17,17 @@ import ssl
 from collections import Counter
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from typing import Any, Final
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
 from weakref import WeakValueDictionary
 
 from aiohttp import web
 from aiohttp.typedefs import Handler
 
 from mmt.core.logs import RepeatLimit
-from mmt.link.gate import Connection, Gate
+
+if TYPE_CHECKING:
+    from mmt.link.gate import Gate
 
 LOG: Final = logging.getLogger("mmt.link")
 
@@ -88,6 +91,39 @@ def descriptors() -> int:
     return _FEW if soft == resource.RLIM_INFINITY else soft
 
 
+@dataclass(eq=False)
+class Connection:
+    """A connection, from its arrival on."""
+
+    address: str
+    protocol: web.RequestHandler
+    gate: "Gate | None"
+    opening: "asyncio.Task[None] | None" = None
+    heard: asyncio.Event = field(default_factory=asyncio.Event)
+    """Set when the first request has come."""
+    admitted: bool = False
+    requests: int = 0
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the connection is closed."""
+        if self.opening is not None:
+            return False
+        transport = self.protocol.transport
+        return transport is None or transport.is_closing()
+
+    def make(self) -> asyncio.BaseProtocol:
+        """Return the protocol for the connection's transport."""
+        return self.gate or self.protocol
+
+    def close(self) -> None:
+        """Close the connection at once."""
+        if self.opening is not None:
+            self.opening.cancel()
+        if self.protocol.transport is not None:
+            self.protocol.transport.abort()
+
+
 class Acceptor:
     """Listens on a host and port, and bounds the connections there.
 
@@ -111,7 +147,8 @@ class Acceptor:
         self._accepting: list[asyncio.Task[None]] = []
         self._told = RepeatLimit()
         self.guarded = False
-        """Whether clients must authenticate, and may send little before."""
+        """Whether clients must authenticate, and may send little before; set before `start`."""
+        self._gate: type[Gate] | None = None
 
     @property
     def port(self) -> int:
@@ -137,6 +174,10 @@ class Acceptor:
         OSError
             The host or the port cannot be used.
         """
+        if self.guarded:
+            from mmt.link.gate import Gate
+
+            self._gate = Gate
         loop, make = asyncio.get_running_loop(), runner.server
         assert make is not None  # noqa: S101 - the runner is set up
         found = await loop.getaddrinfo(
@@ -197,7 +238,7 @@ class Acceptor:
                 await asyncio.sleep(_PAUSE_S)
                 continue
             protocol = make()
-            gate = Gate(protocol) if self.guarded else None
+            gate = None if self._gate is None else self._gate(protocol)
             connection = Connection(str(address[0]), protocol, gate)
             self._make_room(self._supernumerary(connection.address))
             self._connections[connection.protocol] = connection

@@ -1,7 +1,6 @@
 """A connection, which may send only little, and slowly, before it has shown the token."""
 
 import asyncio
-from dataclasses import dataclass, field
 from typing import Final
 
 from aiohttp import web
@@ -83,36 +82,3 @@ class Gate(asyncio.Protocol):
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-
-
-@dataclass(eq=False)
-class Connection:
-    """A connection, from its arrival on."""
-
-    address: str
-    protocol: web.RequestHandler
-    gate: Gate | None
-    opening: "asyncio.Task[None] | None" = None
-    heard: asyncio.Event = field(default_factory=asyncio.Event)
-    """Set when the first request has come."""
-    admitted: bool = False
-    requests: int = 0
-
-    @property
-    def is_closed(self) -> bool:
-        """Whether the connection is closed."""
-        if self.opening is not None:
-            return False
-        transport = self.protocol.transport
-        return transport is None or transport.is_closing()
-
-    def make(self) -> asyncio.BaseProtocol:
-        """Return the protocol for the connection's transport."""
-        return self.gate or self.protocol
-
-    def close(self) -> None:
-        """Close the connection at once."""
-        if self.opening is not None:
-            self.opening.cancel()
-        if self.protocol.transport is not None:
-            self.protocol.transport.abort()
