@@ -8,11 +8,11 @@ from mmt.core.arrays import RecordArray, Vector
 from mmt.scene import Simulated
 from mmt.testing.simulation import START_MM
 from mmt.testing.simulation.instruments import Instruments
-from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.robot import SimulatedRobot, TipState
 
 if TYPE_CHECKING:
     from mmt.testing.simulation.course import SurfaceCourse
+    from mmt.testing.simulation.known_surfaces import KnownSurface
 
 
 class MovedTip(Protocol):

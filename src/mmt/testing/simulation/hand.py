@@ -1,5 +1,6 @@
 """A hand that holds the leader's interface and strokes a surface."""
 
+from collections.abc import Iterator
 from itertools import chain
 from math import cos, exp, pi, sin, sqrt
 from typing import Final
@@ -10,8 +11,7 @@ from mmt.core.arrays import Vector
 from mmt.devices.protocols import InterfaceState
 from mmt.scene import Hand, Simulated
 from mmt.testing.simulation import PERIOD_S, RATE_HZ, START_MM, NoiseRows, nominal_compliance_mm_n
-from mmt.testing.simulation.motions import in_phases, motion
-from mmt.testing.simulation.strokes import Phase
+from mmt.testing.simulation.strokes import Intent, Phase, Place, in_phases, strokes
 
 LEAST_FORCE_N: Final = 0.01
 """Below this the hand does not press."""
@@ -94,7 +94,7 @@ class SimulatedHand:
         self._heading = 0.0
         self._intents = chain(
             in_phases(_APPROACH, START_MM[2]),
-            motion(settings, np.random.default_rng(plan), lambda: (self._x, self._y)),
+            _motion(settings, np.random.default_rng(plan), lambda: (self._x, self._y)),
         )
 
     def connect(self) -> None:
@@ -144,3 +144,11 @@ class SimulatedHand:
         low, high = _SCALE_RANGE
         scale = self._scale * (1.0 + PERIOD_S / _LEARNING_S * max(-1.0, min(error, 1.0)))
         self._scale = max(low, min(scale, high))
+
+
+def _motion(settings: Hand, generator: np.random.Generator, place: Place) -> Iterator[Intent]:
+    if settings.kind == "strokes":
+        return strokes(settings, generator, place)
+    from mmt.testing.simulation.motions import motion
+
+    return motion(settings, generator, place)

@@ -15,13 +15,13 @@ import numpy as np
 from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import frame_dtype, frame_struct, ordered_channels
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ, NoiseRows
-from mmt.testing.simulation.known_surfaces import KnownSurface, vibration_of
 from mmt.testing.simulation.robot import TipState
 from mmt.testing.simulation.surfaces import Surface
-from mmt.testing.simulation.vibration import VibrationSource
+from mmt.testing.simulation.vibration import SurfaceVibration, VibrationSource
 
 if TYPE_CHECKING:
     from mmt.testing.simulation.course import SurfaceCourse
+    from mmt.testing.simulation.known_surfaces import KnownSurface
 
 GRAVITY_M_S2: Final = 9.80665
 
@@ -241,9 +241,11 @@ class Instruments:
 def _vibration_on(
     surface: "KnownSurface | SurfaceCourse", generator: np.random.Generator
 ) -> VibrationSource:
-    if not isinstance(surface, Surface):
-        from mmt.testing.simulation.course import CourseVibration, SurfaceCourse
+    if isinstance(surface, Surface):
+        return SurfaceVibration(surface, generator)
+    from mmt.testing.simulation.course import CourseVibration, SurfaceCourse
+    from mmt.testing.simulation.known_surfaces import vibration_of
 
-        if isinstance(surface, SurfaceCourse):
-            return CourseVibration(surface, generator)
+    if isinstance(surface, SurfaceCourse):
+        return CourseVibration(surface, generator)
     return vibration_of(surface, generator)

@@ -1,21 +1,29 @@
-"""The intended motion of a simulated hand, tick by tick: a function for each kind of hand.
+"""The intended motion of a simulated hand, tick by tick: a function for each kind but `strokes`.
 
-This project's methods were tried with `strokes`. The other kinds judge them on different motion: no
-stretches of steady speed, short contacts, reversals, rests. All except `strokes` low-pass their
-force, since a hand's force does not jump.
+This project's methods were tried with `mmt.testing.simulation.strokes`. These kinds judge them on
+different motion: no stretches of steady speed, short contacts, reversals, rests. They low-pass
+their force, since a hand's force does not jump.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from math import atan2, cos, exp, hypot, pi, sin
+from collections.abc import Callable, Iterator, Mapping
+from math import atan2, exp, hypot, pi, sin
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from mmt.scene import Hand
 from mmt.testing.simulation import PERIOD_S, RATE_HZ
-from mmt.testing.simulation.strokes import REACH_MM, HeadingPlanner, Phase, StrokePlanner
+from mmt.testing.simulation.strokes import (
+    REACH_MM,
+    HeadingPlanner,
+    Intent,
+    Phase,
+    Place,
+    in_phases,
+    strokes,
+)
 
 if TYPE_CHECKING:
     from mmt.testing.simulation.recorded_path import RecordedPath
@@ -26,19 +34,6 @@ _RAMP_SHARE: Final = 0.15
 _LIFTED: Final = 0.12  # share of strokes and of parts of circles before which the hand lifts off
 _LIFTED_SCRATCHING: Final = 0.4  # the same for bouts of scratching
 
-
-class Intent(NamedTuple):
-    """Intended motion for the next tick; `heading_rad` None keeps the heading."""
-
-    speed_mm_s: float
-    force_n: float
-    clearance_mm: float = 0.0
-    heading_rad: float | None = None
-    turn_rad_mm: float = 0.0
-
-
-Place = Callable[[], tuple[float, float]]
-"""Returns the hand's position, x and y (mm)."""
 
 Motion = Callable[[Hand, np.random.Generator, Place], Iterator[Intent]]
 """Yields intents without end, from a hand at rest on the surface without force."""
@@ -59,36 +54,6 @@ def motion(settings: Hand, generator: np.random.Generator, place: Place) -> Iter
     from mmt.testing.simulation.recorded_path import load_path
 
     return followed(load_path(Path(settings.kind)), place)
-
-
-def in_phases(phases: Iterable[Phase], clearance_mm: float = 0.0) -> Iterator[Intent]:
-    """Yield the intents of phases, the first of which begins at rest at a clearance."""
-    before = (0.0, 0.0, clearance_mm)
-    for phase in phases:
-        after = (phase.speed_mm_s, phase.force_n, phase.clearance_mm)
-        for tick in range(1, phase.ramp_ticks + phase.hold_ticks + 1):
-            values = after
-            if tick < phase.ramp_ticks:
-                share = 0.5 - 0.5 * cos(pi * tick / phase.ramp_ticks)
-                speed, force, clearance = before
-                values = (
-                    speed + share * (after[0] - speed),
-                    force + share * (after[1] - force),
-                    clearance + share * (after[2] - clearance),
-                )
-            yield Intent(*values, phase.heading_rad if tick == 1 else None, phase.turn_rad_mm)
-        before = after
-
-
-def strokes(hand: Hand, random: np.random.Generator, place: Place) -> Iterator[Intent]:
-    """Stroke to and fro in stretches of steady speed and force, see `StrokePlanner`."""
-    planner = StrokePlanner(hand, random)
-
-    def phases() -> Iterator[Phase]:
-        while True:
-            yield from planner.stroke(*place())
-
-    return in_phases(phases())
 
 
 def quick(hand: Hand, random: np.random.Generator, place: Place) -> Iterator[Intent]:

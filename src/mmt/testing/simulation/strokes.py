@@ -10,9 +10,9 @@ from another such sequence, in the order in which the workspace has room for the
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,20 @@ _SHORTEST_RAMP_S: Final = 0.06
 _LONGEST_STROKE_MM: Final = 120.0
 _LIFT_MM: Final = (4.0, 12.0)
 _STROKES_BETWEEN_LIFTS: Final = (7, 14)
+
+
+class Intent(NamedTuple):
+    """Intended motion for the next tick; `heading_rad` None keeps the heading."""
+
+    speed_mm_s: float
+    force_n: float
+    clearance_mm: float = 0.0
+    heading_rad: float | None = None
+    turn_rad_mm: float = 0.0
+
+
+Place = Callable[[], tuple[float, float]]
+"""Returns the hand's position, x and y (mm)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,3 +245,33 @@ def _length_mm(stretches: list[_Steady]) -> float:
 
 def _ticks(duration_s: float) -> int:
     return max(1, round(duration_s * 1000.0))
+
+
+def in_phases(phases: Iterable[Phase], clearance_mm: float = 0.0) -> Iterator[Intent]:
+    """Yield the intents of phases, the first of which begins at rest at a clearance."""
+    before = (0.0, 0.0, clearance_mm)
+    for phase in phases:
+        after = (phase.speed_mm_s, phase.force_n, phase.clearance_mm)
+        for tick in range(1, phase.ramp_ticks + phase.hold_ticks + 1):
+            values = after
+            if tick < phase.ramp_ticks:
+                share = 0.5 - 0.5 * math.cos(math.pi * tick / phase.ramp_ticks)
+                speed, force, clearance = before
+                values = (
+                    speed + share * (after[0] - speed),
+                    force + share * (after[1] - force),
+                    clearance + share * (after[2] - clearance),
+                )
+            yield Intent(*values, phase.heading_rad if tick == 1 else None, phase.turn_rad_mm)
+        before = after
+
+
+def strokes(hand: Hand, random: np.random.Generator, place: Place) -> Iterator[Intent]:
+    """Stroke to and fro in stretches of steady speed and force, see `StrokePlanner`."""
+    planner = StrokePlanner(hand, random)
+
+    def phases() -> Iterator[Phase]:
+        while True:
+            yield from planner.stroke(*place())
+
+    return in_phases(phases())

@@ -12,14 +12,16 @@ Rendering of Anisotropic Haptic Textures, section 3.3).
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 from zlib import crc32
 
 from mmt.core.errors import InputError
 from mmt.testing.simulation import RATE_HZ
-from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.modes import Grain, Resonance, ridges
 from mmt.testing.simulation.surfaces import Surface, with_bands
+
+if TYPE_CHECKING:
+    from mmt.testing.simulation.known_surfaces import KnownSurface
 
 RIDGED_PLASTIC: Final = Surface(
     "ridged-plastic",
@@ -219,7 +221,7 @@ other nine."""
 _DRAWN: Final = re.compile(r"(drawn|final)-(\d{1,6})", re.ASCII)
 
 
-def get_surface(name: str, rate_hz: float = RATE_HZ) -> KnownSurface:
+def get_surface(name: str, rate_hz: float = RATE_HZ) -> "KnownSurface":
     """Return the known texture of this name at a rate.
 
     Parameters
