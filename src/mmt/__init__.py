@@ -42,32 +42,12 @@ if TYPE_CHECKING:
     from mmt.texture.synthesis.synthesizer import Synthesizer
 
 __all__ = [
-    "Evaluation",
-    "Follower",
-    "InputError",
-    "Leader",
-    "MmtError",
-    "ModelHistory",
-    "ModellingSettings",
-    "RecordedSession",
-    "Scene",
-    "SurfaceSettings",
-    "Synthesizer",
-    "TextureModel",
-    "TextureSamples",
-    "__version__",
-    "build_model",
-    "evaluate_session",
-    "evaluate_surfaces",
-    "export_session",
-    "follow_surfaces",
-    "import_session",
-    "load_model",
-    "load_scene",
-    "read_session",
-    "simulate_session",
-    "write_session",
-]
+    "Evaluation", "Follower", "InputError", "Leader", "MmtError", "ModelHistory",
+    "ModellingSettings", "RecordedSession", "Scene", "SurfaceSettings", "Synthesizer",
+    "TextureModel", "TextureSamples", "__version__", "build_model", "evaluate_session",
+    "evaluate_surfaces", "export_session", "follow_surfaces", "import_session", "load_model",
+    "load_scene", "read_session", "simulate_session", "write_session",
+]  # fmt: skip
 
 _HOMES = {
     "Evaluation": "mmt.evaluation.results",

@@ -106,7 +106,7 @@ def test_a_library_that_is_missing_is_named_with_the_drivers_that_want_it(
     def none() -> None:
         raise MmtError("the sound card needs PortAudio")
 
-    monkeypatch.setattr("mmt.devices.haptuator.sound_library.load_sounddevice", none)
+    monkeypatch.setattr("mmt.devices.haptuator.sound.load_sounddevice", none)
     monkeypatch.setattr("mmt.devices.openhaptics.robot.find_library", lambda name: None)
     problems = run_json(tmp_path, "device", "list")[0]["problems"]
     assert "haptuator-sound, sound outputs: the sound card needs PortAudio" in problems

@@ -5,8 +5,9 @@ import time
 
 import pytest
 
+from mmt.core.loop_timer import LoopTimer
 from mmt.core.ticking import open_timer
-from mmt.devices.polling import LoopTimer, Retry
+from mmt.devices.polling import Retry
 
 PATIENCE_S = 20.0
 

@@ -17,7 +17,7 @@ from link_samples import (
     until,
 )
 
-import mmt.link.emulation
+import mmt.core.loop_timer
 from mmt.link.client import FollowerClient
 from mmt.link.emulation import EmulatedNetwork, EmulatedSendQueue
 from mmt.link.protocol import encode_event
@@ -50,8 +50,8 @@ async def outbox(capacity: int = 50, **table: Any) -> AsyncIterator[tuple[Emulat
 @pytest.fixture(params=["timerfd", "call_at"])
 def timers(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if request.param == "call_at":
-        monkeypatch.setattr(mmt.link.emulation, "open_timer", lambda: None)
-    elif (timer := mmt.link.emulation.open_timer()) is None:
+        monkeypatch.setattr(mmt.core.loop_timer, "open_timer", lambda: None)
+    elif (timer := mmt.core.loop_timer.open_timer()) is None:
         pytest.skip("this system has no timerfd")
     else:
         timer.close()

@@ -12,6 +12,7 @@ import numpy as np
 
 from mmt.core.errors import MmtError, located
 from mmt.core.frames import missing_band
+from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.protocols import SensorReading, SetupRemarks
 
 UNITS: Final = {
@@ -30,7 +31,6 @@ Values = tuple[float, ...]
 
 _LONGEST_WAIT_S: Final = 1.5
 _STUCK_S: Final = 1.0
-_STANDARD_GRAVITY: Final = 9.80665
 _KEPT: Final = 1_000_000
 _BUSY_MS: Final = 5.0
 _BURST_MS: Final = 10.0
@@ -281,7 +281,7 @@ def _judge_values(seen: DeviceCheck, watching: _Observation) -> list[str]:
         )
     if seen.role == "accelerometer" and finite:
         gravity = math.hypot(*seen.mean)
-        if not 0.7 * _STANDARD_GRAVITY < gravity < 1.3 * _STANDARD_GRAVITY:
+        if not 0.7 * GRAVITY_M_S2 < gravity < 1.3 * GRAVITY_M_S2:
             unit = " (it may be in g)" if 0.7 < gravity < 1.3 else ""
             problems.append(
                 f"at rest it must feel 9.8 m/s2 and feels {gravity:.3g}{unit}: keep it still, "

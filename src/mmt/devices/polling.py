@@ -5,12 +5,11 @@ seconds. Read at the ticks alone, their arrival would be known only to a whole p
 whose reading just missed its tick need not wait for the next one.
 """
 
-import asyncio
 import time
 from collections.abc import Callable
 from typing import Final
 
-from mmt.core.ticking import TimerFile, open_timer
+from mmt.core.loop_timer import LoopTimer
 
 POLLS_HZ: Final = 100
 
@@ -24,53 +23,6 @@ _RETRIES_A_TICK: Final = 0.1
 _RETRIES_AT_ONCE: Final = 2000.0
 """Looks that can be saved up: a sensor nearly in step with the ticks is late at each tick for a
 second or two, then at none for many seconds."""
-
-
-class LoopTimer:
-    """A precise timer of the running loop.
-
-    If the system has no precise timers, or no loop runs, the callback is never called.
-
-    Parameters
-    ----------
-    callback
-        Called with the monotonic time (ns), once for each `set`.
-    """
-
-    def __init__(self, callback: Callable[[int], object]) -> None:
-        self._callback = callback
-        self._timer: TimerFile | None = None
-        self._loop: asyncio.AbstractEventLoop | None = None
-
-    def start(self) -> None:
-        """Start on the running loop."""
-        try:
-            loop = asyncio.get_running_loop()
-        except RuntimeError:
-            return
-        timer = open_timer()
-        if timer is not None:
-            self._loop, self._timer = loop, timer
-            loop.add_reader(timer.file, self._on_readable, timer)
-
-    def stop(self) -> None:
-        """End; calling it twice is harmless."""
-        if self._timer is not None and self._loop is not None:
-            self._loop.remove_reader(self._timer.file)
-            self._timer.close()
-            self._timer = None
-
-    def set(self, at_ns: int) -> None:
-        """Call back at a monotonic time (ns) in place of the one set before; 0 is never."""
-        if self._timer is not None:
-            self._timer.arm(at_ns, 0)
-
-    def _on_readable(self, timer: TimerFile) -> None:
-        if timer.expirations():
-            self._expire(time.monotonic_ns())
-
-    def _expire(self, now_ns: int) -> None:
-        self._callback(now_ns)
 
 
 class PhasePoller(LoopTimer):

@@ -17,7 +17,7 @@ from typing import Any, Final, Literal
 from aiohttp import web
 
 from mmt.core.errors import InputError
-from mmt.core.ticking import TimerFile, open_timer
+from mmt.core.loop_timer import LoopTimer
 from mmt.link.accepting import HANDSHAKE_S
 from mmt.link.impairments import MessageImpairments
 from mmt.link.queue import SendQueue
@@ -46,7 +46,7 @@ class EmulatedSendQueue(SendQueue):
         self._impairments = MessageImpairments(settings, seed, time.monotonic_ns())
         self._delayed: list[tuple[int, int, int, bytes]] = []
         self._number = itertools.count()
-        self._alarm = _Alarm(self._release)
+        self._timer = LoopTimer(lambda _: self._release(), coarse=True)
         self._at_once = max(1, capacity // 2)  # the task that empties the queue runs in between
         self._received = self._lost = self._repeated = 0
 
@@ -105,7 +105,7 @@ class EmulatedSendQueue(SendQueue):
         self._lost += first_copies
         self._repeated -= len(self._delayed) - first_copies
         self._delayed.clear()
-        self._alarm.close()
+        self._timer.stop()
         super().close()
 
     def _release(self) -> None:
@@ -116,56 +116,8 @@ class EmulatedSendQueue(SendQueue):
             _, _, records, message = heapq.heappop(self._delayed)
             super().put(records, message)
         if self._delayed:
-            self._alarm.set(self._delayed[0][0])
-
-
-class _Alarm:
-    """A one-shot timer at a monotonic time: a timerfd, or the loop's timer if there is none."""
-
-    def __init__(self, callback: Callable[[], None]) -> None:
-        self._callback = callback
-        self._timer: TimerFile | None = None
-        self._handle: asyncio.TimerHandle | None = None
-        self._open = False
-        self._due_ns: int | None = None
-
-    def set(self, due_ns: int) -> None:
-        """Call back at this time, instead of one set before."""
-        loop = asyncio.get_running_loop()
-        if not self._open:
-            self._open = True
-            self._timer = open_timer()
-            if self._timer is not None:
-                loop.add_reader(self._timer.file, self._on_readable, self._timer)
-        if self._due_ns == due_ns:
-            return
-        self._due_ns = due_ns
-        if self._timer is not None:
-            self._timer.arm(due_ns, 0)
-            return
-        if self._handle is not None:
-            self._handle.cancel()
-        wait_s = (due_ns - time.monotonic_ns()) / 1e9
-        self._handle = loop.call_at(loop.time() + wait_s, self._fire)
-
-    def close(self) -> None:
-        """Cancel the timer and release it, until it is set again."""
-        if self._timer is not None:
-            asyncio.get_running_loop().remove_reader(self._timer.file)
-            self._timer.close()
-            self._timer = None
-        if self._handle is not None:
-            self._handle.cancel()
-            self._handle = None
-        self._open, self._due_ns = False, None
-
-    def _on_readable(self, timer: TimerFile) -> None:
-        if timer.expirations():
-            self._fire()
-
-    def _fire(self) -> None:
-        self._due_ns = None
-        self._callback()
+            self._timer.start()
+            self._timer.set(self._delayed[0][0])
 
 
 PATH: Final = "/network"

@@ -11,8 +11,8 @@ from statistics import fmean
 from typing import Any, Final
 
 from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.accelerometer_axes import signed_axes
-from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.drivers import read_options
 from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import SensorReading

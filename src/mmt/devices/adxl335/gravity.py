@@ -11,9 +11,8 @@ from typing import Any, Final, Literal, NamedTuple, cast, get_args
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import InputError
+from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.calibrations import finite_vector
-
-GRAVITY_M_S2: Final = 9.80665
 
 Up = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 """The axis of the sensor that points up."""

@@ -11,9 +11,9 @@ from typing import Final
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.accelerometer_axes import signed_axes
 from mmt.devices.adxl335.gravity import (
-    GRAVITY_M_S2,
     GravityCalibration,
     Rest,
     Up,

@@ -5,8 +5,9 @@ import random
 import time
 from typing import TYPE_CHECKING, Any, Final
 
+from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.adxl335.framing import BoardFrame, Counts, encode_frame
-from mmt.devices.adxl335.gravity import GRAVITY_M_S2, GravityCalibration, nominal
+from mmt.devices.adxl335.gravity import GravityCalibration, nominal
 from mmt.devices.adxl335.options import LARGEST_BANDWIDTH_HZ
 from mmt.devices.adxl335.sensor import TYPICAL_RANGE_M_S2
 from mmt.testing.emulated import Truth, with_flipped_bit

@@ -14,6 +14,7 @@ from typing import Final
 
 from mmt.core.arrays import Vector
 from mmt.core.process import SWITCH_INTERVAL_S
+from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.haptuator.framing import FULL_SCALE
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
@@ -29,7 +30,6 @@ DIRECTION: Final[Vector] = (0.6, 0.0, 0.8)
 _RATE_HZ: Final = 8000
 _ACCELEROMETER_HZ: Final = 2000.0
 _BANDWIDTH_HZ: Final = 1000.0
-_GRAVITY_M_S2: Final = 9.80665
 _BEHIND: Final = 240
 """Delay of the acceleration in samples, so that the sample after an instant is known too."""
 _KEPT: Final = 4096
@@ -72,7 +72,7 @@ class ShakenHandle:
         with self._lock:
             shaken = self._at(time_ns)
         x, y, z = DIRECTION
-        return (x * shaken, y * shaken, z * shaken + _GRAVITY_M_S2)
+        return (x * shaken, y * shaken, z * shaken + GRAVITY_M_S2)
 
     def _at(self, time_ns: int) -> float:
         if self._origin_ns is None:

@@ -5,6 +5,7 @@ from typing import Final
 
 from mmt.core.arrays import Vector
 from mmt.core.frames import CHANNELS, acceleration_samples
+from mmt.core.units import GRAVITY_M_S2
 from mmt.scene import Simulated
 from mmt.testing.emulated.clockwork import Clockwork
 from mmt.testing.simulation import RATE_HZ, START_MM
@@ -56,7 +57,7 @@ class World:
         )
         self._positions: list[Vector] = [START_MM] * _KEPT
         self._forces: list[Vector] = [(0.0, 0.0, 0.0)] * _KEPT
-        self._accelerations: list[Vector] = [(0.0, 0.0, 9.80665)] * _KEPT * samples_per_frame
+        self._accelerations: list[Vector] = [(0.0, 0.0, GRAVITY_M_S2)] * _KEPT * samples_per_frame
         self._newest = 0
         self._begun_ns = time.monotonic_ns()
         self._due = 0

@@ -16,7 +16,8 @@ from typing import Any, Final
 
 from mmt.core.arrays import Vector
 from mmt.core.process import PRIORITY, prefer_even_ticks, wake_on_time
-from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
+from mmt.core.units import GRAVITY_M_S2
+from mmt.devices.adxl335.gravity import nominal
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 from mmt.testing.emulated.digital_ft import EmulatedDigitalFt
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
