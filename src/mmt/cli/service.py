@@ -256,6 +256,9 @@ def _print_parts(scene: Scene, service: Service) -> None:
     left_out = [name for name, runs in parts.items() if not runs]
     messages.print(f"runs:     {', '.join(running) or 'nothing'}")
     messages.print(f"left out: {', '.join(left_out) or 'nothing'}")
-    hand_force = scene.describe_hand_force()
-    if service == "leader" and hand_force is not None:
-        messages.print(f"the hand's force: {hand_force}")
+    if service == "leader":
+        from mmt.cli.scene.description import describe_hand_force
+
+        hand_force = describe_hand_force(scene)
+        if hand_force is not None:
+            messages.print(f"the hand's force: {hand_force}")

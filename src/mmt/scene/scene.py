@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeVar, get_args
 
 from pydantic import Field, create_model, model_validator
 
-from mmt.core.frames import AccelerationRateHz, Channel, missing_band, ordered_channels
+from mmt.core.frames import AccelerationRateHz, Channel, ordered_channels
 from mmt.scene.added import (
     PassingTable,
     added_parts,
@@ -116,49 +116,6 @@ class SceneTables(Table):
             return None
         where, how = self.motion_limits.describe()
         return f"{where}; {(self.link or Link()).limit_mm_s:g} mm/s; {how}"
-
-    def describe_acceleration(self) -> str | None:
-        """Describe the acceleration in a frame; None for at most one sample per frame."""
-        session = self.session
-        if session.samples_per_frame == 1 or "acceleration" not in self.channels():
-            return None
-        text = f"{session.samples_per_frame} samples a frame"
-        sensor = self.devices.accelerometer if self.devices is not None else None
-        if sensor is None:
-            return text
-        board = sensor.options.get("board")
-        rate_hz = (board if isinstance(board, dict) else sensor.options).get("rate_hz")
-        if not isinstance(rate_hz, int | float):
-            return f"{text}; its start says what {sensor.driver} gives"
-        band = missing_band(rate_hz, session.acceleration_rate_hz)
-        return f"{text}; {sensor.driver} {band}" if band else text
-
-    def describe_hand_force(self) -> str | None:
-        """Describe the source and the delay of the hand's force at a real handle.
-
-        With the hand's motion it drives the rendered vibration. None without handle or rendering.
-        """
-        handle = self.handle
-        if handle is None or self.rendering is None:
-            return None
-        if handle.hand_force == "measured":
-            return "measured by the handle, at once"
-        if self.link is None:
-            return (
-                f"{handle.surface_stiffness_n_mm:g} N/mm below the surface, which is at the "
-                "scene's zero or where another leader says, at once"
-            )
-        network = self.network
-        trip = "a round trip" if network is None else f"about {2.0 * network.delay_ms:g} ms"
-        if self.reports_contact:
-            return (
-                "by the hand's own motion and the model of the contact, at once; until the first "
-                f"touch has shown the surface, or after it has moved, {trip} late"
-            )
-        return (
-            f"the follower's: vibration follows the hand's motion at once, its force {trip} late "
-            '(method "passive" tells of energies, "streamed" and "model" let it come at once)'
-        )
 
     @property
     def commands(self) -> bool:

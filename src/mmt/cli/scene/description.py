@@ -12,6 +12,7 @@ from mmt.core.frames import (
     ENERGY,
     ENERGY_DTYPE,
     frame_dtype,
+    missing_band,
 )
 from mmt.leader.parts import tasks_of
 from mmt.link.protocol import COMMANDS, FRAMES, encode_event
@@ -59,9 +60,9 @@ class SceneDescription:
     robot_limits: str | None
     """See `Scene.describe_motion_limits`."""
     acceleration: str | None
-    """See `Scene.describe_acceleration`."""
+    """The acceleration in a frame, None for at most one sample per frame."""
     hand_force: str | None
-    """See `Scene.describe_hand_force`."""
+    """See `describe_hand_force`."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return the description as JSON values."""
@@ -79,8 +80,53 @@ def describe_scene(scene: Scene) -> SceneDescription:
         follower=_side(scene, FOLLOWER) if scene.source is not None else None,
         streams=_streams(scene),
         robot_limits=scene.describe_motion_limits(),
-        acceleration=scene.describe_acceleration(),
-        hand_force=scene.describe_hand_force(),
+        acceleration=_acceleration(scene),
+        hand_force=describe_hand_force(scene),
+    )
+
+
+def _acceleration(scene: Scene) -> str | None:
+    """Describe the acceleration in a frame; None for at most one sample per frame."""
+    session = scene.session
+    if session.samples_per_frame == 1 or "acceleration" not in scene.channels():
+        return None
+    text = f"{session.samples_per_frame} samples a frame"
+    sensor = scene.devices.accelerometer if scene.devices is not None else None
+    if sensor is None:
+        return text
+    board = sensor.options.get("board")
+    rate_hz = (board if isinstance(board, dict) else sensor.options).get("rate_hz")
+    if not isinstance(rate_hz, int | float):
+        return f"{text}; its start says what {sensor.driver} gives"
+    band = missing_band(rate_hz, session.acceleration_rate_hz)
+    return f"{text}; {sensor.driver} {band}" if band else text
+
+
+def describe_hand_force(scene: Scene) -> str | None:
+    """Describe the source and the delay of the hand's force at a real handle.
+
+    With the hand's motion it drives the rendered vibration. None without handle or rendering.
+    """
+    handle = scene.handle
+    if handle is None or scene.rendering is None:
+        return None
+    if handle.hand_force == "measured":
+        return "measured by the handle, at once"
+    if scene.link is None:
+        return (
+            f"{handle.surface_stiffness_n_mm:g} N/mm below the surface, which is at the "
+            "scene's zero or where another leader says, at once"
+        )
+    network = scene.network
+    trip = "a round trip" if network is None else f"about {2.0 * network.delay_ms:g} ms"
+    if scene.reports_contact:
+        return (
+            "by the hand's own motion and the model of the contact, at once; until the first "
+            f"touch has shown the surface, or after it has moved, {trip} late"
+        )
+    return (
+        f"the follower's: vibration follows the hand's motion at once, its force {trip} late "
+        '(method "passive" tells of energies, "streamed" and "model" let it come at once)'
     )
 
 
