@@ -10,10 +10,10 @@ block for longer than a small part of a 1 ms tick.
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, runtime_checkable
 
 from mmt.core.arrays import FloatArray, Vector
+from mmt.devices.leader_reports import ActuatorStatistics, InterfaceState
 
 if TYPE_CHECKING:
     from mmt.core.quaternions import Quaternion
@@ -166,19 +166,6 @@ class SetupRemarks(Protocol):
         """Return a sentence for each doubtful setting, with what to do."""
 
 
-class InterfaceState(NamedTuple):
-    """The leader's handle at one tick, known locally and therefore without delay."""
-
-    position_mm: Vector
-    """The handle's position, which is the follower's motion command."""
-    velocity_mm_s: Vector
-    """The handle's velocity."""
-    force_n: float
-    """The hand's own normal force on the surface, never negative."""
-    contact: bool
-    """Whether the hand presses on the surface."""
-
-
 class LeaderInterface(Device, Protocol):
     """The handle that the operator holds."""
 
@@ -187,19 +174,6 @@ class LeaderInterface(Device, Protocol):
 
     def write(self, force_n: Vector) -> None:
         """Display a force (N) to the hand: the kinesthetic feedback."""
-
-
-@dataclass(frozen=True, slots=True)
-class ActuatorStatistics:
-    """Counts and levels of the samples that an actuator was given."""
-
-    samples: int
-    clipped: int
-    """Samples beyond the actuator's limit, written at the limit."""
-    rms_m_s2: float
-    """Root mean square of the samples after the limit."""
-    peak_m_s2: float
-    """Largest magnitude asked for, before the limit."""
 
 
 class VibrationActuator(Device, Protocol):

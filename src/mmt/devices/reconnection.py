@@ -9,13 +9,8 @@ from typing import Any, Final, Generic, Protocol, TypeVar
 
 from mmt.core.arrays import FloatArray, Vector
 from mmt.core.errors import DeviceLost
-from mmt.devices.protocols import (
-    ActuatorStatistics,
-    Device,
-    InterfaceState,
-    LeaderInterface,
-    VibrationActuator,
-)
+from mmt.devices.leader_reports import ActuatorStatistics, InterfaceState
+from mmt.devices.protocols import Device, LeaderInterface, VibrationActuator
 
 _RETRY_S: Final = 0.5
 _LONGEST_RETRY_S: Final = 3.0

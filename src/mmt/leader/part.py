@@ -15,7 +15,7 @@ from mmt.core.ending import Ending
 from mmt.core.errors import MmtError
 from mmt.core.ticking import Ticker
 from mmt.core.verdict import Facts, Verdict, verdict
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.leader_reports import InterfaceState
 from mmt.leader.run_log import Journal, RunLog
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 from typing import Final
 
 from mmt.core.arrays import Vector, clipped, difference
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.leader_reports import InterfaceState
 
 _TICK_S: Final = 1e-3
 _AT_REST: Final[Vector] = (0.0, 0.0, 0.0)

@@ -4,7 +4,7 @@ from typing import Any
 
 from mmt.core.arrays import Vector
 from mmt.devices.drivers import read_options
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.leader_reports import InterfaceState
 from mmt_devices.inverse3.driver import InverseDriver
 from mmt_devices.inverse3.link import ServiceLink
 from mmt_devices.inverse3.options import HandleOptions

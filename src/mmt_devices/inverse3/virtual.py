@@ -5,7 +5,7 @@ from typing import Any, Final, TypeVar
 
 from mmt.core.arrays import Vector
 from mmt.devices.drivers import Role
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.leader_reports import InterfaceState
 from mmt.testing.emulated.drivers import HandleLabOptions, VirtualDevice
 from mmt.testing.emulated.lab_process import LabProcess
 from mmt_devices.inverse3.handle import Inverse3Handle

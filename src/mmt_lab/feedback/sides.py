@@ -5,7 +5,7 @@ from typing import Final, Literal
 
 from mmt.contact.passivity import PassivitySettings
 from mmt.core.arrays import Vector
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.leader_reports import InterfaceState
 from mmt.follower.feedback import FollowerFeedback
 from mmt.follower.feedback import build_feedback as build_follower_feedback
 from mmt.leader.motion.feedback import Feedback

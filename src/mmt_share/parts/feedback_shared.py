@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.contact.rendering import LocalContact
 from mmt.core.arrays import RecordArray, Vector, bounded
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.leader_reports import InterfaceState
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.feedback_model import ModelSettings
 from mmt.leader.motion.passivity_ports import PassivityPorts

@@ -4,7 +4,7 @@ from collections import deque
 from typing import Final
 
 from mmt.core.arrays import RecordArray, Vector, difference
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.leader_reports import InterfaceState
 
 _WINDOW: Final = 200
 """Messages whose delay is remembered: two seconds at a hundred messages a second."""

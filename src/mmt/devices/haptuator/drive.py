@@ -15,7 +15,7 @@ from mmt.core.guards import SampleGuard
 from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
 from mmt.devices.haptuator.equaliser import ActuatorLevel, Equaliser, taps_at
 from mmt.devices.haptuator.options import HaptuatorOptions
-from mmt.devices.protocols import ActuatorStatistics
+from mmt.devices.leader_reports import ActuatorStatistics
 from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
 
 DEVICE: Final = "haptuator"

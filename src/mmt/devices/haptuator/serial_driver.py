@@ -16,7 +16,7 @@ from mmt.devices.haptuator.driver import SILENCE_NS, HaptuatorDriver
 from mmt.devices.haptuator.framing import FULL_SCALE, MOST_SAMPLES, BoardReport, BoardSamples, Reset
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.resampling import AFTER
-from mmt.devices.protocols import ActuatorStatistics
+from mmt.devices.leader_reports import ActuatorStatistics
 
 DRIVER: Final = "haptuator-serial"
 

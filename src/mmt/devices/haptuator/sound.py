@@ -18,7 +18,7 @@ from mmt.devices.haptuator.card_buffer import CardBuffer
 from mmt.devices.haptuator.driver import SILENCE_NS, HaptuatorDriver
 from mmt.devices.haptuator.equaliser import ActuatorLevel
 from mmt.devices.haptuator.options import HaptuatorOptions
-from mmt.devices.protocols import ActuatorStatistics
+from mmt.devices.leader_reports import ActuatorStatistics
 
 
 def load_sounddevice() -> Any:

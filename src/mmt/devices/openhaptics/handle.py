@@ -4,11 +4,11 @@ from typing import Any
 
 from mmt.core.arrays import Vector
 from mmt.devices.drivers import read_options
+from mmt.devices.leader_reports import InterfaceState
 from mmt.devices.openhaptics.driver import HdDriver
 from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.options import HdOptions
 from mmt.devices.openhaptics.servo import Servo
-from mmt.devices.protocols import InterfaceState
 
 
 class OpenHapticsHandle(HdDriver[Servo]):

@@ -8,7 +8,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray, Vector, bounded
 from mmt.core.frames import FeedbackSide
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.leader_reports import InterfaceState
 from mmt.leader.motion.slew import SILENCE_TICKS, ForceDisplay, ForceRamp
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from mmt.contact.passivity import PassivitySettings
 from mmt.contact.rendering import LocalContact, RenderingSettings
 from mmt.core.arrays import RecordArray, Vector, bounded
 from mmt.core.frames import CONTACT, CONTACT_DTYPE
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.leader_reports import InterfaceState
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.passivity_ports import PassivityPorts
 from mmt.leader.motion.slew import SILENCE_TICKS, ForceDisplay

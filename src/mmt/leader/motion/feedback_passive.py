@@ -9,7 +9,7 @@ from mmt.contact.energies import EnergyCounts, EnergyReport
 from mmt.contact.passivity import PassivitySettings
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import ENERGY, ENERGY_DTYPE
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.leader_reports import InterfaceState
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.passivity_ports import PassivityPorts
 from mmt.leader.motion.slew import SILENCE_TICKS, ForceDisplay

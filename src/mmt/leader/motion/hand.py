@@ -4,13 +4,13 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from mmt.core.arrays import RecordArray, Vector
-from mmt.devices.protocols import LeaderInterface, fault_table
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Link, Simulated
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
+    from mmt.devices.protocols import LeaderInterface
     from mmt.leader.motion.hand_contact import FollowerContact
     from mmt.leader.motion.operator_handle import OperatorHandle
 
@@ -148,10 +148,14 @@ class HandPart(Part):
     def summary(self, duration_s: float) -> dict[str, Any]:
         """Return how often and how long a handle was lost, and the faults its driver survived."""
         _ = duration_s
-        if self.handle is None:
-            found = fault_table(self.device)
-        else:
-            found = self.handle.losses_summary | fault_table(self.handle.device)
+        device: Any = self.device
+        found: dict[str, Any] = {}
+        if self.handle is not None:
+            device, found = self.handle.device, self.handle.losses_summary
+        if hasattr(device, "faults"):
+            from mmt.devices.protocols import fault_table
+
+            found = found | fault_table(device)
         if self.contact is not None and self.contact.summary:
             found = {**found, "contact": self.contact.summary}
         return {"handle": {"device": self.name, **found}} if found else {}

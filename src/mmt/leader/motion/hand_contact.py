@@ -8,7 +8,7 @@ from mmt.contact.estimation import ContactModel, EstimationSettings
 from mmt.contact.hand import HandContact
 from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import CONTACT, CONTACT_DTYPE
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.leader_reports import InterfaceState
 from mmt.leader.part import Session
 from mmt.scene import Texture
 

@@ -1,7 +1,8 @@
 """The operator's handle, which may be lost and return, and the command that follows it."""
 
 from mmt.core.arrays import Vector, difference, step_towards
-from mmt.devices.protocols import InterfaceState, LeaderInterface
+from mmt.devices.leader_reports import InterfaceState
+from mmt.devices.protocols import LeaderInterface
 from mmt.devices.reconnection import ReconnectingHandle
 
 

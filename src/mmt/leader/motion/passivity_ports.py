@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from mmt.contact.passivity import ForcePort, PassivitySettings
 from mmt.core.arrays import Vector, bounded
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.leader_reports import InterfaceState
 
 _M: Final = 1e-3
 _UNLIMITED: Final[Vector] = (math.inf, math.inf, math.inf)

@@ -3,7 +3,7 @@
 from collections import deque
 from typing import TYPE_CHECKING, Final
 
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.leader_reports import InterfaceState
 from mmt.leader.part import Part, Session
 
 if TYPE_CHECKING:

@@ -9,12 +9,6 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.devices.protocols import (
-    USUAL_RATE_HZ,
-    RateFollowing,
-    RespondingActuator,
-    VibrationActuator,
-)
 from mmt.leader.motion.hand import loss_metrics
 from mmt.leader.motion.slew import VibrationSlew
 from mmt.leader.output.renderer import MotionFollowing, SynthesizedVibration, TouchDownRenderer
@@ -24,6 +18,7 @@ from mmt.scene import Actuator, Texture
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
+    from mmt.devices.protocols import VibrationActuator
     from mmt.devices.reconnection import ReconnectingActuator
     from mmt.leader.output.model_crossfade import Renderer
     from mmt.leader.output.stream import StreamedVibration
@@ -172,7 +167,7 @@ class VibrationPart(Part):
     def __init__(
         self,
         session: Session,
-        actuator: VibrationActuator,
+        actuator: "VibrationActuator",
         switch: VibrationSwitch,
         slew: VibrationSlew,
         reconnecting: "ReconnectingActuator | None" = None,
@@ -257,7 +252,11 @@ class VibrationPart(Part):
 
     def response(self) -> "Callable[[FloatArray], tuple[FloatArray, float]] | None":
         """Return the function for the actuator's response by frequency, or None if unknown."""
-        device = self.actuator if self.reconnecting is None else self.reconnecting.device
+        if self.reconnecting is None:
+            return None
+        from mmt.devices.protocols import RespondingActuator
+
+        device = self.reconnecting.device
         return device.response if isinstance(device, RespondingActuator) else None
 
     def close(self) -> None:
@@ -390,6 +389,7 @@ def _actuator(
 
         return SimulatedActuator(limit_m_s2=table.limit_m_s2), None
     from mmt.devices.drivers import load_device
+    from mmt.devices.protocols import USUAL_RATE_HZ, RateFollowing
     from mmt.devices.reconnection import ReconnectingActuator
 
     device = load_device(table.driver, table.options, role="actuator")

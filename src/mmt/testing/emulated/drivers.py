@@ -10,14 +10,8 @@ from mmt.core.arrays import FloatArray, Vector
 from mmt.core.errors import DeviceLost, InputError
 from mmt.core.frames import AccelerationRateHz
 from mmt.devices.drivers import Role, load_device, read_options
-from mmt.devices.protocols import (
-    USUAL_RATE_HZ,
-    ActuatorStatistics,
-    Device,
-    SampledSensor,
-    SensorReading,
-    SetupRemarks,
-)
+from mmt.devices.leader_reports import ActuatorStatistics
+from mmt.devices.protocols import USUAL_RATE_HZ, Device, SampledSensor, SensorReading, SetupRemarks
 from mmt.testing.emulated.lab_process import LabProcess
 from mmt.testing.emulated.robot import DatagramRobot
 

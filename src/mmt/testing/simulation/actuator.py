@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.guards import SampleGuard
-from mmt.devices.protocols import ActuatorStatistics
+from mmt.devices.leader_reports import ActuatorStatistics
 
 
 class SimulatedActuator:

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import Vector
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.leader_reports import InterfaceState
 from mmt.scene import Hand, Simulated
 from mmt.testing.simulation import PERIOD_S, RATE_HZ, START_MM, NoiseRows, nominal_compliance_mm_n
 from mmt.testing.simulation.strokes import Intent, Phase, Place, in_phases, strokes

@@ -7,7 +7,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.frames import acceleration_samples
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.leader_reports import InterfaceState
 from mmt.scene import Scene, Texture
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ, BiquadFilter, butterworth_high_pass
 from mmt.web.binary_messages import pack
