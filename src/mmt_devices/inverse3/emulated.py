@@ -39,8 +39,6 @@ class EmulatedInverse3:
     ----------
     tips
         Tips of the devices by identifier; None for one device ``049D`` with a free tip.
-    version
-        Version of the message format.
     port
         TCP port; 0 for a free one.
     """
@@ -49,11 +47,11 @@ class EmulatedInverse3:
         self,
         tips: Mapping[str, EmulatedTip] | None = None,
         *,
-        version: Version = "3.5",
         port: int = 0,
     ) -> None:
         self.tips = {"049D": EmulatedTip(REST_MM)} if tips is None else dict(tips)
-        self.version = version
+        self.version: Version = "3.5"
+        """Version of the message format."""
         self.port = port
         self.heard = 0
         """Number of messages received."""

@@ -56,19 +56,17 @@ class EmulatedNi(LibraryInterpreter, Daqmx):
         Gives the voltages at the inputs.
     clock_ppm
         By how much the board samples too fast, in ppm.
-    seed
-        Seed of the noise.
     """
 
     name = "Dev1"
 
-    def __init__(self, volts_at: VoltsAt, *, clock_ppm: float = 0.0, seed: int = 1) -> None:
+    def __init__(self, volts_at: VoltsAt, *, clock_ppm: float = 0.0) -> None:
         self.plugged = True
         self.stalled = False
         """Whether reads get no samples."""
         self._volts_at = volts_at
         self._speed = 1.0 + 1e-6 * clock_ppm
-        self._random = np.random.default_rng(seed)
+        self._random = np.random.default_rng(1)
         self._running: _Acquisition | None = None
 
     def devices(self) -> Any:

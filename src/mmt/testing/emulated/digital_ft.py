@@ -41,7 +41,7 @@ class EmulatedDigitalFt(EmulatedSerialSensor):
 
     Parameters
     ----------
-    truth, baud, seed
+    truth, baud
         As for `EmulatedSerialSensor`; the truth is the force (N).
     clock_ppm
         How much too fast its clock runs.
@@ -56,11 +56,10 @@ class EmulatedDigitalFt(EmulatedSerialSensor):
         *,
         clock_ppm: float = 0.0,
         noise_counts: float = 2.0,
-        seed: int = 1,
     ) -> None:
         self._rate = record_rate_hz(baud) * (1.0 + 1e-6 * clock_ppm) * 1e-9
         full_ns = round(_ADAPTER_BYTES / SIZE / self._rate)
-        super().__init__(truth, baud, seed, min(full_ns, _TIMER_NS))
+        super().__init__(truth, baud, 1, min(full_ns, _TIMER_NS))
         self.registers: dict[int, int] = {STATUS: 0}
         """Registers by number; change them to emulate another sensor."""
         self.error = False
@@ -71,22 +70,16 @@ class EmulatedDigitalFt(EmulatedSerialSensor):
         self._began_ns: int | None = None  # start of its stream; None while it listens
         self._gauges: Gauges = (0, 0, 0, 0, 0, 0)
         self._unlocked = False
-        self.store(_mixing_matrix())
+        self._store(_mixing_matrix())
 
-    def store(
-        self,
-        matrix: "np.ndarray[Any, np.dtype[np.float64]]",
-        serial: str = "FT00018",
-        part: str = "SI-12-0.12",
-        units: tuple[int, int] = (2, 4),
-        number: int = 1,
-    ) -> None:
+    def _store(self, matrix: "np.ndarray[Any, np.dtype[np.float64]]") -> None:
         """Store a calibration: rows of counts of force and torque per gauge count."""
         ranges = (12.0, 12.0, 17.0, 120.0, 120.0, 120.0)
         registers = pack_calibration(
-            serial, part, matrix.tolist(), units, ranges, (_COUNTS, _COUNTS), _GAINS, _OFFSETS
-        )
-        start = calibration_start(number)
+            "FT00018", "SI-12-0.12", matrix.tolist(), (2, 4), ranges, (_COUNTS, _COUNTS), _GAINS,
+            _OFFSETS,
+        )  # fmt: skip
+        start = calibration_start(1)
         self.registers |= dict(
             zip(range(start, start + CALIBRATION_REGISTERS), registers, strict=True)
         )

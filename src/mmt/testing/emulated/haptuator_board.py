@@ -29,8 +29,6 @@ class EmulatedHaptuatorBoard(EmulatedSerialDevice):
         Samples that its buffer holds.
     clock_ppm
         How much too fast its clock runs.
-    seed
-        Seed of the corrupted bytes.
     listener
         Called with each sample that goes to the converter, in the board's thread.
     """
@@ -41,7 +39,6 @@ class EmulatedHaptuatorBoard(EmulatedSerialDevice):
         capacity: int = 1024,
         *,
         clock_ppm: float = 0.0,
-        seed: int = 1,
         listener: Callable[[int], None] | None = None,
     ) -> None:
         super().__init__(_PERIOD_NS)
@@ -57,7 +54,7 @@ class EmulatedHaptuatorBoard(EmulatedSerialDevice):
         self._rate_hz = rate_hz
         self._capacity = capacity
         self._per_ns = rate_hz * 1e-9 * (1.0 + 1e-6 * clock_ppm)
-        self._random = random.Random(seed)  # noqa: S311 - faults, no secret
+        self._random = random.Random(1)  # noqa: S311 - faults, no secret
         self._decoder = Decoder()
         self._buffer: deque[int] = deque()
         self._played: deque[int] = deque(maxlen=_HISTORY)

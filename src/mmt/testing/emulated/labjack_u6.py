@@ -29,7 +29,7 @@ from mmt.devices.labjack.packets import (
     encode_stream,
     is_sound,
 )
-from mmt.devices.labjack.scans import CentredLines, nominal_lines, write_lines
+from mmt.devices.labjack.scans import nominal_lines, write_lines
 from mmt.devices.labjack.usb_link import PRODUCT, VENDOR
 from mmt.testing.emulated.usb_backend import OneDeviceBackend, UsbHandle
 
@@ -46,8 +46,6 @@ class EmulatedU6(OneDeviceBackend):
         Voltages of the 14 inputs at a monotonic time (ns).
     serial
         Serial number.
-    lines
-        Its calibration by the gain's index; None for the nominal one.
     clock_ppm
         How much too fast its clock runs.
     """
@@ -57,13 +55,12 @@ class EmulatedU6(OneDeviceBackend):
         volts: Callable[[int], Sequence[float]],
         *,
         serial: int = 360_000_001,
-        lines: Sequence[CentredLines] | None = None,
         clock_ppm: float = 0.0,
     ) -> None:
         super().__init__(VENDOR, PRODUCT, ENDPOINTS)
         self._volts = volts
         self._serial = serial
-        self._lines = nominal_lines() if lines is None else tuple(lines)
+        self._lines = nominal_lines()
         self._blocks = write_lines(self._lines)
         self._speed = 1.0 + 1e-6 * clock_ppm
         self._lock = threading.Lock()
