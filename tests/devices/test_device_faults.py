@@ -1,6 +1,5 @@
 """Faults of a real driver on its emulated device while frames are formed of it."""
 
-import functools
 import itertools
 import sys
 from collections.abc import Iterator
@@ -245,19 +244,14 @@ def test_a_device_that_gives_nothing_usable_is_refused_until_it_does(bench, conn
 
 def test_a_stuck_device_stays_lost_until_its_value_changes(bench, running) -> None:
     running.run(lambda number: number >= 50)
-    if isinstance(bench.device, EmulatedAdxl335Board | EmulatedIio):
-        bench.device.stick()
-        release = functools.partial(bench.device.stick, stuck=False)
-    else:
-        bench.device.stuck = True
-        release = functools.partial(setattr, bench.device, "stuck", False)
+    bench.device.stuck = True
     running.run_until_told("very same values|has not changed")
     lost = len(running.told)
     turns = itertools.count()
     assert len(running.run(lambda _: next(turns) > 1500)) == 0
     assert all(is_lost for is_lost, _ in running.told[lost:])  # it has not been back in between
     bench.felt.value = PRESSED
-    release()
+    bench.device.stuck = False
     back_and_right(bench, running)
 
 
@@ -269,11 +263,11 @@ def test_a_stuck_device_stays_lost_until_its_value_changes(bench, running) -> No
 def test_a_value_that_never_changes_is_none(bench, refused: str, connected: Keep) -> None:
     sensor = connected(bench.load(stuck_s=0.1, start_s=0.2))
     read_some(sensor, 20)
-    bench.device.stick()
+    bench.device.stuck = True
     read_until_lost(sensor, r"value has not changed for 0\.1 s")
     with pytest.raises(MmtError, match=refused):
         sensor.connect()
-    bench.device.stick(stuck=False)
+    bench.device.stuck = False
     sensor.connect()
     assert read_some(sensor, 20)
 

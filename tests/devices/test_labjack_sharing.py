@@ -114,7 +114,7 @@ def test_faults_of_the_board_are_told_to_both(two) -> None:
     box, first, second = two
     read_some(first, 5)
     read_some(second, 5)
-    box.garble(2)
+    box.flip(2)
     read_until(first, lambda _: first.faults["bad packets"] == 2)
     read_some(second, 5)
     assert first.faults == second.faults
@@ -290,9 +290,9 @@ def test_still_gauges_stay_lost_though_the_clock_of_their_box_begins_anew(idle) 
 
 
 def test_a_box_that_sends_garbage_alone_is_two_lost_sensors_which_both_come_back(bench) -> None:
-    bench.box.garble(10**9)
+    bench.box.flip(10**9)
     bench.run_until_told("force sensor.* no reading for", "accelerometer.* no reading for")
-    bench.box.garble(0)
+    bench.box.flip(0)
     bench.run(lambda _: not bench.is_lost)
     assert len(bench.run(lambda number: number >= 50)) >= 50
     for sensor in (bench.gauges, bench.accelerometer):

@@ -135,7 +135,7 @@ def test_the_sensors_own_trigger_is_set_where_none_is(emulated, drivers, connect
 
 def test_lost_scans_are_counted(emulated, sensor) -> None:
     read_some(sensor)
-    emulated.lose(7)
+    emulated.cut(*[0] * 7)
     read_until_fault(sensor, "lost samples", 7)
     assert read_some(sensor)[-1].value == NEAR
 

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.testing.emulated import Truth, with_flipped_bit
+from mmt.testing.emulated import FaultySending, Truth
 from mmt.testing.emulated.clockwork import Clockwork
 from mmt_devices.iio.emulated_chips import ADXL355, ADXL359, Chip, attributes, pack
 
@@ -25,7 +25,7 @@ _IDLE_NS: Final = 10_000_000
 _PIPE_BYTES: Final = 65_536
 
 
-class EmulatedIio:
+class EmulatedIio(FaultySending):
     """Attributes and scans of one device, with faults on demand.
 
     Parameters
@@ -79,9 +79,9 @@ class EmulatedIio:
         self._length = 0
         self._sent = 0
         self._realtime = False
-        self._stuck: tuple[int, ...] | None = None
-        self._silent = self._scrambled = False
-        self._lost = self._flips = self._splits = 0
+        self._raw: tuple[int, ...] = ()
+        self._scrambled = False
+        self._splits = 0
         self._held = b""
 
     @property
@@ -140,25 +140,9 @@ class EmulatedIio:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(value + "\n", encoding="ascii")
 
-    def stall(self, *, stalled: bool = True) -> None:
-        """Stop capturing, as if the interrupt were missing, or go on."""
-        self._silent = stalled
-
     def scramble(self, *, scrambled: bool = True) -> None:
         """Give the scans impossible time stamps, or correct ones again."""
         self._scrambled = scrambled
-
-    def stick(self, *, stuck: bool = True) -> None:
-        """Repeat one value, or measure again."""
-        self._stuck = self._measure(time.monotonic_ns()) if stuck else None
-
-    def lose(self, scans: int = 1) -> None:
-        """Leave out the next scans."""
-        self._lost += scans
-
-    def flip(self, scans: int = 1) -> None:
-        """Flip a bit in each of the next scans."""
-        self._flips += scans
 
     def split(self, scans: int = 1) -> None:
         """Deliver each of the next scans in two parts."""
@@ -203,13 +187,8 @@ class EmulatedIio:
         while self._sent < due:
             self._sent += 1
             time_ns = begun_ns + round(self._sent * period_ns)
-            scan = self._scan(time_ns)
-            if self._silent:
-                continue
-            if self._lost:
-                self._lost -= 1
-            else:
-                self._hand_on(self._spoil(scan))
+            if scan := self._spoil(self._scan(time_ns)):
+                self._hand_on(scan)
         return begun_ns + round((due + 1) * period_ns)
 
     def _hand_on(self, scan: bytes) -> None:
@@ -228,12 +207,6 @@ class EmulatedIio:
         os.write(self._file, self._held + scan)
         self._held = b""
 
-    def _spoil(self, scan: bytes) -> bytes:
-        if not self._flips:
-            return scan
-        self._flips -= 1
-        return with_flipped_bit(scan, self._random)
-
     def _measure(self, time_ns: int) -> tuple[int, ...]:
         felt = self.truth(time_ns)
         return tuple(
@@ -243,8 +216,9 @@ class EmulatedIio:
 
     def _scan(self, time_ns: int) -> bytes:
         """Return a scan: elements aligned to their own size, the end to that of the largest."""
-        raw = self._stuck or self._measure(time_ns)
-        values = dict(zip(("in_accel_x", "in_accel_y", "in_accel_z"), raw, strict=True))
+        if not (self._raw and self.stuck):
+            self._raw = self._measure(time_ns)
+        values = dict(zip(("in_accel_x", "in_accel_y", "in_accel_z"), self._raw, strict=True))
         ahead_ns = time.time_ns() - time.monotonic_ns() if self._realtime else 0
         stamp = self._random.getrandbits(62) if self._scrambled else time_ns + ahead_ns
         values |= {"in_temp": 1852, "in_timestamp": stamp}

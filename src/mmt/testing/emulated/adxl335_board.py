@@ -2,7 +2,6 @@
 
 import math
 import random
-import time
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.units import GRAVITY_M_S2
@@ -10,7 +9,7 @@ from mmt.devices.adxl335.framing import BoardFrame, Counts, encode_frame
 from mmt.devices.adxl335.gravity import GravityCalibration, nominal
 from mmt.devices.adxl335.options import LARGEST_BANDWIDTH_HZ
 from mmt.devices.adxl335.sensor import TYPICAL_RANGE_M_S2
-from mmt.testing.emulated import Truth, with_flipped_bit
+from mmt.testing.emulated import FaultySending, Truth
 from mmt.testing.emulated.serial_port import EmulatedSerialDevice
 
 if TYPE_CHECKING:
@@ -21,7 +20,7 @@ NOISE_DENSITY: Final = 150e-6 * GRAVITY_M_S2
 """m/s2 per root hertz (data sheet, X and Y)."""
 
 
-class EmulatedAdxl335Board(EmulatedSerialDevice):
+class EmulatedAdxl335Board(EmulatedSerialDevice, FaultySending):
     """A board that sends frames until it is stopped; while it is unplugged, it goes on counting.
 
     The sensor clips at 3.6 g along each axis. The board's filter delays the acceleration by
@@ -83,9 +82,8 @@ class EmulatedAdxl335Board(EmulatedSerialDevice):
         self._sequence = 0
         self._begun_ns = 0
         self._begins = True
-        self._stuck: Counts | None = None
-        self._stalled = self._scrambled = False
-        self._garbled = self._halved = self._lost = 0
+        self._counts: Counts | None = None
+        self._scrambled = False
 
     @property
     def options(self) -> dict[str, Any]:
@@ -97,29 +95,9 @@ class EmulatedAdxl335Board(EmulatedSerialDevice):
         self._start_us = 0
         self._begins = True
 
-    def garble(self, frames: int = 1) -> None:
-        """Flip a bit in each of the next frames."""
-        self._garbled = frames
-
-    def halve(self, frames: int = 1) -> None:
-        """Send only the first half of each of the next frames."""
-        self._halved = frames
-
-    def lose(self, frames: int = 1) -> None:
-        """Do not send the next frames."""
-        self._lost = frames
-
-    def stall(self, *, stalled: bool = True) -> None:
-        """Send nothing, or go on."""
-        self._stalled = stalled
-
     def scramble(self, *, scrambled: bool = True) -> None:
         """Send random bytes, as after a wrong baud rate, or go on."""
         self._scrambled = scrambled
-
-    def stick(self, *, stuck: bool = True) -> None:
-        """Give one value again and again, or go on."""
-        self._stuck = self._convert(time.monotonic_ns()) if stuck else None
 
     def _step(self, due_ns: int, _received: bytes) -> None:
         if self._begins:
@@ -133,14 +111,16 @@ class EmulatedAdxl335Board(EmulatedSerialDevice):
     def _sample(self) -> None:
         self._sequence += 1
         elapsed_ns = round(self._sequence / self._rate_hz * 1e9)
-        counts = self._stuck or self._convert(self._begun_ns + elapsed_ns)
-        self._samples.append(counts)
+        if self._counts is None or not self.stuck:
+            self._counts = self._convert(self._begun_ns + elapsed_ns)
+        self._samples.append(self._counts)
         if len(self._samples) < self._per_frame:
             return
         time_us = self._start_us + round(elapsed_ns * self._speed / 1000.0)
         frame = BoardFrame(self._sequence & 0xFFFFFFFF, time_us & 0xFFFFFFFF, tuple(self._samples))
         self._samples.clear()
-        self.write(self._spoil(encode_frame(frame)))
+        wire = encode_frame(frame)
+        self.write(self._random.randbytes(len(wire)) if self._scrambled else self._spoil(wire))
 
     def _convert(self, time_ns: int) -> Counts:
         felt = self.truth(time_ns - self._delay_ns)
@@ -155,22 +135,6 @@ class EmulatedAdxl335Board(EmulatedSerialDevice):
 
     def _count(self, volts: float) -> int:
         return min(max(int(volts / self._volts_per_count), 0), self._top)
-
-    def _spoil(self, wire: bytes) -> bytes:
-        if self._stalled:
-            return b""
-        if self._scrambled:
-            return self._random.randbytes(len(wire))
-        if self._lost:
-            self._lost -= 1
-            return b""
-        if self._halved:
-            self._halved -= 1
-            return wire[: len(wire) // 2]
-        if self._garbled:
-            self._garbled -= 1
-            return with_flipped_bit(wire[:-1], self._random) + wire[-1:]
-        return wire
 
 
 def in_lab(world: "World", seed: int, _clockwork: "Clockwork") -> EmulatedAdxl335Board:

@@ -1,6 +1,7 @@
 """An emulated LabJack U6: a backend of pyusb, without libusb and without a device."""
 
 import errno
+import random
 import struct
 import threading
 import time
@@ -31,13 +32,14 @@ from mmt.devices.labjack.packets import (
 )
 from mmt.devices.labjack.scans import nominal_lines, write_lines
 from mmt.devices.labjack.usb_link import PRODUCT, VENDOR
+from mmt.testing.emulated import FaultySending
 from mmt.testing.emulated.usb_backend import OneDeviceBackend, UsbHandle
 
 ENDPOINTS: Final = (0x01, 0x82, 0x83)
 _SLICE_S: Final = 0.0002
 
 
-class EmulatedU6(OneDeviceBackend):
+class EmulatedU6(OneDeviceBackend, FaultySending):
     """An emulated U6, given to the driver as its `backend`.
 
     Parameters
@@ -63,6 +65,7 @@ class EmulatedU6(OneDeviceBackend):
         self._lines = nominal_lines()
         self._blocks = write_lines(self._lines)
         self._speed = 1.0 + 1e-6 * clock_ppm
+        self._random = random.Random(serial)  # noqa: S311 - faults, no secret
         self._lock = threading.Lock()
         self._replies: list[bytes] = []
         self.table: list[tuple[int, int]] = []
@@ -81,22 +84,6 @@ class EmulatedU6(OneDeviceBackend):
     def erase(self) -> None:
         """Lose the calibration memory."""
         self._blocks = [b"\xff" * 32 for _ in self._blocks]
-
-    def garble(self, packets: int = 1) -> None:
-        """Flip a bit in each of the next packets of the stream."""
-        self._garbled = packets
-
-    def halve(self, packets: int = 1) -> None:
-        """Send only the first half of each of the next packets."""
-        self._halved = packets
-
-    def lose(self, packets: int = 1) -> None:
-        """Do not send the next packets."""
-        self._dropped = packets
-
-    def stall(self, *, stalled: bool = True) -> None:
-        """Send nothing, or go on."""
-        self._stalled = stalled
 
     def overflow(self, scans: int) -> None:
         """Discard scans as after a full buffer, and report it."""
@@ -128,8 +115,10 @@ class EmulatedU6(OneDeviceBackend):
     def _reset_stream(self) -> None:
         self._counter = self._scan = 0
         self._begun_ns = time.monotonic_ns()
-        self._garbled = self._halved = self._dropped = self._overflow = 0
-        self._stalled = False
+        self._overflow = 0
+        self.stall(silent=False)
+        self.flip(0)
+        self.cut()
 
     def _answer(self, packet: bytes) -> bytes:
         if packet in {START_STREAM, STOP_STREAM}:
@@ -165,7 +154,7 @@ class EmulatedU6(OneDeviceBackend):
     def _next(self, endpoint: int) -> bytes:
         if endpoint == ENDPOINTS[1]:
             return self._replies.pop(0) if self._replies else b""
-        while self.streaming and not self._stalled and self._until_due_s() <= 0.0:
+        while self.streaming and not self._silent and self._until_due_s() <= 0.0:
             wire = self._spoil(encode_stream(self._packet(self._per_packet // len(self.table))))
             if wire:
                 return wire
@@ -173,7 +162,7 @@ class EmulatedU6(OneDeviceBackend):
 
     def _until_due_s(self) -> float:
         """Return the time until the next packet is complete, by its last scan."""
-        if not self.streaming or self._stalled:
+        if not self.streaming or self._silent:
             return _SLICE_S
         last = self._scan + self._per_packet // len(self.table) - 1
         passed_s = (time.monotonic_ns() - self._begun_ns) * 1e-9
@@ -204,15 +193,3 @@ class EmulatedU6(OneDeviceBackend):
         if value < 0.0:
             return max(round(line.centre - value / line.below_v), 0)
         return min(round(line.centre + value / line.above_v), DUMMY)
-
-    def _spoil(self, wire: bytes) -> bytes:
-        if self._dropped:
-            self._dropped -= 1
-            return b""
-        if self._halved:
-            self._halved -= 1
-            return wire[: len(wire) // 2]
-        if self._garbled:
-            self._garbled -= 1
-            return wire[:13] + bytes((wire[13] ^ 0x10,)) + wire[14:]
-        return wire

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import parse_qsl, urlsplit
 
 from mmt.devices.ati.net_wire import START, STOP, Record, pack_record, parse_request
-from mmt.testing.emulated import Truth, with_flipped_bit
+from mmt.testing.emulated import FaultySending, Truth
 
 if TYPE_CHECKING:
     from mmt.testing.emulated.clockwork import Clockwork
@@ -19,7 +19,7 @@ _BOX_RATE_HZ: Final = 7000
 _PAUSE_S: Final = 0.02
 
 
-class EmulatedNetFt:
+class EmulatedNetFt(FaultySending):
     """Answer as the box does, with faults on demand.
 
     Parameters
@@ -75,7 +75,6 @@ class EmulatedNetFt:
         """Share of records that come after their successor."""
         self.lost_starts = 0
         """Number of the next start requests that get lost."""
-        self.stuck = False
         self.requests: list[int] = []
         """Commands received."""
         self.truth = truth
@@ -84,10 +83,8 @@ class EmulatedNetFt:
         self._noise_n = noise_n
         self._rate_error = 1e-6 * clock_ppm
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret
-        self._bits_to_flip = 0
         self._garbage: list[bytes] = []
         self._sequence = 0
-        self._silent = False
         self._plugged = True
         self._ended = threading.Event()
         self._threads: list[threading.Thread] = []
@@ -141,17 +138,9 @@ class EmulatedNetFt:
         """Answer again."""
         self._plugged = True
 
-    def stall(self, *, silent: bool = True) -> None:
-        """Send no records, as with the cable out of the switch, or go on."""
-        self._silent = silent
-
     def garble(self, *packets: bytes) -> None:
         """Send these packets, which need not be records."""
         self._garbage.extend(packets)
-
-    def flip(self, records: int = 1) -> None:
-        """Flip a bit in each of the next `records`."""
-        self._bits_to_flip += records
 
     def count_from(self, sequence: int) -> None:
         """Give the next record the number after this one."""
@@ -189,10 +178,9 @@ class EmulatedNetFt:
             if client is None:
                 continue
             self._sequence = (self._sequence + 1) & 0xFFFFFFFF
-            packet = self._record(due_ns)
-            if self._silent or self._random.random() < self.loss:
-                continue
-            self._pass_on(packet, client)
+            packet = self._spoil(self._record(due_ns))
+            if packet and self._random.random() >= self.loss:
+                self._pass_on(packet, client)
 
     def _pass_on(self, packet: bytes, client: Any) -> None:
         packets = [*self._garbage, packet]
@@ -219,11 +207,7 @@ class EmulatedNetFt:
             x, y, z = (max(min(value, 2**31 - 1), -(2**31)) for value in force)
             self._counts = (x, y, z, torque[0], torque[1], torque[2])
         measurement = time_ns * _BOX_RATE_HZ // 1_000_000_000 & 0xFFFFFFFF
-        packet = pack_record(Record(self._sequence, measurement, self.status, self._counts))
-        if self._bits_to_flip:
-            self._bits_to_flip -= 1
-            packet = with_flipped_bit(packet, self._random)
-        return packet
+        return pack_record(Record(self._sequence, measurement, self.status, self._counts))
 
     def _serve(self) -> None:
         self._http.serve_forever(poll_interval=_PAUSE_S)

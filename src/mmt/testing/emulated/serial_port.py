@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
-from mmt.testing.emulated import Truth, with_flipped_bit
+from mmt.testing.emulated import FaultySending, Truth
 from mmt.testing.emulated.clockwork import Clockwork
 
 _LARGEST: Final = 4096
@@ -136,7 +136,7 @@ class EmulatedSerialDevice(ABC):
             fcntl.ioctl(self._master, _TCSETS2, settings)
 
 
-class EmulatedSerialSensor(EmulatedSerialDevice):
+class EmulatedSerialSensor(EmulatedSerialDevice, FaultySending):
     """A sensor that takes commands and streams records, with faults on demand.
 
     Parameters
@@ -161,35 +161,18 @@ class EmulatedSerialSensor(EmulatedSerialDevice):
         clockwork: Clockwork | None = None,
     ) -> None:
         super().__init__(period_ns, clockwork)
-        self.stuck = False
-        """Whether it measures the same values again and again."""
         self.deaf = False
         """Whether commands are ignored."""
         self.truth = truth
         self._baud = baud
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret
         self._received = b""
-        self._silent = False
-        self._flips = 0
-        self._cuts: list[int] = []
         self._garbage = b""
 
     @property
     def options(self) -> dict[str, Any]:
         """Options by which the driver finds it."""
         return {"port": self.path, "baud": self._baud}
-
-    def stall(self, *, silent: bool = True) -> None:
-        """Send no records, or go on."""
-        self._silent = silent
-
-    def flip(self, records: int = 1) -> None:
-        """Flip a bit in each of the next `records`."""
-        self._flips += records
-
-    def cut(self, *lengths: int) -> None:
-        """Cut the next records to these lengths (bytes)."""
-        self._cuts.extend(lengths)
 
     def garble(self, content: bytes) -> None:
         """Send these bytes between two records."""
@@ -202,10 +185,3 @@ class EmulatedSerialSensor(EmulatedSerialDevice):
     def _send(self, packet: bytes) -> None:
         """Send records as the program reads them at its rate."""
         self.write(packet if self._understands() else self._random.randbytes(len(packet)))
-
-    def _spoil(self, record: bytes) -> bytes:
-        """Return a record with the faults that are due."""
-        if self._flips:
-            self._flips -= 1
-            record = with_flipped_bit(record, self._random)
-        return record[: self._cuts.pop(0)] if self._cuts else record

@@ -60,14 +60,11 @@ class _Tip:
     command_mm: Vector | None = None
 
 
-def started(device: Any, driver: str, stalls: str = "silent", **options: Any) -> Emulated:
-    """Start a device and return it, with further options of its driver.
-
-    ``stalls`` is the keyword of the device's ``stall``.
-    """
+def started(device: Any, driver: str, **options: Any) -> Emulated:
+    """Start a device and return it, with further options of its driver."""
     device.start()
     return Emulated(
-        device, driver, {**device.options, **options}, lambda on: device.stall(**{stalls: on})
+        device, driver, {**device.options, **options}, lambda on: device.stall(silent=on)
     )
 
 
@@ -93,7 +90,7 @@ def adxl335(truth: Motion) -> Emulated:
         clock_ppm=ACCELERATION_PPM,
         noise_density=0.0,
     )
-    return started(board, "adxl335-serial", "stalled", resolution_bits=_BITS, **_STILL)
+    return started(board, "adxl335-serial", resolution_bits=_BITS, **_STILL)
 
 
 def bota(truth: Motion) -> Emulated:
@@ -104,7 +101,7 @@ def bota(truth: Motion) -> Emulated:
 def iio(truth: Motion) -> Emulated:
     """Return an accelerometer of industrial I/O."""
     device = EmulatedIio(truth, clock_ppm=ACCELERATION_PPM, noise_m_s2=0.0)
-    return started(device, "iio-accelerometer", "stalled", **_STILL)
+    return started(device, "iio-accelerometer", **_STILL)
 
 
 def u6(truth: Motion) -> Emulated:
@@ -127,7 +124,7 @@ def u6(truth: Motion) -> Emulated:
         "backend": server.address,
     }
     options = {"board": board, "bandwidth_hz": _BANDWIDTH_HZ, **_STILL}
-    return Emulated(server, "adxl335-board", options, lambda on: box.stall(stalled=on))
+    return Emulated(server, "adxl335-board", options, lambda on: box.stall(silent=on))
 
 
 FORCES: Final = {"net_ft": net_ft, "digital_ft": digital_ft, "bota": bota}
