@@ -190,7 +190,7 @@ USELESS = {
     "ati-net-ft": (*2 * ("status 0x80000400",), "error status"),
     "ati-digital-ft": (
         r"for \d+ ms no record was usable",
-        "for 1000 ms no record was usable",
+        r"for \d+ ms no record was usable",
         "error bit",
     ),
     "adxl335-serial": (

@@ -184,7 +184,7 @@ def test_a_healthy_box_is_asked_once_and_at_once(box, make, monkeypatch):
 def test_a_box_that_sends_unusable_records_is_not_asked_again(box, make, monkeypatch):
     sensor = make(silence_ms=5000)
     monkeypatch.setattr(net_ft_module, "_REPEAT_START_NS", 400_000_000)
-    monkeypatch.setattr(net_ft_module, "_BROKEN_NS", 800_000_000)
+    monkeypatch.setattr(sensor_module, "_BROKEN_NS", 800_000_000)
     before = box.requests.count(START)
     box.status = 0x80000400
     read_until_lost(sensor, "status 0x80000400")

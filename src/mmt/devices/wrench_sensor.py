@@ -15,6 +15,9 @@ from mmt.devices.wrench import Matrix, Six, WrenchConverter, WrenchOptions
 Stamped = tuple[int, Six]
 """The sensor's time of a record (ns), and its raw values."""
 
+_BROKEN_NS: Final = 100_000_000
+"""How long data may come that gives no record."""
+_FIRST_S: Final = 1.0
 _BIAS_S: Final = 0.2
 _BIAS_PATIENCE_S: Final = 2.0
 _BIAS_RECORDS: Final = 20
@@ -42,6 +45,7 @@ class WrenchSensor(ABC):
         self._impossible = 0
         self._notice = OverloadNotice()
         self._arrival_ns = 0
+        self._useless_ns = 0  # when data came last that gave no record, noted by the subclass
         self._last: Six | None = None
         self._same_since_ns = 0
         self._is_stuck = False
@@ -124,10 +128,18 @@ class WrenchSensor(ABC):
         return {}
 
     def _take(self, now_ns: int) -> list[Stamped]:
-        """Receive records, and note their arrival."""
+        """Receive records, and note their arrival.
+
+        Raises
+        ------
+        DeviceLost
+            What has come for a while gave no record.
+        """
         records = self._receive(now_ns)
         if records:
             self._arrival_ns = now_ns
+        elif self._useless_ns - self._arrival_ns > _BROKEN_NS:
+            raise DeviceLost(self._explain_unusable())
         return records
 
     def _saturate(self) -> None:
@@ -143,7 +155,15 @@ class WrenchSensor(ABC):
 
     def explain_fault(self) -> str:
         """Return why the received data is unusable, empty if no data comes or all is well."""
-        return ""
+        return self._explain_unusable() if self._useless_ns > self._arrival_ns else ""
+
+    def _explain_unusable(self) -> str:
+        """Return why what comes gives no record."""
+        return self._explain_absence()
+
+    @abstractmethod
+    def _explain_absence(self) -> str:
+        """Return why no record may have come since it was connected."""
 
     def _set_latency(self, own_ns: float) -> None:
         """Set the latency: the driver's own figure, unless the options say another."""
@@ -172,32 +192,28 @@ class WrenchSensor(ABC):
                 f"{self.name}: no record for {silent_ns / 1e6:.0f} ms; {self._where()}"
             )
 
-    def _await_record(self, patience_s: float) -> bool:
+    def _await_record(self, patience_s: float = _FIRST_S) -> None:
         """Wait for a record; if the sensor was stuck, for one with other values.
-
-        Returns
-        -------
-        came
-            False if no record came in time.
 
         Raises
         ------
         MmtError
-            The sensor is still stuck; it is closed.
+            No record came in time, or the sensor is still stuck; it is closed.
         """
         came = False
+        self._useless_ns = 0
         start = time.monotonic()
         while time.monotonic() - start < patience_s:
-            records = self._take(time.monotonic_ns())
+            records = self._receive(time.monotonic_ns())
             if any(not self._is_stuck or raw != self._last for _, raw in records):
                 self._is_stuck, self._last = False, None
-                return True
+                self._arrival_ns = time.monotonic_ns()
+                return
             came = came or bool(records)
             time.sleep(0.001)
-        if came:
-            self.close()
-            raise MmtError(self._explain_stuck())
-        return False
+        problem = self._explain_stuck() if came else self._explain_absence()
+        self.close()
+        raise MmtError(problem)
 
     def _explain_stuck(self) -> str:
         return (

@@ -5,7 +5,7 @@ from typing import Any, Final, Literal
 
 from pydantic import Field
 
-from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.devices.drivers import read_options
 from mmt.devices.record_clocks import StampClock
 from mmt.devices.serial_line import SerialLine
@@ -36,7 +36,6 @@ _KEPT: Final = 8192
 
 DRIVER: Final = "bota-serial"
 
-_BROKEN_NS: Final = 100_000_000
 _TEXT_SHARE: Final = 0.95
 _FRAME_BITS: Final = 10 * SIZE
 _WORDS: Final = {
@@ -159,8 +158,6 @@ class BotaSerial(WrenchSensor):
         self._line = BotaLine(self.name, options.port, options.baud)
         self._stream = FrameStream()
         self._clock = StampClock()
-        self._heard_ns = 0  # when any bytes came
-        self._usable_ns = 0
         self._status = 0  # of the newest frame that could not be used
         self._set_latency(1e9 * _FRAME_BITS / options.baud)
         x, y, z = options.range_n_m
@@ -180,7 +177,11 @@ class BotaSerial(WrenchSensor):
         self._line.open()
         try:
             self._set_up()
-            self._await_first_frame()
+            self._stream.reset()
+            self._clock.interrupt()
+            self._status = 0
+            self._line.received.clear()
+            self._await_record(self._options.start_s)
         except BaseException:
             self.close()
             raise
@@ -202,18 +203,11 @@ class BotaSerial(WrenchSensor):
         except NoAnswer as error:
             raise MmtError(f"{error}; {self._explain()}") from error
 
-    def _await_first_frame(self) -> None:
-        self._stream.reset()
-        self._clock.interrupt()
-        start_s = self._options.start_s
-        self._usable_ns = time.monotonic_ns() + round(1e9 * start_s)  # not judged before
-        self._status = 0
-        self._line.received.clear()
-        if self._await_record(start_s):
-            return
+    def _explain_absence(self) -> str:
         if self._status:
-            raise MmtError(self._explain_status())
-        raise MmtError(f"{self.name}: no frame could be used in {start_s:g} s; {self._explain()}")
+            return self._explain_status()
+        start_s = self._options.start_s
+        return f"{self.name}: no frame could be used in {start_s:g} s; {self._explain()}"
 
     def _explain(self) -> str:
         """Return what came instead of frames, and what to do."""
@@ -242,7 +236,6 @@ class BotaSerial(WrenchSensor):
         if not content:
             return []
         self._line.note(content)
-        self._heard_ns = now_ns
         records: list[Stamped] = []
         for status, wrench, time_us, _ in self._stream.feed(content):
             time_ns = self._clock.stamp(time_us, now_ns)
@@ -250,9 +243,9 @@ class BotaSerial(WrenchSensor):
                 continue
             records.append((time_ns, wrench))
         if records:
-            self._usable_ns, self._status = now_ns, 0
-        elif now_ns - self._usable_ns > _BROKEN_NS:
-            raise DeviceLost(self._explain_unusable())
+            self._status = 0
+        else:
+            self._useless_ns = now_ns
         return records
 
     def _is_usable(self, status: int) -> bool:
@@ -270,10 +263,6 @@ class BotaSerial(WrenchSensor):
             self._status = status
             return False
         return True
-
-    def explain_fault(self) -> str:
-        """Return why frames that arrive cannot be used; empty if they can, or none arrive."""
-        return self._explain_unusable() if self._heard_ns > self._usable_ns else ""
 
     def _explain_unusable(self) -> str:
         if self._status:

@@ -1,11 +1,10 @@
 """Force through ATI's Digital F/T: settings by Modbus, then a stream on RS-485."""
 
-import time
 from typing import Any, Final, Literal
 
 from pydantic import Field
 
-from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.errors import MmtError
 from mmt.devices.ati.calibration import AtiOptions, check_calibration
 from mmt.devices.ati.digital_line import DigitalLine
 from mmt.devices.ati.digital_registers import (
@@ -35,9 +34,7 @@ _READINGS_HZ: Final = 3500.0
 bundles: a rate in step with the bundles would hide the drift of the sensor's clock."""
 _BITS: Final = 11 * SIZE
 """Bits of a record on the line: start, eight data bits, parity and stop for each byte."""
-_START_PATIENCE_S: Final = 1.0
 _HIGHEST, _LOWEST = 32767, -32768
-_BROKEN_NS: Final = 100_000_000
 
 
 class DigitalFtOptions(AtiOptions):
@@ -82,8 +79,6 @@ class DigitalFt(WrenchSensor):
         self._average = options.average or max(1, round(rate_hz / _READINGS_HZ))
         self._sums = [0.0] * 6
         self._summed = 0
-        self._heard_ns = 0  # when bytes came, usable or not
-        self._usable_ns = 0
         self._set_latency(
             (self._average - 1) / 2 * self._clock.period_ns + _BITS * 1e9 / options.baud
         )
@@ -103,7 +98,11 @@ class DigitalFt(WrenchSensor):
         try:
             self._settle(self._line)
             self._line.command(START_STREAM, "stream")
-            self._await_first_record()
+            self._stream.reset()
+            self._clock.interrupt()
+            self._summed = 0
+            self._sums = [0.0] * 6
+            self._await_record()
         except BaseException:
             self.close()
             raise
@@ -146,17 +145,10 @@ class DigitalFt(WrenchSensor):
         line.command(LOCK, "lock its settings")
         self._counts["gauge settings written"] += 1
 
-    def _await_first_record(self) -> None:
-        self._stream.reset()
-        self._clock.interrupt()
-        self._summed = 0
-        self._sums = [0.0] * 6
-        self._usable_ns = time.monotonic_ns() + round(1e9 * _START_PATIENCE_S)  # no loss before
-        if self._await_record(_START_PATIENCE_S):
-            return
-        if self._stream.errors or self._stream.bad:
-            raise MmtError(self._explain_unusable(_START_PATIENCE_S))
-        raise MmtError(f"{self.name}: it accepts to stream, but no record comes; {self._where()}")
+    def _explain_absence(self) -> str:
+        if self._useless_ns:
+            return self._explain_unusable()
+        return f"{self.name}: it accepts to stream, but no record comes; {self._where()}"
 
     def _where(self) -> str:
         return "check the sensor's power and cable, and the adapter's"
@@ -165,24 +157,17 @@ class DigitalFt(WrenchSensor):
         content = self._line.read()
         if not content:
             return []
-        self._heard_ns = now_ns
         gauges = self._stream.feed(content)
         self._clock.arrive(len(gauges), now_ns)
         records = self._averaged(gauges)
-        if records:
-            self._usable_ns = now_ns
-        elif now_ns - self._usable_ns > _BROKEN_NS:
-            raise DeviceLost(self._explain_unusable(_BROKEN_NS / 1e9))
+        if not records:
+            self._useless_ns = now_ns
         return records
 
-    def explain_fault(self) -> str:
-        """Return why the newest records are unusable, or "" if they are usable."""
-        broken_ns = self._heard_ns - self._usable_ns
-        return self._explain_unusable(broken_ns / 1e9) if broken_ns > 0 else ""
-
-    def _explain_unusable(self, duration_s: float) -> str:
+    def _explain_unusable(self) -> str:
+        broken_ms = 1e-6 * (self._useless_ns - self._arrival_ns)
         return (
-            f"{self.name}: for {1e3 * duration_s:.0f} ms no record was usable "
+            f"{self.name}: for {broken_ms:.0f} ms no record was usable "
             f"({self._stream.errors} with the error bit, {self._stream.bad} with a wrong sum "
             "so far): check the transducer's cable, the line's ends and shield, and 'baud'"
         )

@@ -2,7 +2,6 @@
 
 import contextlib
 import socket
-import time
 from typing import Any, Final
 
 from pydantic import Field
@@ -34,8 +33,6 @@ DRIVER: Final = "ati-net-ft"
 _MOST_RECORDS: Final = 1024
 """Records read in one call at most."""
 _REPEAT_START_NS: Final = 50_000_000
-_START_PATIENCE_S: Final = 1.0
-_BROKEN_NS: Final = 100_000_000
 _RECEIVE_BUFFER: Final = 1 << 20
 
 
@@ -76,9 +73,7 @@ class NetFt(WrenchSensor):
         self._bias_in_box: str | None = None
         self._started_ns = 0  # when records were asked for, 0 before
         self._heard_ns = 0  # when a record came, usable or not
-        self._usable_ns = 0
         self._broken_status = 0  # of the newest record that was not usable
-        self._broken_ns = 0  # when it came
         self._looked_ns = 0
         self.arrival_ns = 0
         """Arrival time of the newest record (ns, host's monotonic clock)."""
@@ -107,7 +102,8 @@ class NetFt(WrenchSensor):
         else:
             self._clock.interrupt()
         self._open()
-        self._await_first_record()
+        self._started_ns = self._broken_status = 0
+        self._await_record()
 
     def calibrate(self) -> None:
         """Take the bias; see `WrenchSensor.calibrate`."""
@@ -172,16 +168,10 @@ class NetFt(WrenchSensor):
                 "'host' and this machine's network"
             ) from error
 
-    def _await_first_record(self) -> None:
-        """Ask for records until one comes, since a request can be lost."""
-        self._started_ns = self._broken_status = 0
-        self._usable_ns = time.monotonic_ns() + round(1e9 * _START_PATIENCE_S)  # no loss before
-        if self._await_record(_START_PATIENCE_S):
-            return
-        self.close()
+    def _explain_absence(self) -> str:
         if self._broken_status:
-            raise MmtError(self._explain_broken())
-        raise MmtError(
+            return self._explain_unusable()
+        return (
             f"{self.name}: its web page answers, but no record comes to UDP port "
             f"{self._options.rdt_port}; {self._where()}"
         )
@@ -220,7 +210,6 @@ class NetFt(WrenchSensor):
             ) from error
         looked_ns, self._looked_ns = self._looked_ns, now_ns
         if records:
-            self._usable_ns = now_ns
             self.arrival_ns = packets.arrival_ns(looked_ns)
         elif now_ns - max(self._heard_ns, self._started_ns) > _REPEAT_START_NS:
             self._counts["start request repeated"] += 1
@@ -240,16 +229,10 @@ class NetFt(WrenchSensor):
         if not is_broken(status):
             return True
         self._counts["RDT error" if status & RDT_ERROR else "error status"] += 1
-        self._broken_status, self._broken_ns = status, now_ns
-        if now_ns - self._usable_ns > _BROKEN_NS:
-            raise DeviceLost(self._explain_broken())
+        self._broken_status, self._useless_ns = status, now_ns
         return False
 
-    def explain_fault(self) -> str:
-        """Return the box's fault if its newest records are unusable, else ""."""
-        return self._explain_broken() if self._broken_ns > self._usable_ns else ""
-
-    def _explain_broken(self) -> str:
+    def _explain_unusable(self) -> str:
         return (
             f"{self.name}: the box reports {explain_status(self._broken_status)}: check the "
             "transducer's cable and the box's System Information page, and switch it off and on"
