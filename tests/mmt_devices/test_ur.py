@@ -351,11 +351,13 @@ def test_the_virtual_arm_strokes_the_simulated_surface_of_the_lab() -> None:
     assert lab_drivers.LAB.process is None
 
 
-def test_a_virtual_arm_beside_another_robot_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    left: list[object] = []
-    force = load_device("virtual-ur", role="force_sensor")
-    monkeypatch.setattr(lab_drivers.LAB, "acquire", lambda *_: {"robot": {"port": 1}})
-    monkeypatch.setattr(lab_drivers.LAB, "release", left.append)
-    with pytest.raises(MmtError, match="has another robot already"):
-        force.connect()
-    assert left == [force]
+def test_a_virtual_arm_beside_another_robot_is_refused() -> None:
+    robot = load_device("virtual-robot")
+    try:
+        robot.connect()
+        with pytest.raises(MmtError, match="has another robot already"):
+            load_device("virtual-ur", role="force_sensor").connect()
+        assert robot.read()
+    finally:
+        robot.close()
+    assert lab_drivers.LAB.process is None

@@ -1,16 +1,14 @@
-"""An emulated Inverse Service with one device, in a process of its own.
+"""Emulated Inverse Services with one device each, in a process of their own.
 
-For a handle, a simulated hand holds the tip and strokes a surface at the scene's zero. For a robot,
-the tip is free. See `mmt.testing.emulated.lab_process`.
+For the handle, a simulated hand holds the tip and strokes a surface at the scene's zero. For the
+robot, the tip is free. See `mmt.testing.emulated.lab_process`.
 """
 
-import gc
-import json
 import sys
 
 from mmt.core.arrays import Vector
-from mmt.core.process import SWITCH_INTERVAL_S
 from mmt.scene import Hand
+from mmt.testing.emulated.lab_process import run_lab
 from mmt.testing.simulation import START_MM
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt_devices.inverse3.emulated import REST_MM, EmulatedInverse3
@@ -41,18 +39,15 @@ def _on_device(position_mm: Vector) -> Vector:
     return (x + u, y + v, z + w)
 
 
-def main(role: str, seed: int) -> None:
-    """Run the service until standard input ends."""
-    sys.setswitchinterval(SWITCH_INTERVAL_S)
-    gc.freeze()  # a real device does not pause for garbage collection
-    held = StrokingHand(seed) if role == "handle" else None
-    service = EmulatedInverse3({"049D": EmulatedTip(_on_device(START_MM), held)})
-    service.start()
-    sys.stdout.write(json.dumps({"inverse3": service.options}) + "\n")
-    sys.stdout.flush()
-    sys.stdin.read()
-    service.stop()
+def main(seed: int) -> None:
+    """Run the services until standard input ends."""
+
+    def service(role: str) -> EmulatedInverse3:
+        held = StrokingHand(seed) if role == "handle" else None
+        return EmulatedInverse3({"049D": EmulatedTip(_on_device(START_MM), held)})
+
+    run_lab(service)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]))
+    main(int(sys.argv[1]))

@@ -13,9 +13,7 @@ from mmt_devices.inverse3.robot import Inverse3Robot
 
 AnyDriver = TypeVar("AnyDriver", Inverse3Handle, Inverse3Robot)
 
-_LABS: Final[dict[Role, LabProcess]] = {
-    role: LabProcess("mmt_devices.inverse3.emulated_lab") for role in ("handle", "robot")
-}
+_LAB: Final = LabProcess("mmt_devices.inverse3.emulated_lab")
 
 
 class _VirtualInverse3(VirtualDevice[AnyDriver]):
@@ -31,12 +29,9 @@ class _VirtualInverse3(VirtualDevice[AnyDriver]):
 
     def __init__(self, role: Role, options: dict[str, Any]) -> None:
         super().__init__(
-            "virtual-inverse3", "inverse3", options,
-            role=role, lab=_LABS[role], lab_options=HandleLabOptions,
+            "virtual-inverse3", "inverse3", role, options,
+            role=role, lab=_LAB, lab_options=HandleLabOptions,
         )  # fmt: skip
-
-    def _enter(self) -> dict[str, Any]:
-        return self._lab.acquire(self, str(self._role), *self._lab_arguments)["inverse3"]
 
 
 class VirtualInverse3Handle(_VirtualInverse3[Inverse3Handle]):

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any, TypeVar
 
 from mmt.core.arrays import Vector
-from mmt.core.errors import MmtError
 from mmt.core.extras import require
 from mmt.core.quaternions import Quaternion
 from mmt.devices.drivers import Role
@@ -32,7 +31,7 @@ class _VirtualUr(VirtualDevice[AnyDriver]):
 
     def __init__(self, role: Role, keys: tuple[str, ...], options: dict[str, Any]) -> None:
         require("rtde_control")  # before a lab is started in vain
-        super().__init__("virtual-ur", "ur", options, role=role, host="lab")
+        super().__init__("virtual-ur", "ur", "ur", options, role=role, host="lab")
         self._keys = keys
 
     def connect(self) -> None:
@@ -48,13 +47,8 @@ class _VirtualUr(VirtualDevice[AnyDriver]):
         return self._connected().read()
 
     def _enter(self) -> dict[str, Any]:
-        addresses = self._lab.acquire(self, *self._lab_arguments, "ur")
-        if "ur" not in addresses:
-            raise MmtError(
-                "the virtual lab has another robot already: a scene with virtual-ur as force "
-                "sensor has it as its robot too"
-            )
-        return {key: addresses["ur"][key] for key in self._keys}
+        address = super()._enter()
+        return {key: address[key] for key in self._keys}
 
 
 class VirtualUrRobot(_VirtualUr[UrRobot]):

@@ -1,6 +1,5 @@
 """Drivers of the virtual lab: the real ones, at the addresses of emulated devices."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, Generic, TypeAlias, TypeVar
 
@@ -86,7 +85,7 @@ def check_options(
         raise InputError(f"{name}: {error}") from error
 
 
-class VirtualDevice(ABC, Generic[AnyDevice]):
+class VirtualDevice(Generic[AnyDevice]):
     """A real driver at the address of a lab's emulated device.
 
     Parameters
@@ -95,6 +94,8 @@ class VirtualDevice(ABC, Generic[AnyDevice]):
         Name of the device in a scene.
     driver
         Name of the real driver.
+    address
+        Name of its device in the lab.
     options
         Options of the driver; those of the lab are removed from them.
     role
@@ -114,6 +115,7 @@ class VirtualDevice(ABC, Generic[AnyDevice]):
         self,
         name: str,
         driver: str,
+        address: str,
         options: dict[str, Any],
         *,
         role: Role | None = None,
@@ -121,7 +123,7 @@ class VirtualDevice(ABC, Generic[AnyDevice]):
         lab_options: type[HandleLabOptions] = LabOptions,
         **needed: Any,
     ) -> None:
-        self._lab = lab
+        self._lab, self._address = lab, address
         self._lab_arguments = take_lab_options(lab_options, name, options).arguments
         self._options = options
         check_options(name, driver, {**needed, **options}, role)
@@ -164,9 +166,9 @@ class VirtualDevice(ABC, Generic[AnyDevice]):
         made: Any = load_device(self._driver, {**address, **self._options}, role=self._role)
         return made  # type: ignore[no-any-return]
 
-    @abstractmethod
     def _enter(self) -> dict[str, Any]:
         """Start the lab; return the options by which the driver finds its device."""
+        return self._lab.address(self, self._address, *self._lab_arguments)
 
     def _connected(self) -> AnyDevice:
         if self._device is None:
@@ -180,7 +182,7 @@ class VirtualRobot(VirtualDevice[DatagramRobot]):
     def __init__(self, **options: Any) -> None:
         read_options(LabOptions, "virtual-robot", options)  # it has no others
         driver = f"{DatagramRobot.__module__}:{DatagramRobot.__name__}"
-        super().__init__("virtual-robot", driver, options, port=0)
+        super().__init__("virtual-robot", driver, "robot", options, port=0)
 
     def read(self) -> Vector:
         """Return the newest position (mm)."""
@@ -190,26 +192,9 @@ class VirtualRobot(VirtualDevice[DatagramRobot]):
         """Command a position (mm)."""
         self._connected().write(position_mm)
 
-    def _enter(self) -> dict[str, Any]:
-        return self._lab.acquire(self, *self._lab_arguments)["robot"]
-
 
 class VirtualSensor(VirtualDevice[SampledSensor]):
-    """A `VirtualDevice` that is a sensor.
-
-    Parameters
-    ----------
-    name, driver, options, **settings
-        See `VirtualDevice`.
-    address
-        Name of its device in the lab.
-    """
-
-    def __init__(
-        self, name: str, driver: str, address: str, options: dict[str, Any], **settings: Any
-    ) -> None:
-        super().__init__(name, driver, options, **settings)
-        self._address = address
+    """A `VirtualDevice` that is a sensor."""
 
     @property
     def latency_ns(self) -> int:
@@ -219,9 +204,6 @@ class VirtualSensor(VirtualDevice[SampledSensor]):
     def read(self) -> Sequence[SensorReading]:
         """Read the real driver."""
         return self._connected().read()
-
-    def _enter(self) -> dict[str, Any]:
-        return self._lab.address(self, self._address, *self._lab_arguments)
 
 
 class VirtualNetFt(VirtualSensor):
@@ -259,7 +241,7 @@ class VirtualHaptuator(VirtualDevice[_Haptuator]):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(
-            "virtual-haptuator", "haptuator-serial", options,
+            "virtual-haptuator", "haptuator-serial", "haptuator", options,
             lab=_HANDLE_LAB, lab_options=HandleLabOptions, port="lab", full_scale_v=1.0,
         )  # fmt: skip
         self._rate_hz = USUAL_RATE_HZ
@@ -294,6 +276,3 @@ class VirtualHaptuator(VirtualDevice[_Haptuator]):
         made = super()._made(address)
         made.set_rate(self._rate_hz)
         return made
-
-    def _enter(self) -> dict[str, Any]:
-        return self._lab.acquire(self, *self._lab_arguments)["haptuator"]

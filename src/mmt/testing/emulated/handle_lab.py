@@ -4,20 +4,19 @@ The samples of the actuator's board shake the handle, and the accelerometer's bo
 motion. See `mmt.testing.emulated.lab_process`.
 """
 
-import json
 import math
 import sys
 import threading
 import time
 from collections import deque
-from typing import Final
+from typing import Any, Final
 
 from mmt.core.arrays import Vector
-from mmt.core.process import SWITCH_INTERVAL_S
 from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.haptuator.framing import FULL_SCALE
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
+from mmt.testing.emulated.lab_process import LabDevice, run_lab
 
 FULL_SCALE_V: Final = 3.0
 LEVEL_M_S2_PER_V: Final = 15.0
@@ -85,11 +84,15 @@ class ShakenHandle:
         return before + share * (after - before)
 
 
+class _Actuator(EmulatedHaptuatorBoard):
+    @property
+    def options(self) -> dict[str, Any]:
+        return {"port": self.path, "full_scale_v": FULL_SCALE_V}
+
+
 def main(seed: int) -> None:
     """Run the handle until standard input ends."""
-    sys.setswitchinterval(SWITCH_INTERVAL_S)
     handle = ShakenHandle()
-    actuator = EmulatedHaptuatorBoard(_RATE_HZ, listener=handle.play)
     accelerometer = EmulatedAdxl335Board(
         handle.acceleration_m_s2,
         rate_hz=_ACCELEROMETER_HZ,
@@ -97,17 +100,11 @@ def main(seed: int) -> None:
         clock_ppm=-70.0,
         seed=seed,
     )
-    actuator.start()
-    accelerometer.start()
-    addresses = {
-        "haptuator": {"port": actuator.path, "full_scale_v": FULL_SCALE_V},
-        "adxl335": accelerometer.options,
+    devices: dict[str, LabDevice] = {
+        "haptuator": _Actuator(_RATE_HZ, listener=handle.play),
+        "adxl335": accelerometer,
     }
-    sys.stdout.write(json.dumps(addresses) + "\n")
-    sys.stdout.flush()
-    sys.stdin.read()
-    accelerometer.stop()
-    actuator.stop()
+    run_lab(devices.__getitem__)
 
 
 if __name__ == "__main__":

@@ -128,7 +128,7 @@ class VirtualPhantomRobot(OpenHapticsRobot):
     def connect(self) -> None:
         """Start the lab and the library, and report the library's tip to the lab."""
         self.close()
-        port = LAB.acquire(self, *self._lab.arguments, "phantom")["phantom"]["port"]
+        port = LAB.address(self, "phantom", *self._lab.arguments)["port"]
         self._emulated.start()
         self._emulated.place(self._axes.place_on_device(START_MM))
         wall_mm = self._axes.place_on_device((0.0, 0.0, 0.0))[1]

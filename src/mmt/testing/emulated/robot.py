@@ -164,4 +164,5 @@ class DatagramRobot:
 
 def in_lab(world: "World", _seed: int, _clockwork: "Clockwork") -> RobotLink:
     """Return the robot of the virtual lab."""
+    world.take_robot()
     return RobotLink(world)

@@ -4,6 +4,7 @@ import time
 from typing import Final
 
 from mmt.core.arrays import Vector
+from mmt.core.errors import MmtError
 from mmt.core.frames import CHANNELS, acceleration_samples
 from mmt.core.units import GRAVITY_M_S2
 from mmt.scene import Simulated
@@ -64,9 +65,26 @@ class World:
         self._clockwork = clockwork or Clockwork()
         self.command_mm: Vector | None = None
         """Commanded position of the robot; set from any thread."""
+        self._has_robot = False
+
+    def take_robot(self) -> None:
+        """Note that a device moves the tip.
+
+        Raises
+        ------
+        MmtError
+            Another device moves it.
+        """
+        if self._has_robot:
+            raise MmtError(
+                "the virtual lab has another robot already: a scene whose force sensor is that of "
+                "a robot has this as its robot too"
+            )
+        self._has_robot = True
 
     def place_tip(self, tip: MovedTip) -> None:
-        """Put another tip onto the surface, in the robot's place, before the start."""
+        """Put another tip onto the surface, in the robot's place; see `take_robot`."""
+        self.take_robot()
         tip.friction_coefficient = self._follower.robot.friction_coefficient
         self._follower.robot = tip
 

@@ -252,4 +252,5 @@ class EmulatedUrController:
 
 def in_lab(world: "World", seed: int, _clockwork: "Clockwork") -> EmulatedUrController:
     """Return the arm of the virtual lab, in place of its robot."""
+    world.take_robot()
     return EmulatedUrController(world, seed=seed)
