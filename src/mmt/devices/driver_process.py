@@ -43,7 +43,7 @@ Message = tuple[bytes, bytes]
 class DriverProcess:
     """The driver's end of the pipes; only `start` and `end` may block.
 
-    Threads may share it: drivers of one device, while one of them is reconnected.
+    Threads may share it: one connects the device again while another asks for its faults.
 
     Parameters
     ----------

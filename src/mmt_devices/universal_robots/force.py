@@ -1,14 +1,15 @@
 """The force at the tool of an arm by Universal Robots, as the controller measures it."""
 
 import time
+from collections import Counter
 from typing import Any, Final
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.extras import require
 from mmt.devices.drivers import read_options
-from mmt_devices.universal_robots import sharing
 from mmt_devices.universal_robots.frame import SceneFrame
+from mmt_devices.universal_robots.link import ArmLink
 from mmt_devices.universal_robots.messages import UrState
 from mmt_devices.universal_robots.options import ForceOptions
 
@@ -42,26 +43,26 @@ class UrForceSensor:
         self._options = read_options(ForceOptions, "ur", options)
         require("rtde_receive")
         self._frame = SceneFrame((0.0, 0.0, 0.0), self._options.rotation_rad)
-        self._member = sharing.Member(self._options)
-        self._arm: sharing.SharedArm | None = None
+        self._link: ArmLink | None = None
         self._bias_n: Vector = (0.0, 0.0, 0.0)
         self._last_n: Vector | None = None
         self._same_since_s = 0.0
         self._stuck = False
 
     def connect(self) -> None:
-        """Connect to the arm, through the process of its robot if that is connected.
+        """Connect to the arm, beside its robot.
 
         Raises
         ------
         InputError
-            The robot of the same arm has other options.
+            The robot of the same arm has its axes otherwise.
         MmtError
             The arm does not answer, or its force is stuck.
         """
         self.close()
-        self._arm = sharing.connect(self._member)
+        self._link = ArmLink(self._options, None, Counter())
         try:
+            self._link.start()
             if self._stuck:
                 self._await_change()
         except BaseException:
@@ -124,14 +125,14 @@ class UrForceSensor:
 
     def close(self) -> None:
         """Release the arm; calling it twice is harmless."""
-        arm, self._arm = self._arm, None
-        if arm is not None:
-            sharing.disconnect(arm, self._member)
+        link, self._link = self._link, None
+        if link is not None:
+            link.end()
 
     def _state(self) -> UrState:
-        if self._arm is None:
+        if self._link is None:
             raise DeviceLost("the UR arm is not connected: connect it first")
-        return self._arm.read()
+        return self._link.read()
 
     def _explain_stuck(self) -> str:
         return (

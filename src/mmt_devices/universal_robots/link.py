@@ -6,10 +6,11 @@ from dataclasses import asdict
 from typing import Final
 
 from mmt.core.arrays import Vector
-from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.driver_process import DriverProcess, text_of
 from mmt_devices.universal_robots import messages as to
 from mmt_devices.universal_robots.messages import UrState
+from mmt_devices.universal_robots.options import UrOptions
 from mmt_devices.universal_robots.servo import ServoSettings
 
 _CONNECT_S: Final = 15.0
@@ -17,7 +18,6 @@ _SILENT_NS: Final = 700_000_000
 _KEPT: Final = 64
 """Number of states kept, 1/8 s at 500 Hz."""
 _SHORT_S: Final = 0.001
-_NOT_CONTROLLED: Final = "the arm at {} is not controlled: connect the robot first"
 
 
 class ArmLink:
@@ -25,8 +25,8 @@ class ArmLink:
 
     Parameters
     ----------
-    host, frequency_hz
-        Address and rate of the controller.
+    options
+        Options of the driver.
     servo
         Settings for moving the arm; None if the arm is only read.
     counts
@@ -41,44 +41,59 @@ class ArmLink:
     """
 
     def __init__(
-        self, host: str, frequency_hz: float, servo: ServoSettings | None, counts: Counter[str]
+        self, options: UrOptions, servo: ServoSettings | None, counts: Counter[str]
     ) -> None:
-        self._host, self._controls = host, servo is not None
+        self._options, self._servo = options, servo
+        self._host = host = options.host
         settings = None if servo is None else asdict(servo)
         self._process = DriverProcess(
             "mmt_devices.universal_robots.process",
-            {"host": host, "frequency_hz": frequency_hz, "servo": settings},
+            {"host": host, "frequency_hz": options.frequency_hz, "servo": settings},
             f"the process that talks to the UR arm at {host} has ended, as the library may when "
             "its connection breaks: check the arm's cable, and that it is switched on",
             counts,
         )
         self.state: UrState | None = None
         self.kept: deque[UrState] = deque(maxlen=_KEPT)
-        self._refusal: str | None = _NOT_CONTROLLED.format(host)
-
-    @property
-    def refusal(self) -> str | None:
-        """Why the arm takes no commands, None while it does."""
-        return self._process.ended or self._refusal
+        self._loss = ""
 
     def start(self) -> None:
         """Start the process; wait until the arm answers and, if it is to move, takes commands.
 
         Raises
         ------
+        InputError
+            Another driver of the same arm does not agree with this one.
         MmtError
             The arm does not answer or takes no commands; the message says what to check.
         """
-        self._process.start()
+        for other in tuple(_STARTED):
+            self._check_agreement(other)
+        _STARTED.add(self)
         try:
+            self._process.start()
             self._await()
         except BaseException:
             self.end()
             raise
 
+    def _check_agreement(self, other: "ArmLink") -> None:
+        if other._host != self._host:
+            return
+        if self._servo is not None and other._servo is not None:
+            raise InputError(
+                f"the UR arm at {self._host} is the robot of two drivers: close one of them"
+            )
+        mine, theirs = self._options.rotation_rad, other._options.rotation_rad
+        if mine != theirs:
+            raise InputError(
+                f"the UR arm at {self._host} is robot and force sensor: one has rotation_rad "
+                f"{list(mine)}, the other {list(theirs)}; give both the same"
+            )
+
     def _await(self) -> None:
         deadline = time.monotonic() + _CONNECT_S
-        while self.state is None or (self._controls and self.refusal is not None):
+        while self.state is None:
             if time.monotonic() > deadline:
                 raise MmtError(
                     f"the UR controller at {self._host} has not answered for {_CONNECT_S:g} s: "
@@ -95,7 +110,7 @@ class ArmLink:
         Raises
         ------
         DeviceLost
-            No state has come for a while, or the process has ended.
+            No state has come for a while, the process has ended, or the arm takes no commands.
         """
         self._poll()
         if self._process.ended is not None:
@@ -106,18 +121,13 @@ class ArmLink:
                 f"nothing has come from the UR arm at {self._host} for {silent_ns / 1e6:.0f} ms: "
                 "check its cable, and whether this machine has time for it"
             )
-        if self.state is None:
-            raise DeviceLost(f"nothing has come from the UR arm at {self._host} yet")
+        if self._loss or self.state is None:
+            raise DeviceLost(self._loss or f"nothing has come from the UR arm at {self._host} yet")
         return self.state
 
     def move(self, position_m: Vector) -> None:
         """Send the arm to a position in its base's frame (m)."""
-        self._process.send(to.COMMAND.pack(to.MOVE, *position_m))
-
-    def release(self) -> None:
-        """Stop the arm and end its program; states are still read."""
-        self._process.send(to.COMMAND.pack(to.RELEASE, 0.0, 0.0, 0.0))
-        self._refusal = _NOT_CONTROLLED.format(self._host)
+        self._process.send(to.COMMAND.pack(*position_m))
 
     def end(self) -> None:
         """Stop the arm and end the process; calling it twice is harmless.
@@ -125,6 +135,7 @@ class ArmLink:
         If the process is killed, its connection ends, and the controller's watchdog stops the arm.
         """
         self._process.end(f"the UR arm at {self._host} is not connected")
+        _STARTED.discard(self)
 
     def _poll(self) -> None:
         """Take the messages that have arrived from the process."""
@@ -132,7 +143,9 @@ class ArmLink:
             if kind == to.STATE:
                 self.state = to.unpack_state(body)
                 self.kept.append(self.state)
-            elif kind == to.CONTROLLED:
-                self._refusal = None
             elif kind == to.LOST:
-                self._refusal = text_of(body)
+                self._loss = text_of(body)
+
+
+_STARTED: Final[set[ArmLink]] = set()
+"""Links of this process that have been started and not ended."""

@@ -5,15 +5,11 @@ from typing import Final, NamedTuple
 
 from mmt.core.quaternions import Vector
 
-COMMAND: Final = struct.Struct("<c3d")
-MOVE: Final = b"M"
+COMMAND: Final = struct.Struct("<3d")
 """Move to a position in the base's frame (m)."""
-RELEASE: Final = b"R"
-"""Give up the control."""
 
 STATE: Final = b"S"
-CONTROLLED: Final = b"C"
-"""The arm takes commands from now on."""
+"""An arm that is to move takes commands before its first state comes."""
 LOST: Final = b"L"
 """The arm takes no more commands; a text says why."""
 _STATE: Final = struct.Struct("<7dq3d")

@@ -72,7 +72,6 @@ class ArmProcess:
                 self._host, self._frequency_hz, self._settings, self._receive
             )
             self._control.start()
-            self._pipes.send(to.CONTROLLED)
         period_s = 1.0 / self._frequency_hz
         due_s = time.monotonic()
         while self._take_commands():
@@ -80,7 +79,8 @@ class ArmProcess:
             self._watch_control()
             due_s = max(due_s + period_s, time.monotonic() - 10.0 * period_s)
             time.sleep(max(0.0, due_s - time.monotonic()))
-        self._release(_RELEASE_S)
+        if self._control is not None:
+            self._control.release(_RELEASE_S)
 
     def _connect(self) -> None:
         """Connect, and wait for the first data."""
@@ -102,11 +102,9 @@ class ArmProcess:
     def _take_commands(self) -> bool:
         """Take the driver's commands; return whether the driver is still there."""
         commands = self._pipes.receive(to.COMMAND)
-        for kind, x, y, z in commands or ():
-            if kind == to.RELEASE:
-                self._release(0.0)
-            elif self._control is not None:
-                self._control.target_m = (x, y, z)
+        if commands and self._control is not None:
+            x, y, z = commands[-1]
+            self._control.target_m = (x, y, z)
         return commands is not None
 
     def _pass_state_on(self) -> None:
@@ -141,11 +139,6 @@ class ArmProcess:
         lost = control.lost
         if lost and self._pipes.send(to.LOST, f"the arm at {self._host} {lost}"):
             self._control = None
-
-    def _release(self, patience_s: float) -> None:
-        control, self._control = self._control, None
-        if control is not None:
-            control.release(patience_s)
 
 
 _KEPT: Final[list[ArmProcess]] = []

@@ -1,6 +1,7 @@
 """The follower's arm: an arm by Universal Robots that is sent to commanded positions."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,8 +11,9 @@ from mmt.core.extras import require
 from mmt.core.quaternions import Quaternion
 from mmt.devices.discovery import missing_package
 from mmt.devices.drivers import read_options
-from mmt_devices.universal_robots import dashboard, sharing
+from mmt_devices.universal_robots import dashboard
 from mmt_devices.universal_robots.frame import M_TO_MM, SceneFrame
+from mmt_devices.universal_robots.link import ArmLink
 from mmt_devices.universal_robots.options import UrRobotOptions
 from mmt_devices.universal_robots.servo import ServoSettings
 
@@ -42,7 +44,7 @@ class UrRobot:
         self._options = given = read_options(UrRobotOptions, "ur", options)
         require("rtde_control")
         normal = SceneFrame((0.0, 0.0, 0.0), given.rotation_rad).to_base((0.0, 0.0, 1.0))
-        servo = ServoSettings(
+        self._servo = ServoSettings(
             speed_m_s=given.speed_limit_mm_s / M_TO_MM,
             acceleration_m_s2=given.acceleration_limit_mm_s2 / M_TO_MM,
             force_limit_n=given.force_limit_n,
@@ -50,8 +52,8 @@ class UrRobot:
             lookahead_s=given.lookahead_s,
             gain=given.gain,
         )
-        self._member = sharing.Member(given, servo)
-        self._arm: sharing.SharedArm | None = None
+        self._counts: Counter[str] = Counter()
+        self._link: ArmLink | None = None
         self._frame: SceneFrame | None = None
 
     def connect(self) -> None:
@@ -60,7 +62,7 @@ class UrRobot:
         Raises
         ------
         InputError
-            The force sensor of the same arm has other options.
+            The force sensor of the same arm has its axes otherwise, or the arm has a driver.
         MmtError
             The arm does not answer, or takes no commands; the message says why.
         """
@@ -69,14 +71,15 @@ class UrRobot:
         reason = dashboard.problem(host)
         if reason:
             raise MmtError(f"the arm at {host} {reason}")
-        arm = sharing.connect(self._member)
+        link = ArmLink(self._options, self._servo, self._counts)
+        link.start()
         if self._frame is None:  # a new connection keeps the zero of the scene
             origin_mm = self._options.origin_mm
             if origin_mm is None:
-                x, y, z = (M_TO_MM * part for part in arm.read().position_m)
+                x, y, z = (M_TO_MM * part for part in link.read().position_m)
                 origin_mm = (x, y, z)
             self._frame = SceneFrame(origin_mm, self._options.rotation_rad)
-        self._arm = arm
+        self._link = link
 
     def calibrate(self) -> None:
         """Do nothing: the arm is calibrated."""
@@ -89,10 +92,8 @@ class UrRobot:
         DeviceLost
             The arm no longer answers or takes commands; the message says why.
         """
-        arm, frame = self._connected()
-        position_m = arm.read().position_m
-        arm.check_control()
-        return frame.place_in_scene(position_m)
+        link, frame = self._connected()
+        return frame.place_in_scene(link.read().position_m)
 
     def orientation(self) -> Quaternion:
         """Return the tool's orientation (w, x, y, z) of the newest cycle of the controller.
@@ -100,17 +101,17 @@ class UrRobot:
         Raises
         ------
         DeviceLost
-            The arm no longer answers.
+            The arm no longer answers or takes commands.
         """
-        arm, frame = self._connected()
-        return frame.turn_in_scene(arm.read().rotation_rad)
+        link, frame = self._connected()
+        return frame.turn_in_scene(link.read().rotation_rad)
 
     def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
         """Return the newest positions (mm) that came between two times, the oldest first."""
-        arm, frame = self._connected()
+        link, frame = self._connected()
         return [
             (state.time_ns, frame.place_in_scene(state.position_m))
-            for state in arm.kept()
+            for state in link.kept
             if after_ns < state.time_ns < until_ns
         ]
 
@@ -124,11 +125,10 @@ class UrRobot:
         DeviceLost
             The arm no longer answers or takes commands; the message says why.
         """
-        arm, frame = self._connected()
-        arm.read()  # reports a loss even if the scene never reads the position
-        link = arm.check_control()
+        link, frame = self._connected()
+        link.read()  # reports a loss even if the scene never reads the position
         if not all(map(math.isfinite, position_mm)):
-            self._member.counts["commands that are not finite"] += 1
+            self._counts["commands that are not finite"] += 1
             return
         x, y, z = (
             min(max(part, least), most)
@@ -137,21 +137,21 @@ class UrRobot:
             )
         )
         if (x, y, z) != tuple(position_mm):
-            self._member.counts["commands outside of least_mm and most_mm"] += 1
+            self._counts["commands outside of least_mm and most_mm"] += 1
         link.move(frame.place_in_base((x, y, z)))
 
     def close(self) -> None:
         """Stop the arm, end its program and disconnect; calling it twice is harmless."""
-        arm, self._arm = self._arm, None
-        if arm is not None:
-            sharing.disconnect(arm, self._member)
+        link, self._link = self._link, None
+        if link is not None:
+            link.end()
 
     @property
     def faults(self) -> Mapping[str, int]:
         """Counts of survived faults, by kind."""
-        return dict(self._member.counts)
+        return dict(self._counts)
 
-    def _connected(self) -> tuple[sharing.SharedArm, SceneFrame]:
-        if self._arm is None or self._frame is None:
+    def _connected(self) -> tuple[ArmLink, SceneFrame]:
+        if self._link is None or self._frame is None:
             raise DeviceLost("the UR arm is not connected: connect it first")
-        return self._arm, self._frame
+        return self._link, self._frame
