@@ -16,13 +16,16 @@ from mmt.testing.simulation.drawn_textures import FINAL, draw_texture
 from mmt.testing.simulation.known_surfaces import surface_from_annotations, vibration_of
 from mmt.testing.simulation.strokes import REACH_MM
 from mmt.testing.simulation.textures import SURFACES, get_surface
+from mmt.testing.simulation.vibration import Stroke
 from mmt_lab.harness.experiment import DRAWN, chosen_textures
 
 
 def _made(surface, count, speed=120.0, force=1.2, heading=(1.0, 0.0), seed=1):
     """Return the vibration (count, 2) of a constant stroke that stays in its place."""
     source = vibration_of(surface, np.random.default_rng(seed))
-    return np.array([source.step(speed, force, heading) for _ in range(count + 1000)])[1000:]
+    return np.array([source.step(Stroke(speed, force, heading)) for _ in range(count + 1000)])[
+        1000:
+    ]
 
 
 def _near(side):
@@ -46,7 +49,10 @@ def test_a_patch_stays_where_it_is_and_the_power_over_all_is_the_truth():
     source = vibration_of(surface, np.random.default_rng(2))
     spots = np.random.default_rng(5).uniform(-60.0, 60.0, (150, 2))
     spots = spots[np.hypot(*spots.T) < REACH_MM]
-    rows = [[source.step(100.0, 1.0, (1.0, 0.0), tuple(p))[0] for _ in range(500)] for p in spots]
+    rows = [
+        [source.step(Stroke(100.0, 1.0, position_mm=tuple(p)))[0] for _ in range(500)]
+        for p in spots
+    ]
     measured = np.var(np.array(rows)[:, 50:], axis=1)
     here = np.floor(spots).astype(int) % len(gains)
     expected = surface.power(100.0, 1.0)[0] * gains[here[:, 1], here[:, 0]] ** 2
@@ -183,7 +189,7 @@ def test_a_tick_takes_little():
         source = vibration_of(get_surface(name), np.random.default_rng(1))
         started = time.perf_counter()
         for tick in range(3000):
-            source.step(100.0 + 0.01 * tick, 1.0, (1.0, 0.0), (0.02 * tick, 3.0))
+            source.step(Stroke(100.0 + 0.01 * tick, 1.0, (1.0, 0.0), (0.02 * tick, 3.0)))
         assert (time.perf_counter() - started) / 3000 < 200e-6  # 10 to 25 us on an idle machine
 
 
@@ -192,7 +198,9 @@ def test_at_the_ends_of_the_plane_it_stays_finite(stroke):
     surface = get_surface("drawn-3+patches+bursts")
     assert np.isfinite(surface.spectrum(*stroke, np.arange(500.0), 0.0)).all()
     source = vibration_of(surface, np.random.default_rng(1))
-    assert np.isfinite([source.step(*stroke, (0.0, 1.0), (-1e4, 1e4)) for _ in range(300)]).all()
+    assert np.isfinite(
+        [source.step(Stroke(*stroke, (0.0, 1.0), (-1e4, 1e4))) for _ in range(300)]
+    ).all()
 
 
 @pytest.mark.parametrize(

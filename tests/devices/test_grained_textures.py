@@ -14,7 +14,7 @@ from mmt.testing.simulation.modes import Grain, Line, Resonance
 from mmt.testing.simulation.robot import TipState
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import CORDUROY, GRAINED, RIDGED_PLASTIC, SURFACES, get_surface
-from mmt.testing.simulation.vibration import SurfaceVibration
+from mmt.testing.simulation.vibration import Stroke, SurfaceVibration
 
 FREQUENCIES_HZ = np.linspace(5.0, 495.0, 981)
 DIRECTED = [surface for surface in GRAINED if not surface.isotropic]
@@ -131,7 +131,9 @@ def test_isotropic_vibration_is_the_same_to_the_bit_at_all_headings():
     one, other = (SurfaceVibration(get_surface("mesh"), np.random.default_rng(5)) for _ in range(2))
     random = np.random.default_rng(6)
     for angle in random.uniform(0.0, 7.0, 300).tolist():
-        assert one.step(120.0, 1.0) == other.step(120.0, 1.0, (np.cos(angle), np.sin(angle)))
+        stroke = Stroke(120.0, 1.0)
+        turned = stroke._replace(heading=(np.cos(angle), np.sin(angle)))
+        assert one.step(stroke) == other.step(turned)
 
 
 @pytest.mark.parametrize("noise", [True, False])

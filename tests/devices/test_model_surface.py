@@ -16,6 +16,7 @@ from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.model_surface import ModelSurface, ModelVibration
 from mmt.testing.simulation.side_by_side import filter_side_by_side
 from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.vibration import Stroke
 from mmt.texture import TextureModel
 from mmt.texture.space import InputSpace, TextureSamples
 from mmt_bridges.hatt.models import export_hatt
@@ -78,7 +79,7 @@ def test_the_vibration_has_the_spectrum_that_is_known(inputs, heading, samples):
     surface = ModelSurface("x", made(inputs), rate_hz=rate_hz)
     generator = ModelVibration(surface, np.random.default_rng(1))
     towards = (1.0, 0.0) if heading is None else (np.cos(heading), np.sin(heading))
-    frames = [generator.run(samples, 110.0, 1.3, towards) for _ in range(60_000)]
+    frames = [generator.run(samples, Stroke(110.0, 1.3, towards)) for _ in range(60_000)]
     values = np.concatenate(frames)
     frequencies, measured = welch(values[:, 0], rate_hz, nperseg=1000 * samples)
     expected = surface.spectrum(110.0, 1.3, frequencies, heading)[0]
@@ -105,7 +106,7 @@ def test_at_the_ends_of_the_plane_it_stays_finite(stroke):
     surface = ModelSurface("x", made())
     assert np.isfinite(surface.spectrum(*stroke, FREQUENCIES_HZ)).all()
     generator = ModelVibration(surface, np.random.default_rng(1))
-    assert np.isfinite([generator.step(*stroke) for _ in range(300)]).all()
+    assert np.isfinite([generator.step(Stroke(*stroke)) for _ in range(300)]).all()
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".xml"])

@@ -20,6 +20,7 @@ from mmt.testing.simulation.known_surfaces import surface_from_annotations, vibr
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import SURFACES, get_surface
+from mmt.testing.simulation.vibration import Stroke
 
 NAMES = [*sorted(SURFACES), "drawn-1", "drawn-2", "drawn-7", "final-3"]
 LINKED = {"link": {}, "hand": {}, "texture": {}}
@@ -42,9 +43,10 @@ def test_the_truth_is_that_of_long_realisations_at_every_rate(name, samples):
     rate_hz = 1000.0 * samples
     surface = get_surface(name, rate_hz)
     source = vibration_of(surface, np.random.default_rng(4))
+    stroke = Stroke(150.0, 1.4, (0.6, 0.8))
     for _ in range(300):
-        source.run(samples, 150.0, 1.4, (0.6, 0.8))
-    frames = [source.run(samples, 150.0, 1.4, (0.6, 0.8)) for _ in range(120_000 // samples)]
+        source.run(samples, stroke)
+    frames = [source.run(samples, stroke) for _ in range(120_000 // samples)]
     normal, along = np.concatenate(frames).T
     frequencies, measured = welch(normal, rate_hz, nperseg=2048)
     heading_rad = np.arctan2(0.8, 0.6)

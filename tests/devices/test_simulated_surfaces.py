@@ -13,7 +13,7 @@ from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.modes import Line, Resonance
 from mmt.testing.simulation.surfaces import HIGH_PASS_POLE, Surface
 from mmt.testing.simulation.textures import SURFACES, get_surface
-from mmt.testing.simulation.vibration import SurfaceVibration
+from mmt.testing.simulation.vibration import Stroke, SurfaceVibration
 
 NAMES = sorted(name for name, surface in SURFACES.items() if surface.isotropic)
 
@@ -21,7 +21,7 @@ NAMES = sorted(name for name, surface in SURFACES.items() if surface.isotropic)
 def _realisation(surface, speed, force, heading, count, seed=3):
     vibration = SurfaceVibration(surface, np.random.default_rng(seed))
     towards = (float(np.cos(heading)), float(np.sin(heading)))
-    samples = np.array([vibration.step(speed, force, towards) for _ in range(count + 2000)])
+    samples = np.array([vibration.step(Stroke(speed, force, towards)) for _ in range(count + 2000)])
     return samples[2000:]
 
 
@@ -74,8 +74,8 @@ def test_no_vibration_without_motion_or_contact(name):
     assert surface.power([0.0, 0.0, 100.0, -5.0, 100.0], [0.0, 1.0, 0.0, 1.0, -1.0]).max() == 0.0
     vibration = SurfaceVibration(surface, np.random.default_rng(1))
     for _ in range(500):
-        vibration.step(150.0, 1.5)
-    rest = [vibration.step(0.0, 1.5) for _ in range(3000)]
+        vibration.step(Stroke(150.0, 1.5))
+    rest = [vibration.step(Stroke(0.0, 1.5)) for _ in range(3000)]
     assert np.abs(rest[-100:]).max() < 1e-9
 
 
@@ -147,7 +147,7 @@ def test_generator_stays_bounded_under_erratic_hands(name, seed):
     vibration = SurfaceVibration(surface, random)
     speeds, forces = random.uniform(0, 300, 500), random.uniform(0, 3, 500)
     values = np.array(
-        [vibration.step(float(v), float(f)) for v, f in zip(speeds, forces, strict=True)]
+        [vibration.step(Stroke(float(v), float(f))) for v, f in zip(speeds, forces, strict=True)]
     )
     largest = sum(mode.maps(300.0, 3.0)[0] for mode in surface.modes)
     assert np.abs(values).max() < 8.0 * np.sqrt(largest)

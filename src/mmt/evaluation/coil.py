@@ -20,6 +20,7 @@ from mmt.testing.emulated.coil import coil_acceleration_m_s2
 from mmt.testing.emulated.phantom import series_n_mm
 from mmt.testing.simulation.known_surfaces import vibration_of
 from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.vibration import Stroke
 
 _RATE_HZ: Final = 1000
 _POWER_SAMPLES: Final = 5
@@ -107,7 +108,7 @@ def _oracle(
     heading = velocity_mm_s / np.maximum(speed, 1e-9)[:, np.newaxis]
     made = np.array(
         [
-            source.step(s, f, (h[0], h[1]))[0]
+            source.step(Stroke(s, f, (h[0], h[1])))[0]
             for s, f, h in zip(speed.tolist(), force_n.tolist(), heading.tolist(), strict=True)
         ]
     )

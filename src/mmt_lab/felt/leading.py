@@ -23,6 +23,7 @@ from mmt.scene import (
 )
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ
 from mmt.testing.simulation.known_surfaces import vibration_of
+from mmt.testing.simulation.vibration import Stroke
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.updates import ModelUpdate
@@ -62,7 +63,8 @@ def undelayed_vibration(passage: Passage, seed: int) -> FeltVibration:
         strict=True,
     )
     values = [
-        surface.step(speed, force, (u, v), (x, y))[0] for speed, force, (u, v), (x, y) in motion
+        surface.step(Stroke(speed, force, (u, v), (x, y)))[0]
+        for speed, force, (u, v), (x, y) in motion
     ]
     return FeltVibration(np.array(values), 0.0)
 

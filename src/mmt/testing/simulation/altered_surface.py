@@ -18,7 +18,7 @@ from mmt.core.errors import InputError
 from mmt.testing.simulation import RATE_HZ, NoiseRows
 from mmt.testing.simulation.alterations import LAGS, Bursts, Level, Patches, burst_decay
 from mmt.testing.simulation.surfaces import ALTERED_VERSION, Surface, integrated_power, strokes_on
-from mmt.testing.simulation.vibration import VibrationSource
+from mmt.testing.simulation.vibration import Stroke, VibrationSource
 
 if TYPE_CHECKING:
     from mmt.testing.simulation.model_surface import ModelSurface
@@ -210,22 +210,16 @@ class AlteredVibration(VibrationSource):
         self._noise = NoiseRows(generator, 1)
         self._burst = self._noise.next()[0]
 
-    def run(
-        self,
-        count: int,
-        speed_mm_s: float,
-        force_n: float,
-        heading: tuple[float, float] = (1.0, 0.0),
-        position_mm: tuple[float, float] = (0.0, 0.0),
-    ) -> list[tuple[float, float]]:
+    def run(self, count: int, stroke: Stroke) -> list[tuple[float, float]]:
         """Return the next samples; see `VibrationSource.run`."""
         gain = 1.0
         if self._level is not None:
-            gain = 10.0 ** (float(self._level.level_db(speed_mm_s, force_n)) / 20.0)
+            gain = 10.0 ** (float(self._level.level_db(stroke.speed_mm_s, stroke.force_n)) / 20.0)
         if self._gains is not None:
-            row = self._gains[floor(position_mm[1]) % len(self._gains)]
-            gain *= row[floor(position_mm[0]) % len(row)]
-        made = self._base.run(count, speed_mm_s, force_n, heading, position_mm)
+            x_mm, y_mm = stroke.position_mm
+            row = self._gains[floor(y_mm) % len(self._gains)]
+            gain *= row[floor(x_mm) % len(row)]
+        made = self._base.run(count, stroke)
         return [self._altered(normal, along, gain) for normal, along in made]
 
     def _altered(self, normal: float, along: float, gain: float) -> tuple[float, float]:

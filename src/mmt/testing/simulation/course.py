@@ -22,7 +22,7 @@ from mmt.testing.simulation.known_surfaces import (
 )
 from mmt.testing.simulation.surfaces import COURSE_VERSION
 from mmt.testing.simulation.textures import get_surface
-from mmt.testing.simulation.vibration import VibrationSource
+from mmt.testing.simulation.vibration import Stroke, VibrationSource
 
 When = Literal["lifted", "contact", "either"]
 
@@ -190,17 +190,9 @@ class CourseVibration(VibrationSource):
         """Friction of the surface under the tool."""
         return self._course.surfaces[self._watch.surface].friction_coefficient
 
-    def run(
-        self,
-        count: int,
-        speed_mm_s: float,
-        force_n: float,
-        heading: tuple[float, float] = (1.0, 0.0),
-        position_mm: tuple[float, float] = (0.0, 0.0),
-    ) -> list[tuple[float, float]]:
+    def run(self, count: int, stroke: Stroke) -> list[tuple[float, float]]:
         """Return the next samples; see `VibrationSource.run`."""
-        vibration = self._each[self._watch.step(force_n)]
-        return vibration.run(count, speed_mm_s, force_n, heading, position_mm)
+        return self._each[self._watch.step(stroke.force_n)].run(count, stroke)
 
 
 def course_from_annotations(annotations: bytes) -> SurfaceCourse:

@@ -22,6 +22,7 @@ from mmt.testing.simulation.vibration import SurfaceVibration, VibrationSource
 if TYPE_CHECKING:
     from mmt.testing.simulation.course import SurfaceCourse
     from mmt.testing.simulation.known_surfaces import KnownSurface
+from mmt.testing.simulation.vibration import Stroke
 
 GRAVITY_M_S2: Final = 9.80665
 
@@ -219,9 +220,8 @@ class Instruments:
         speed = hypot(u, v)
         if speed > LEAST_SPEED_MM_S:
             self._heading = (u / speed, v / speed)
-        made = self._vibration.run(
-            self._samples, speed, tip.force_n[2], self._heading, tip.position_mm[:2]
-        )
+        stroke = Stroke(speed, tip.force_n[2], self._heading, tip.position_mm[:2])
+        made = self._vibration.run(self._samples, stroke)
         u, v = self._heading
         x, y, z = tip.acceleration_m_s2
         before_x, before_y, before_z = self._moved or tip.acceleration_m_s2

@@ -24,7 +24,7 @@ from mmt.session.formats import find_format
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.side_by_side import filter_side_by_side
 from mmt.testing.simulation.surfaces import MODEL_VERSION, strokes_on
-from mmt.testing.simulation.vibration import VibrationSource
+from mmt.testing.simulation.vibration import Stroke, VibrationSource
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space import InputSpace
 
@@ -245,16 +245,9 @@ class ModelVibration(VibrationSource):
         for _ in range(round(_RUN_IN_S * surface.rate_hz / _BLOCK)):
             self._advance(_BLOCK)
 
-    def run(
-        self,
-        count: int,
-        speed_mm_s: float,
-        force_n: float,
-        heading: tuple[float, float] = (1.0, 0.0),
-        position_mm: tuple[float, float] = (0.0, 0.0),  # noqa: ARG002 - homogeneous
-    ) -> list[tuple[float, float]]:
+    def run(self, count: int, stroke: Stroke) -> list[tuple[float, float]]:
         """Return the next samples; see `VibrationSource.run`."""
-        point = self._point(speed_mm_s, force_n, heading)
+        point = self._point(stroke)
         weights = self._simplex.weights(point)
         if weights is None:
             self._simplex = self._surface.simplex(point)
@@ -288,11 +281,8 @@ class ModelVibration(VibrationSource):
         self._start = start + count
         return self._outputs[start + order : start + order + count]
 
-    def _point(
-        self, speed_mm_s: float, force_n: float, heading: tuple[float, float]
-    ) -> tuple[float, ...]:
-        speed = min(max(speed_mm_s / self._surface.space.maximum_speed_mm_s, 0.0), 1.0)
-        force = min(max(force_n / self._surface.space.maximum_force_n, 0.0), 1.0)
-        if self._surface.isotropic:
-            return (speed, force)
-        return (heading[0] * speed, heading[1] * speed, force)
+    def _point(self, stroke: Stroke) -> tuple[float, ...]:
+        space, (u, v) = self._surface.space, stroke.heading
+        speed = min(max(stroke.speed_mm_s / space.maximum_speed_mm_s, 0.0), 1.0)
+        force = min(max(stroke.force_n / space.maximum_force_n, 0.0), 1.0)
+        return (speed, force) if self._surface.isotropic else (u * speed, v * speed, force)

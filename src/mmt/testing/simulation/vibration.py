@@ -2,12 +2,24 @@
 
 from abc import ABC, abstractmethod
 from math import cos, exp, pi, sin, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from mmt.testing.simulation import NoiseRows
 from mmt.testing.simulation.modes import maps_at
 from mmt.testing.simulation.surfaces import Surface
+
+
+class Stroke(NamedTuple):
+    """What the tip does on the surface."""
+
+    speed_mm_s: float
+    force_n: float
+    heading: tuple[float, float] = (1.0, 0.0)
+    """Unit vector of its velocity in the plane."""
+    position_mm: tuple[float, float] = (0.0, 0.0)
+    """Its place in the plane."""
 
 
 class VibrationSource(ABC):
@@ -19,26 +31,8 @@ class VibrationSource(ABC):
         return None
 
     @abstractmethod
-    def run(
-        self,
-        count: int,
-        speed_mm_s: float,
-        force_n: float,
-        heading: tuple[float, float] = (1.0, 0.0),
-        position_mm: tuple[float, float] = (0.0, 0.0),
-    ) -> list[tuple[float, float]]:
+    def run(self, count: int, stroke: Stroke) -> list[tuple[float, float]]:
         """Return the next samples of a stroke that stays the same meanwhile.
-
-        Parameters
-        ----------
-        count
-            Number of samples.
-        speed_mm_s, force_n
-            Speed and force of the stroke.
-        heading
-            The unit vector of its velocity in the plane.
-        position_mm
-            Position of the tip in the plane.
 
         Returns
         -------
@@ -46,15 +40,9 @@ class VibrationSource(ABC):
             The acceleration (m/s2) along the normal and along the heading, `count` times.
         """
 
-    def step(
-        self,
-        speed_mm_s: float,
-        force_n: float,
-        heading: tuple[float, float] = (1.0, 0.0),
-        position_mm: tuple[float, float] = (0.0, 0.0),
-    ) -> tuple[float, float]:
+    def step(self, stroke: Stroke) -> tuple[float, float]:
         """Return the next sample; see `run`."""
-        return self.run(1, speed_mm_s, force_n, heading, position_mm)[0]
+        return self.run(1, stroke)[0]
 
 
 class SurfaceVibration(VibrationSource):
@@ -85,16 +73,9 @@ class SurfaceVibration(VibrationSource):
         self._sums = (0.0, 0.0)
         self._passed = (0.0, 0.0)
 
-    def run(
-        self,
-        count: int,
-        speed_mm_s: float,
-        force_n: float,
-        heading: tuple[float, float] = (1.0, 0.0),
-        position_mm: tuple[float, float] = (0.0, 0.0),  # noqa: ARG002 - homogeneous
-    ) -> list[tuple[float, float]]:
+    def run(self, count: int, stroke: Stroke) -> list[tuple[float, float]]:
         """Return the next samples; see `VibrationSource.run`."""
-        cosine, sine = heading
+        speed_mm_s, force_n, (cosine, sine), _ = stroke
         turns: list[tuple[float, float, float]] = []
         for mode, maps in self._modes:
             power, frequency, bandwidth = (
