@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from mmt.cli import scene_services
 from mmt.cli.main import app
 from mmt.cli.scene import runs as scene_runs
-from mmt.cli.scene.costs import MeasuredService, SceneRun
+from mmt.cli.scene.costs import SceneRun
 from mmt.cli.scene.runs import SceneRunner
 from mmt.cli.scene_services import DemoRun
 from mmt.core.errors import InputError, MmtError
@@ -40,9 +40,14 @@ def explain(monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
 
     def made(runner: SceneRunner, scene: Scene) -> SceneRun:
         modules = {"numpy", "scipy"} if scene.texture is not None else {"numpy"}
-        service = MeasuredService(1.5, 0.3, 90.0 + len(modules), frozenset(modules))
+        figures = {"start_s": 1.5, "core_share": 0.3, "memory_mb": 90.0 + len(modules)}
         sides = ("leader", "follower") if scene.source else ("leader",)
-        return SceneRun(dict.fromkeys(sides, service), {"up": 71_300.0, "down": 0.0}, None)
+        return SceneRun(
+            dict.fromkeys(sides, figures),
+            dict.fromkeys(sides, frozenset(modules)),
+            {"up": 71_300.0, "down": 0.0},
+            None,
+        )
 
     monkeypatch.setattr(SceneRunner, "__call__", made)
 
@@ -170,8 +175,9 @@ def test_a_leaders_cost_is_with_that_of_the_process_that_models(
         return DemoRun(leader, start_s={"leader": 1.0}, modules={"leader": []})
 
     monkeypatch.setattr(scene_runs, "run_services", run_services)
-    found = SceneRunner(tmp_path, 2.0)(example("demo")).services["leader"]
-    assert (found.core_share, found.memory_mb) == ((0.75, 280.0) if modelling else (0.5, 100.0))
+    found = SceneRunner(tmp_path, 2.0)(example("demo")).figures["leader"]
+    cost = found["core_share"], found["memory_mb"]
+    assert cost == ((0.75, 280.0) if modelling else (0.5, 100.0))
 
 
 class EndedChild:

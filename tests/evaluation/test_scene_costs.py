@@ -2,15 +2,16 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import stats
 
 from mmt.cli.scene.costs import (
-    MeasuredService,
     SceneCosts,
     SceneRun,
+    Variant,
     half_width,
     measure_scene,
     packages_of,
@@ -62,13 +63,14 @@ def test_the_last_thing_that_the_link_carries_stays() -> None:
 # --- figures
 
 
-def service(start_s: float, *modules: str) -> MeasuredService:
-    return MeasuredService(start_s, 0.25, 80.0, frozenset({"json", *modules}))
-
-
 def scene_run(start_s: float, *modules: str) -> SceneRun:
-    services = {"leader": service(start_s, *modules), "follower": service(1.0)}
-    return SceneRun(services, {"up": 64_000.0, "down": 70_000.0}, None)
+    others = {"core_share": 0.25, "memory_mb": 80.0}
+    return SceneRun(
+        {"leader": {"start_s": start_s, **others}, "follower": {"start_s": 1.0, **others}},
+        {"leader": frozenset({"json", *modules}), "follower": frozenset({"json"})},
+        {"up": 64_000.0, "down": 70_000.0},
+        None,
+    )
 
 
 def runs_of(seen: list[Scene], start_s: Callable[[Scene], float]) -> Callable[[Scene], SceneRun]:
@@ -107,7 +109,7 @@ def test_the_scenes_take_turns() -> None:
     )
     whole = [number for number, scene in enumerate(seen) if scene == example("stream-only")]
     assert whole == [0, 4, 8, 12]
-    assert all(len(runs) == 3 for runs in costs.without.values())
+    assert all(len(variant.runs) == 3 for variant in costs.variants)
     assert [number for _, number, _ in steps] == list(range(13))
     assert {total for *_, total in steps} == {13}
     assert steps[0][0] == "the whole scene"
@@ -120,7 +122,7 @@ def test_the_whole_alone_is_measured_where_no_parts_are_wanted() -> None:
     seen: list[Scene] = []
     costs = measure_scene(example("demo"), runs_of(seen, lambda _: 1.0), rounds=2, parts=False)
     assert seen == [example("demo")] * 2
-    assert costs.without == {}
+    assert not costs.variants
 
 
 def test_a_scene_without_a_part_that_does_not_run_is_said() -> None:
@@ -171,7 +173,8 @@ def test_the_figures_for_a_program_are_plain_values() -> None:
 
 @pytest.mark.parametrize("began_s", [None, 4.0])
 def test_it_says_when_the_model_was_not_in_use(began_s: float | None) -> None:
-    costs = SceneCosts(example("demo"), [SceneRun({"leader": service(1.0)}, {}, began_s)])
+    run = replace(scene_run(1.0), model_from_s=began_s)
+    costs = SceneCosts(Variant((), example("demo"), [run]))
     said = " ".join(costs.as_dict()["remarks"])
     assert ("no model was in use within 18 s" in said) == (began_s is None)
 

@@ -27,20 +27,30 @@ FIGURES: Final = ("start_s", "core_share", "memory_mb")
 _CONFIDENCE: Final = 0.95
 
 
-@dataclass(frozen=True, eq=False)
-class Variant:
-    """A scene without one part, and without parts that need it.
+@dataclass(frozen=True)
+class SceneRun:
+    """One run of a scene; ``figures`` has, by service, those of `FIGURES`."""
 
-    Parameters
-    ----------
-    left_out
-        The part, then those that need it.
-    scene
-        The remaining scene.
+    figures: Mapping[str, Mapping[str, float]]
+    modules: Mapping[str, frozenset[str]]
+    """By service: the modules that it has imported at its end."""
+    bytes_per_s: Mapping[str, float]
+    """Sent bytes by direction: "up", "down"."""
+    model_from_s: float | None
+    """Time at which the model began to drive the vibration, or None if it did not."""
+
+
+@dataclass(eq=False)
+class Variant:
+    """A scene without one part, and without parts that need it; its runs, or why it failed.
+
+    ``left_out`` is the part, then those that need it; empty for the whole scene.
     """
 
     left_out: tuple[str, ...]
     scene: Scene
+    runs: list[SceneRun] = field(default_factory=list)
+    failed: str = ""
 
     @property
     def name(self) -> str:
@@ -48,108 +58,89 @@ class Variant:
         first, *others = self.left_out
         return f"{first} (with {', '.join(others)})" if others else first
 
-
-@dataclass(frozen=True)
-class MeasuredService:
-    """One service in one run."""
-
-    start_s: float
-    core_share: float
-    memory_mb: float
-    modules: frozenset[str]
+    def values(self, service: str, figure: str) -> list[float]:
+        """Return one figure of a service in each run."""
+        return [run.figures[service][figure] for run in self.runs]
 
 
 @dataclass(frozen=True)
-class SceneRun:
-    """One run of a scene; `services` has "leader" and, if there is a follower, "follower"."""
-
-    services: Mapping[str, MeasuredService]
-    bytes_per_s: Mapping[str, float]
-    """Sent bytes by direction: "up", "down"."""
-    model_from_s: float | None
-    """Time at which the model began to drive the vibration, or None if it did not."""
-
-
-@dataclass
 class SceneCosts:
-    """All runs of a scene, whole and with parts left out."""
+    """A scene as it ran whole, and with parts left out; ``kept`` are parts that cannot be."""
 
-    scene: Scene
-    whole: list[SceneRun] = field(default_factory=list)
-    without: dict[Variant, list[SceneRun]] = field(default_factory=dict)
-    """Runs of each variant that did not fail."""
-    kept: list[str] = field(default_factory=list)
-    """Parts that cannot be left out of this scene."""
-    failed: dict[Variant, str] = field(default_factory=dict)
-    """Errors of variants that did not run."""
+    whole: Variant
+    variants: Sequence[Variant] = ()
+    kept: Sequence[str] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figures as JSON values: of each service, of each part, and of the link."""
-        services = list(self.whole[0].services)
-        ways = self.whole[0].bytes_per_s
+        runs = self.whole.runs
         return {
-            "runs": len(self.whole),
-            "duration_s": self.scene.session.duration_s,
-            "services": {service: self._service(service) for service in services},
+            "runs": len(runs),
+            "duration_s": self.whole.scene.session.duration_s,
+            "services": {service: self._service(service) for service in runs[0].figures},
             "bytes_per_s": {
-                way: statistics.fmean(run.bytes_per_s[way] for run in self.whole) for way in ways
+                way: statistics.fmean(run.bytes_per_s[way] for run in runs)
+                for way in runs[0].bytes_per_s
             },
             "parts": {
                 variant.name: {
                     "left_out": list(variant.left_out),
                     "bytes_per_s": self._added_bytes_per_s(variant.scene),
-                    **{service: self._part(runs, service) for service in services},
+                    **{service: self._part(variant, service) for service in runs[0].figures},
                 }
-                for variant, runs in self.without.items()
+                for variant in self.variants
+                if variant.runs
             },
             "remarks": self._remarks(),
         }
 
     def _service(self, service: str) -> dict[str, Any]:
-        modules = self.whole[0].services[service].modules
+        modules = self.whole.runs[0].modules[service]
         figures: dict[str, Any] = {
             figure: {"mean": statistics.fmean(values), "least": min(values), "most": max(values)}
             for figure in FIGURES
-            for values in [_values(self.whole, service, figure)]
+            for values in [self.whole.values(service, figure)]
         }
         return {**figures, "modules": len(modules), "packages": packages_of(modules)}
 
-    def _part(self, runs: Sequence[SceneRun], service: str) -> dict[str, Any]:
-        left = set().union(*(run.services[service].modules for run in runs))
-        modules = self.whole[0].services[service].modules - left
-        figures = {figure: self._difference(runs, service, figure) for figure in FIGURES}
+    def _part(self, variant: Variant, service: str) -> dict[str, Any]:
+        left = set().union(*(run.modules[service] for run in variant.runs))
+        modules = self.whole.runs[0].modules[service] - left
+        figures = {figure: self._difference(variant, service, figure) for figure in FIGURES}
         return {**figures, "modules": len(modules), "packages": packages_of(modules)}
 
-    def _difference(self, runs: Sequence[SceneRun], service: str, figure: str) -> dict[str, Any]:
-        groups = [_values(group, service, figure) for group in (self.whole, *self.without.values())]
-        whole, without = groups[0], _values(runs, service, figure)
+    def _difference(self, variant: Variant, service: str, figure: str) -> dict[str, Any]:
+        groups = [each.values(service, figure) for each in (self.whole, *self.variants)]
+        whole, without = groups[0], variant.values(service, figure)
         value = statistics.fmean(whole) - statistics.fmean(without)
-        around = half_width(groups, len(whole), len(without))
+        around = half_width([group for group in groups if group], len(whole), len(without))
         return {"difference": value, "half_width": around, "seen": abs(value) > around}
 
     def _added_bytes_per_s(self, without: Scene) -> dict[str, float]:
         """Return by direction how much more the scene sends than without a part, as computed."""
         whole, rest = (
             {stream.way: stream.bytes_per_s for stream in describe_scene(scene).streams}
-            for scene in (self.scene, without)
+            for scene in (self.whole.scene, without)
         )
         return {way: value - rest.get(way, 0.0) for way, value in whole.items()}
 
     def _remarks(self) -> list[str]:
-        sentences = [f"{each.name}: not measured, {why}" for each, why in self.failed.items()]
-        if self.kept and self.without:
-            sentences.append(
-                f"{', '.join(self.kept)}: cannot be left out of this scene, "
-                "so what they cost by themselves is not known"
-            )
-        if self.without:
+        scene = self.whole.scene
+        failed = [each for each in self.variants if each.failed]
+        sentences = [f"{each.name}: not measured, {each.failed}" for each in failed]
+        if len(failed) < len(self.variants):
+            if self.kept:
+                sentences.append(
+                    f"{', '.join(self.kept)}: cannot be left out of this scene, "
+                    "so what they cost by themselves is not known"
+                )
             sentences.append(
                 "parts share what they import and do: their costs need not add up to the whole's"
             )
-        began_s = [run.model_from_s for run in self.whole if run.model_from_s is not None]
-        if self.scene.rendering is not None and not began_s:
+        began = any(run.model_from_s is not None for run in self.whole.runs)
+        if scene.rendering is not None and not began:
             sentences.append(
-                f"rendering: no model was in use within {self.scene.session.duration_s:g} s, so "
+                f"rendering: no model was in use within {scene.session.duration_s:g} s, so "
                 "its share of a core is not in the figures; take a longer --duration"
             )
         return sentences
@@ -213,30 +204,31 @@ def measure_scene(
         The whole scene fails.
     """
     variants, kept = variants_of(scene) if parts else ([], [])
-    costs = SceneCosts(scene, kept=kept)
-    steps = list(_turns(variants, rounds))
+    whole = Variant((), scene)
+    steps = list(_turns(whole, variants, rounds))
     for number, variant in enumerate(steps):
-        name = "the whole scene" if variant is None else f"without {variant.name}"
+        name = "the whole scene" if variant is whole else f"without {variant.name}"
         on_step(name, number, len(steps))
-        if variant is None:
-            costs.whole.append(run(scene))
-        elif variant not in costs.failed:
-            try:
-                costs.without.setdefault(variant, []).append(run(variant.scene))
-            except MmtError as error:
-                costs.failed[variant] = str(error)
-                del costs.without[variant]
-    return costs
+        if variant.failed:
+            continue
+        try:
+            variant.runs.append(run(variant.scene))
+        except MmtError as error:
+            if variant is whole:
+                raise
+            variant.failed = str(error)
+            variant.runs.clear()
+    return SceneCosts(whole, variants, kept)
 
 
-def _turns(variants: list[Variant], rounds: int) -> Iterator[Variant | None]:
-    """Yield the variants in turns, None for the whole scene; each round starts at another one."""
+def _turns(whole: Variant, variants: list[Variant], rounds: int) -> Iterator[Variant]:
+    """Yield the scenes to run; each round starts at another variant."""
     for number in range(rounds):
-        yield None
+        yield whole
         shift = number * len(variants) // rounds
         yield from variants[shift:] + variants[:shift]
     if variants:
-        yield None
+        yield whole
 
 
 def half_width(groups: Sequence[Sequence[float]], first: int, second: int) -> float:
@@ -264,7 +256,3 @@ def packages_of(modules: Iterable[str]) -> list[str]:
     tops = {name.partition(".")[0] for name in modules} - sys.stdlib_module_names - {"mmt"}
     public = (name for name in tops if not name.startswith("_") and name.isidentifier())
     return sorted(public, key=str.lower)
-
-
-def _values(runs: Sequence[SceneRun], service: str, figure: str) -> list[float]:
-    return [float(getattr(run.services[service], figure)) for run in runs]

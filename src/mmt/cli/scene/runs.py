@@ -11,7 +11,7 @@ from typing import Any
 import tomli_w
 from rich.console import Console
 
-from mmt.cli.scene.costs import MeasuredService, SceneRun
+from mmt.cli.scene.costs import FIGURES, SceneRun
 from mmt.cli.scene_services import DemoRun, run_services
 from mmt.core.errors import MmtError
 from mmt.scene import Replay, Scene
@@ -106,25 +106,18 @@ def _scene_run(run: DemoRun) -> SceneRun:
     senders = {"up": run.follower.get("link"), "down": run.leader.get("link")}
     sent = {way: link["bytes_sent"] for way, link in senders.items() if link}
     return SceneRun(
-        services={
-            name: _service_run(summary, run.start_s[name], frozenset(run.modules[name]))
-            for name, summary in run.tables().items()
-        },
-        bytes_per_s={way: count / streamed_s for way, count in sent.items()},
-        model_from_s=_model_from_s(run.leader.get("vibration", {})),
+        {name: _figures(table, run.start_s[name]) for name, table in run.tables().items()},
+        {name: frozenset(modules) for name, modules in run.modules.items()},
+        {way: count / streamed_s for way, count in sent.items()},
+        _model_from_s(run.leader.get("vibration", {})),
     )
 
 
-def _service_run(
-    summary: Mapping[str, Any], start_s: float, modules: frozenset[str]
-) -> MeasuredService:
-    modelling = (summary.get("texture") or {}).get("process") or {}  # the leader's second process
-    return MeasuredService(
-        start_s=start_s,
-        core_share=summary["process"]["core_share"] + modelling.get("core_share", 0.0),
-        memory_mb=summary["process"]["memory_mb"] + modelling.get("memory_mb", 0.0),
-        modules=modules,
-    )
+def _figures(summary: Mapping[str, Any], start_s: float) -> dict[str, float]:
+    """Return the figures of a service, with those of the leader's second process, by `FIGURES`."""
+    process, modelling = summary["process"], (summary.get("texture") or {}).get("process") or {}
+    added = {name: process[name] + modelling.get(name, 0.0) for name in FIGURES[1:]}
+    return {"start_s": start_s, **added}
 
 
 def _model_from_s(vibration: Mapping[str, Any]) -> float | None:
