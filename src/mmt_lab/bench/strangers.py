@@ -1,18 +1,18 @@
 """A stranger: a client without the token that keeps a leader's port as busy as it can.
 
-``python -m mmt_lab.bench.strangers URL KIND`` connects, sends the traffic of its kind in `KINDS`,
-and connects anew when the leader closes the connection, until the process is ended. A `BYSTANDER`
-connects nowhere, but is as busy, for comparison: services and strangers of a bench share
-processors, and most of a stranger's processor time is that of its start.
+`disturb` runs in a process of its own: it connects, sends the traffic of its kind in `KINDS`, and
+connects anew when the leader closes the connection. A `BYSTANDER` connects nowhere, but is as busy,
+for comparison: services and strangers of a bench share processors, and most of a stranger's
+processor time is that of its start.
 """
 
 import functools
 import itertools
 import socket
 import struct
-import sys
 import time
 from collections.abc import Iterable
+from multiprocessing.connection import Connection
 from typing import Final
 from urllib.parse import urlsplit
 
@@ -21,6 +21,7 @@ import msgpack
 from mmt.core.process import lower_priority
 from mmt.link.protocol import CONNECT_PACKET, EVENT_NAMESPACE
 from mmt.link.websocket import LINK_PATH
+from mmt_lab.harness.processes import leave_process_session
 
 _PATIENCE_S: Final = 1.0
 """How long a leader may take nothing before the stranger connects anew."""
@@ -115,18 +116,15 @@ def send_as_stranger(host: str, port: int, kind: str) -> int:
     return sent
 
 
-def main() -> None:
-    """Run the stranger of the command line at low priority, as if on another machine."""
+def disturb(pipe: Connection, url: str, kind: str) -> None:
+    """Be a stranger until the pipe is closed, at low priority, as if on another machine."""
+    leave_process_session()
     lower_priority()
-    address, kind = urlsplit(sys.argv[1]), sys.argv[2]
-    while kind == BYSTANDER:
-        busy_until_s = time.thread_time() + _BUSY_S
-        while time.thread_time() < busy_until_s:
-            pass
-        time.sleep(_TURN_S)
-    while True:
-        send_as_stranger(address.hostname or "", address.port or 80, kind)
-
-
-if __name__ == "__main__":
-    main()
+    address = urlsplit(url)
+    while not pipe.poll(_TURN_S if kind == BYSTANDER else 0.0):
+        if kind == BYSTANDER:
+            busy_until_s = time.thread_time() + _BUSY_S
+            while time.thread_time() < busy_until_s:
+                pass
+        else:
+            send_as_stranger(address.hostname or "", address.port or 80, kind)

@@ -7,10 +7,9 @@ beside clients without the token that keep the leader's port busy, and beside a 
 import asyncio
 import os
 import secrets
-import subprocess
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -21,7 +20,6 @@ from mmt.cli.scene_services import DemoRun, run_services
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import check_acceleration_rate
 from mmt.core.process import require_real_time
-from mmt.core.programs import python_command
 from mmt.evaluation.run_verdict import median_of_known
 from mmt.scene.files import ENVIRONMENT_PREFIX, example_scenes, load_scene
 from mmt_lab.bench import strangers as disturbing
@@ -239,22 +237,14 @@ def disturbed(duration_s: float) -> Findings:
 
 async def _beside(kind: str, duration_s: float) -> DemoRun:
     """Run the services beside a stranger of this kind or a bystander; `_ALONE` for neither."""
-    disturbers: list[subprocess.Popen[bytes]] = []
-
-    def disturb(url: str) -> None:
-        if kind != _ALONE:
-            command = (*python_command(), "-m", disturbing.__name__, url, kind)
-            disturbers.append(
-                subprocess.Popen(command, start_new_session=os.name == "posix")  # noqa: S603
-            )
-
     environment = {**os.environ, "MMT_LINK_TOKEN": secrets.token_hex()}
-    try:
+    with ExitStack() as beside:
+
+        def disturb(url: str) -> None:
+            if kind != _ALONE:
+                beside.enter_context(background_processes((disturbing.disturb, url, kind)))
+
         return await run_demo_services(duration_s, environment=environment, on_link=disturb)
-    finally:
-        for disturber in disturbers:
-            disturber.kill()
-            disturber.wait()
 
 
 def _keep_awake(pipe: Connection, processor: int) -> None:
