@@ -110,4 +110,4 @@ def test_evaluation_and_info_say_who_operated_and_judge_all_strokes_alike(tmp_pa
     assert figures[0] == figures[1]
 
     evaluation = mmt.evaluate_session(read_session(shared))
-    assert tables.control(evaluation).rows[2] == ("listener ann", "1.10", "3.00")
+    assert tables.control(evaluation).rows[2] == ["listener ann", "1.10", "3.00"]

@@ -2,7 +2,7 @@
 
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -32,6 +32,12 @@ class ReportTable:
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
     caption: str = ""
+
+
+def table_of(rows: Sequence[Mapping[str, str]], caption: str = "") -> ReportTable:
+    """Return rows with the same keys as a table, whose columns are the keys."""
+    columns = list(rows[0]) if rows else []
+    return ReportTable(columns, [list(row.values()) for row in rows], caption)
 
 
 @dataclass(frozen=True)

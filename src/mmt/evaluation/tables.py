@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from mmt.core.tables import label
-from mmt.evaluation.document import Block, Heading, ReportTable, SmallTables
+from mmt.evaluation.document import Block, Heading, ReportTable, SmallTables, table_of
 from mmt.evaluation.grid_errors import SECTOR_DEG, SectorErrors
 from mmt.evaluation.levels import WORST, across
 from mmt.evaluation.results import Evaluation, Levels, Score
@@ -16,25 +16,23 @@ def overview(evaluations: Sequence[Evaluation]) -> ReportTable:
     rows = []
     for evaluation in evaluations:
         final = evaluation.final
+        mean_ms, longest_ms = evaluation.update_ms or (None, None)
         rows.append(
-            (
-                evaluation.name,
-                evaluation.surface or "held-out",
-                seconds(evaluation.start_s),
-                seconds(evaluation.stop_s),
-                str(final.samples),
-                number(final.gfc, 3),
-                number(final.gfc_ceiling, 3),
-                number(final.truth_gfc, 3),
-                number(final.truth_log_spectral_db, 2),
-                *(number(time_ms, 1) for time_ms in evaluation.update_ms or (None, None)),
-            )
+            {
+                "session": evaluation.name,
+                "against": evaluation.surface or "held-out",
+                "start (s)": seconds(evaluation.start_s),
+                "stop (s)": seconds(evaluation.stop_s),
+                "samples": str(final.samples),
+                "GFC": number(final.gfc, 3),
+                "ceiling": number(final.gfc_ceiling, 3),
+                "truth GFC": number(final.truth_gfc, 3),
+                "spectrum (dB)": number(final.truth_log_spectral_db, 2),
+                "update (ms)": number(mean_ms, 1),
+                "longest (ms)": number(longest_ms, 1),
+            }
         )
-    columns = (
-        *("session", "against", "start (s)", "stop (s)", "samples", "GFC", "ceiling"),
-        *("truth GFC", "spectrum (dB)", "update (ms)", "longest (ms)"),
-    )
-    return ReportTable(columns, rows, f"{_FINAL} Updates: mean and longest of those of the steps.")
+    return table_of(rows, f"{_FINAL} Updates: mean and longest of those of the steps.")
 
 
 _FINAL: Final = "Figures at the stop criterion, or at the end where it was never met."
@@ -54,18 +52,21 @@ def levels(evaluations: Sequence[Evaluation]) -> ReportTable:
     if len(evaluations) > 1:
         for method, every in named.items():
             rows += _across(method, every)
-    columns = ("session", "method", "error (dB), strokes made", "within JND, strokes made")
     caption = (
         f"{_FINAL} Error of the level (root mean square) and share within one just noticeable "
         "difference, 1.36 dB, over the strokes that were made and over the whole plane, against "
         "the known texture. Without one: over the strokes of the held-out segments, against these."
     )
-    return ReportTable(
-        (*columns, "error (dB), whole plane", "within JND, whole plane"), rows, caption
-    )
+    return ReportTable(("session", "method", *_LEVELS.values()), rows, caption)
 
 
-_LEVELS: Final = ("power_error_db", "within_jnd", "plane_power_error_db", "plane_within_jnd")
+_LEVELS: Final = {
+    "power_error_db": "error (dB), strokes made",
+    "within_jnd": "within JND, strokes made",
+    "plane_power_error_db": "error (dB), whole plane",
+    "plane_within_jnd": "within JND, whole plane",
+}
+"""Titles of the figures of `Levels`."""
 
 
 def _level_cell(name: str, value: float | None) -> str:
@@ -121,10 +122,14 @@ def _met(time_s: float | None) -> str:
 def control(evaluation: Evaluation) -> ReportTable:
     """Return a row for each period in which one hand, or none, moved the robot."""
     rows = [
-        (period.hand, number(period.from_s, 2), number(period.to_s, 2))
+        {
+            "hand that moved the robot": period.hand,
+            "from (s)": number(period.from_s, 2),
+            "to (s)": number(period.to_s, 2),
+        }
         for period in evaluation.control
     ]
-    return ReportTable(("hand that moved the robot", "from (s)", "to (s)"), rows)
+    return table_of(rows)
 
 
 def moments(evaluation: Evaluation) -> ReportTable:
@@ -134,61 +139,46 @@ def moments(evaluation: Evaluation) -> ReportTable:
         "stop": evaluation.at_stop,
         "end": evaluation.at_end,
     }
-    rows = [(name, *_cells(score)) for name, score in scores.items() if score is not None]
-    return ReportTable(("at", *_SCORE_COLUMNS), rows)
+    rows = [{"at": name, **_cells(score)} for name, score in scores.items() if score is not None]
+    return table_of(rows)
 
 
 def steps(evaluation: Evaluation) -> ReportTable:
-    """Return the figures at every step."""
-    return ReportTable(_SCORE_COLUMNS, [_cells(step) for step in evaluation.steps])
+    """Return the figures at every step; a short session has none."""
+    rows = [list(_cells(step).values()) for step in evaluation.steps]
+    return ReportTable(list(_cells(evaluation.at_end)), rows)
 
 
-_SCORE_COLUMNS = (
-    "time (s)",
-    "samples",
-    "distance",
-    "update (ms)",
-    "GFC",
-    "ceiling",
-    "truth GFC",
-    "error (dB), made",
-    "within JND, made",
-    "within JND, plane",
-    "held-out error (dB)",
-)
-
-
-def _cells(score: Score) -> tuple[str, ...]:
-    return (
-        number(score.time_s, 1),
-        str(score.samples),
-        number(score.distance, 2),
-        number(score.update_ms, 1),
-        number(score.gfc, 3),
-        number(score.gfc_ceiling, 3),
-        number(score.truth_gfc, 3),
-        number(score.power_error_db, 2),
-        share(score.within_jnd),
-        share(score.plane_within_jnd),
-        number(score.held_out_power_error_db, 2),
-    )
+def _cells(score: Score) -> dict[str, str]:
+    return {
+        "time (s)": number(score.time_s, 1),
+        "samples": str(score.samples),
+        "distance": number(score.distance, 2),
+        "update (ms)": number(score.update_ms, 1),
+        "GFC": number(score.gfc, 3),
+        "ceiling": number(score.gfc_ceiling, 3),
+        "truth GFC": number(score.truth_gfc, 3),
+        "error (dB), made": number(score.power_error_db, 2),
+        "within JND, made": share(score.within_jnd),
+        "within JND, plane": share(score.plane_within_jnd),
+        "held-out error (dB)": number(score.held_out_power_error_db, 2),
+    }
 
 
 def held_out(evaluation: Evaluation) -> ReportTable:
     """Return one row for each held-out segment."""
-    columns = ("from (s)", "to (s)", "speed (mm/s)", "force (N)", "GFC", "power error (dB)")
     rows = [
-        (
-            number(segment.start_s, 3),
-            number(segment.stop_s, 3),
-            number(segment.speed_mm_s, 1),
-            number(segment.force_n, 2),
-            number(segment.gfc, 3),
-            number(segment.power_error_db, 2),
-        )
+        {
+            "from (s)": number(segment.start_s, 3),
+            "to (s)": number(segment.stop_s, 3),
+            "speed (mm/s)": number(segment.speed_mm_s, 1),
+            "force (N)": number(segment.force_n, 2),
+            "GFC": number(segment.gfc, 3),
+            "power error (dB)": number(segment.power_error_db, 2),
+        }
         for segment in evaluation.held_out
     ]
-    return ReportTable(columns, rows, "Held-out segments")
+    return table_of(rows, "Held-out segments")
 
 
 def bands(evaluation: Evaluation) -> ReportTable:
@@ -202,30 +192,20 @@ def bands(evaluation: Evaluation) -> ReportTable:
 
 def worst_table(evaluation: Evaluation) -> ReportTable:
     """Return where the model is farthest from the known texture, and why."""
-    columns = (
-        "worst in",
-        "speed (mm/s)",
-        "heading",
-        "force (N)",
-        "power error (dB)",
-        "GFC",
-        "limit",
-        "why",
-    )
     rows = [
-        (
-            point.measure,
-            number(point.speed_mm_s, 0),
-            number(point.heading_deg, 0),
-            number(point.force_n, 2),
-            number(point.power_error_db, 2),
-            number(point.gfc, 3),
-            point.limit,
-            point.reason,
-        )
+        {
+            "worst in": point.measure,
+            "speed (mm/s)": number(point.speed_mm_s, 0),
+            "heading": number(point.heading_deg, 0),
+            "force (N)": number(point.force_n, 2),
+            "power error (dB)": number(point.power_error_db, 2),
+            "GFC": number(point.gfc, 3),
+            "limit": point.limit,
+            "why": point.reason,
+        }
         for point in evaluation.worst
     ]
-    return ReportTable(columns, rows, "Where the model is farthest from the known texture")
+    return table_of(rows, "Where the model is farthest from the known texture")
 
 
 _BY_HEADING = (

@@ -9,7 +9,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.evaluation.document import ReportTable
+from mmt.evaluation.document import ReportTable, table_of
 from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.texts import number
 from mmt.evaluation.truth import KnownTexture
@@ -26,7 +26,6 @@ from mmt_lab.compare.rendered_spectra import (
     spectra_of,
 )
 from mmt_lab.compare.time_limit import time_limit
-from mmt_lab.harness.tables import table_of
 from mmt_methods.generators.building import GeneratorModeller
 from mmt_methods.generators.guarded import GeneratorFault, GuardedGenerator
 from mmt_methods.generators.registry import load

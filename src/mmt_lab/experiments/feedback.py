@@ -14,7 +14,7 @@ from typing import Annotated, Any, Final
 import numpy as np
 import typer
 
-from mmt.evaluation.document import ReportTable
+from mmt.evaluation.document import ReportTable, table_of
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.texts import number
 from mmt_lab.feedback import recorded, simulated
@@ -24,7 +24,6 @@ from mmt_lab.feedback.simulated import CellResult, run_cell
 from mmt_lab.harness.experiment import Seed, Workers
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import map_in_processes
-from mmt_lab.harness.tables import table_of
 
 SHOWS: Final = "which method of force feedback stays stable and true over a delay"
 TAKES: Final = "1 min; 10 s a recording"

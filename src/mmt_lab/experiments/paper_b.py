@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mmt.core.palette import LIGHT
-from mmt.evaluation.document import Block, ReportTable
+from mmt.evaluation.document import Block, ReportTable, table_of
 from mmt.evaluation.report_files import picture
 from mmt.testing.simulation.textures import GRAINED
 from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectra
@@ -25,7 +25,6 @@ from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 from mmt.texture.space import InputSpace
 from mmt_lab.harness.experiment import Seed, SpectraOption
 from mmt_lab.harness.findings import Findings, Target
-from mmt_lab.harness.tables import table_of
 from mmt_lab.matching import (
     RECORDED_S,
     RENEWAL_SAMPLES,

@@ -14,13 +14,12 @@ from typing import Final
 
 import numpy as np
 
-from mmt.evaluation.document import ReportTable
+from mmt.evaluation.document import ReportTable, table_of
 from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 from mmt_lab.harness.experiment import Seed, Seeds, SpectraOption, Workers
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import map_in_processes
-from mmt_lab.harness.tables import table_of
 from mmt_lab.selection.concatenated import KNOCKS, ORDER, RATE_HZ, ROWS, TRIAL_S, PaperRow
 from mmt_lab.selection.knocks import KNOCK_S, SHARE
 from mmt_lab.selection.table_two import (

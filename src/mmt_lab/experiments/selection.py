@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final
 import numpy as np
 import typer
 
-from mmt.evaluation.document import ReportTable
+from mmt.evaluation.document import ReportTable, table_of
 from mmt_lab.harness.experiment import (
     HandKind,
     Seed,
@@ -25,7 +25,6 @@ from mmt_lab.harness.experiment import (
 )
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import map_in_processes
-from mmt_lab.harness.tables import table_of
 from mmt_lab.selection.running import METHODS, SelectionResult, run_texture
 
 SHOWS: Final = "how well sample selection finds knocks and keeps the model, published and ours"

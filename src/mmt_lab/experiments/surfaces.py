@@ -16,7 +16,7 @@ import typer
 from scipy.stats import chi2
 
 from mmt.core.errors import InputError
-from mmt.evaluation.document import ReportTable
+from mmt.evaluation.document import ReportTable, table_of
 from mmt.evaluation.levels import BAND_EDGES_HZ
 from mmt_lab.harness.experiment import (
     HandKind,
@@ -29,7 +29,6 @@ from mmt_lab.harness.experiment import (
 )
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import map_in_processes
-from mmt_lab.harness.tables import table_of
 from mmt_lab.surfaces.running import RECORDED, STAY_S, SurfaceResult, run_recorded, run_simulated
 from mmt_lab.surfaces.slides import SLIDES, run_slides, scatter_db
 

@@ -14,7 +14,7 @@ import typer
 
 from mmt.cli.reporting import scene_of
 from mmt.core.errors import InputError, MmtError
-from mmt.evaluation.document import ReportTable
+from mmt.evaluation.document import ReportTable, table_of
 from mmt.evaluation.texts import number, share
 from mmt.scene import Texture
 from mmt.session.data import RecordedSession
@@ -22,7 +22,6 @@ from mmt.session.files import read_session
 from mmt_lab.harness.experiment import Seed, Workers
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import counting, processes
-from mmt_lab.harness.tables import table_of
 from mmt_lab.sweep.combinations import (
     Job,
     JobOutcome,

@@ -1,18 +1,12 @@
 """Findings as tables for the terminal and for reports."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from mmt.evaluation.document import ReportTable
 from mmt_lab.harness.findings import Cell, Findings, FindingsTable, Panel, Spread, Target
 
 _NOTICEABLE: Final = 0.005
-
-
-def table_of(rows: Sequence[Mapping[str, str]], caption: str = "") -> ReportTable:
-    """Return rows with the same keys as a table, whose columns are the keys."""
-    columns = list(rows[0]) if rows else []
-    return ReportTable(columns, [list(row.values()) for row in rows], caption)
 
 
 def targets_table(results: Sequence[Findings]) -> ReportTable:
