@@ -1,5 +1,7 @@
 """Paper C's tables come from nothing but a seed, on trials that are strung together."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from lab_runs import run_lab
@@ -8,7 +10,7 @@ from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt_lab.experiments import paper_c
 from mmt_lab.selection import concatenated, table_two
 from mmt_lab.selection.concatenated import (
-    PaperRow,
+    ROWS,
     data_set,
     recording,
     segments_of,
@@ -18,8 +20,8 @@ from mmt_lab.selection.concatenated import (
 from mmt_lab.selection.table_two import AS_PUBLISHED, ORDER, VARIATIONS, select_from
 from mmt_methods.selection.published import select_published
 
-PLANE = PaperRow("Grass", "sandpaper", 60, 6, directed=False)
-SPACE = PaperRow("Wood", "oak", 70, 7, directed=True)
+PLANE = replace(ROWS[0], points=60, outliers=6)
+SPACE = replace(ROWS[2], points=70, outliers=7)
 
 
 @pytest.fixture(scope="module")
