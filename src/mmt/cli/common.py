@@ -233,47 +233,19 @@ def stopping_on_signals(stop: Callable[[], None]) -> Iterator[None]:
 
 def summary_table(title: str, summary: Mapping[str, Any]) -> Table:
     """Return a summary's nested mappings as a table with rows of part, figure and value."""
-    from mmt.core.tables import plain_table
+    from mmt.core.tables import as_text, flatten, plain_table
 
     table = plain_table(title, header=False)
     table.add_column("part", style="bold")
     table.add_column("figure")
     table.add_column("value")
     for part, content in summary.items():
-        rows = flatten(content)
+        values = flatten(content) if isinstance(content, Mapping) else {"": content}
+        rows = [(name, as_text(v)) for name, v in values.items() if v not in (None, "", [], {})]
         for index, (name, value) in enumerate(rows):
             last = index == len(rows) - 1
             table.add_row(part if index == 0 else "", name, value, end_section=last)
     return table
-
-
-def flatten(content: object, prefix: str = "") -> list[tuple[str, str]]:
-    """Return nested mappings as (name, text) pairs; empty values are left out."""
-    if not isinstance(content, Mapping):
-        return [] if content in (None, "", [], {}) else [(prefix, as_text(content))]
-    from mmt.core.tables import label
-
-    rows: list[tuple[str, str]] = []
-    for name, value in content.items():
-        words = label(name)
-        rows += flatten(value, f"{prefix}, {words}" if prefix else words)
-    return rows
-
-
-def as_text(value: object) -> str:
-    """Return a value as text for people."""
-    if isinstance(value, float):
-        return f"{value:.0f}" if 1000 <= abs(value) < 1e6 else f"{value:.4g}"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, tuple):
-        return ", ".join(map(as_text, value))
-    if isinstance(value, list):
-        return "; ".join(
-            " ".join(as_text(v) for v in item.values()) if isinstance(item, Mapping) else str(item)
-            for item in value
-        )
-    return str(value)
 
 
 def open_page(url: str) -> bool:

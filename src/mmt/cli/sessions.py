@@ -12,7 +12,6 @@ from rich.table import Table
 
 from mmt.cli.common import (
     Force,
-    as_text,
     json_option,
     messages,
     open_page,
@@ -26,7 +25,7 @@ from mmt.cli.main import command_group
 from mmt.core.errors import InputError
 from mmt.core.existing_files import free_path, require_absent, with_number
 from mmt.core.kernel_cache import compile_kernels
-from mmt.core.tables import plain_table
+from mmt.core.tables import as_text, plain_table
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 from mmt.session.files import export_session, read_session, write_session

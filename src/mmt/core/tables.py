@@ -1,6 +1,7 @@
-"""Tables for people: their one style in a terminal, and labels for the keys of figures."""
+"""Tables for people: their one style in a terminal, and figures and their keys as text."""
 
-from typing import TYPE_CHECKING, Final
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -63,3 +64,31 @@ def label(name: object) -> str:
         if words.endswith(f" {ending}"):
             return words.removesuffix(ending) + unit
     return words
+
+
+def flatten(content: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return the values of nested mappings by the labels of their keys, outermost first."""
+    flat: dict[str, Any] = {}
+    for name, value in content.items():
+        full = f"{prefix}{label(name)}"
+        flat |= flatten(value, f"{full}, ") if isinstance(value, Mapping) else {full: value}
+    return flat
+
+
+def as_text(value: object) -> str:
+    """Return a value as text for people, a dash for None."""
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.0f}" if 1000 <= abs(value) < 1e6 else f"{value:.4g}"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{label(name)} {as_text(item)}" for name, item in value.items())
+    if isinstance(value, tuple | list):
+        texts = [
+            " ".join(map(as_text, item.values())) if isinstance(item, Mapping) else as_text(item)
+            for item in value
+        ]
+        return (", " if isinstance(value, tuple) else "; ").join(texts)
+    return str(value)

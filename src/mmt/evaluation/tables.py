@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from mmt.core.tables import label
+from mmt.core.tables import as_text, flatten, label
 from mmt.evaluation.document import Block, Heading, ReportTable, SmallTables, table_of
 from mmt.evaluation.grid_errors import SECTOR_DEG, SectorErrors
 from mmt.evaluation.levels import WORST, across
 from mmt.evaluation.results import Evaluation, Levels, Score
-from mmt.evaluation.texts import number, plain_text, seconds, share
+from mmt.evaluation.texts import number, seconds, share
 
 
 def overview(evaluations: Sequence[Evaluation]) -> ReportTable:
@@ -262,7 +262,7 @@ def run_blocks(run: Mapping[str, object]) -> list[Block]:
 
 def _group(caption: str, content: Mapping[str, Any]) -> list[ReportTable]:
     """Return one table of single values, and one for each list of tables, however deep."""
-    flat = _flat(content)
+    flat = flatten(content)
     pairs = {name: value for name, value in flat.items() if not _is_rows(value)}
     tables = [_pairs(pairs, caption)] if pairs else []
     for name, value in flat.items():
@@ -275,23 +275,12 @@ def _is_rows(value: object) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(v, Mapping) for v in value)
 
 
-def _flat(content: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for name, value in content.items():
-        full = f"{prefix}{label(name)}"
-        if isinstance(value, Mapping):
-            flat |= _flat(value, f"{full}, ")
-        else:
-            flat[full] = value
-    return flat
-
-
 def _pairs(content: Mapping[str, object], caption: str = "") -> ReportTable:
-    rows = [(name, plain_text(value)) for name, value in content.items()]
+    rows = [(name, as_text(value)) for name, value in content.items()]
     return ReportTable(("figure", "value"), rows, caption)
 
 
 def _rows(content: Sequence[Mapping[str, object]], caption: str) -> ReportTable:
     names = list(dict.fromkeys(name for row in content for name in row))
-    rows = [tuple(plain_text(row.get(name)) for name in names) for row in content]
+    rows = [tuple(as_text(row.get(name)) for name in names) for row in content]
     return ReportTable(tuple(label(name) for name in names), rows, caption)

@@ -1,9 +1,7 @@
 """Texts of reports: numbers for people, a dash if there is none, and how each score is defined."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Final
-
-from mmt.core.tables import label
 
 DEFINITIONS: Final[Mapping[str, str]] = {
     "gfc": (
@@ -95,18 +93,3 @@ def seconds(value: float | None) -> str:
 def share(value: float | None) -> str:
     """Return a share in percent."""
     return "-" if value is None else f"{100 * value:.0f} %"
-
-
-def plain_text(value: object) -> str:
-    """Return any value of a summary as text."""
-    if value is None:
-        return "-"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, Mapping):
-        return ", ".join(f"{label(name)} {plain_text(item)}" for name, item in value.items())
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return "; ".join(plain_text(item) for item in value)
-    return str(value)
