@@ -281,10 +281,39 @@ def test_arrays_of_json_count_more_than_a_shorter_list_of_objects(tmp_path):
 
 
 @pytest.mark.parametrize(
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-8"])
+@pytest.mark.parametrize("form", ["columns", "index", "split", "rows", "dated"])
+def test_the_forms_of_json_that_pandas_writes_are_tables(tmp_path, form, encoding):
+    names = ["t", "fx", "fy", "fz"]
+    rows = np.column_stack([TIME_S, FORCE_N]).tolist()
+    objects = [dict(zip(names, row, strict=True)) for row in rows]
+    content = {
+        "columns": {
+            name: {str(n): row[i] for n, row in enumerate(rows)} for i, name in enumerate(names)
+        },
+        "index": {str(n): row for n, row in enumerate(objects)},
+        "split": {"columns": names, "index": list(range(ROWS)), "data": rows},
+        "rows": [names, *rows],
+        "dated": {
+            f"{9 + 1e3 * row[0]:.0f}": {"fx": row[1], "fy": row[2], "fz": row[3]} for row in rows
+        },
+    }[form]
+    (tmp_path / "a.json").write_text(json.dumps(content), encoding)
+    if form == "dated":
+        mapped = {"time": "index", "force_x": "fx", "force_y": "fy", "force_z": "fz"}
+        frames = import_session(tmp_path / "a.json", columns=mapped, units={"time": "ms"}).frames
+    else:
+        proposed = propose(tmp_path / "a.json")
+        assert proposed.names == names
+        frames = import_recording(tmp_path / "a.json", proposed.options)[0].frames
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, rtol=1e-6)
+
+
     ("content", "message"),
     [
         ("{}\n[1, 2]\n", "row 2 is not an object"),
         ('{"t": 0}\n{"t": \n{"t": 1}', "line 2 is not JSON"),
+        ("[0, 1]\n[1]\n", "row 2 is not a list of as many values as the first"),
         ('{"t": 0}\n{"t": [0]}', "lists of t are not all of one length"),
         ('{"t": [0]}\n{"t": [0, 1]}', "lists of t are not all of one length"),
         ('{"t": {}}\n{"t": "soon"}', "t does not hold numbers: .*soon"),

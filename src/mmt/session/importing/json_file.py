@@ -1,9 +1,12 @@
-"""Read JSON: a line or an element for each row, or an object of arrays or with one list of rows."""
+"""Read JSON: a line or an element for each row, or an object of arrays or with one list of rows.
+
+A row is an object or a list. The forms in which pandas writes a table are read, too.
+"""
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -12,27 +15,37 @@ from mmt.session.importing.cells import columns_of
 from mmt.session.importing.columns import SourceColumns, distinct, reading
 from mmt.session.importing.options import ImportOptions
 
+_LONGEST_CELL: Final = 16
+"""Numbers in a cell of a row at most; longer lists are columns."""
+
 
 def read_json(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> SourceColumns:
     """Read the wanted columns (n,), or (n, k) for lists, of JSON lines or of one JSON value.
 
     Members of objects are called ``a.b``. Members that a row lacks, and null, are missing values.
-    Of JSON lines a last one that is cut off is left out.
+    Rows that are lists have the columns "1", "2" and on, or the names in the first of them. Of
+    JSON lines a last one that is cut off is left out.
 
     Raises
     ------
     InputError
-        The file is missing or not JSON, a row is not an object, or a wanted column does not hold
-        numbers or lists of one length.
+        The file is missing or not JSON, a row is of another kind than the first, or a wanted
+        column does not hold numbers or lists of one length.
     """
     origin, notes = f"import {path}", list[str]()
-    with reading(origin, "JSON", (ValueError, RecursionError)), path.open(encoding="utf-8") as file:
+    with (
+        reading(origin, "JSON", (ValueError, RecursionError)),
+        path.open("rb") as begin,
+        path.open(encoding=json.detect_encoding(begin.read(4))) as file,
+    ):
         if path.suffix.lower() == ".json":
             content = _parsed(file.read())
         else:
             content = list(_lines(file, notes))
         if isinstance(content, dict):
-            content = _rows_in(content)
+            content = _of_pandas(content) or _rows_in(content)
+        if isinstance(content, list) and content and isinstance(content[0], list):
+            content = _named(content)
         if isinstance(content, dict):
             columns = {name: array for name, array in _leaves(content) if isinstance(array, list)}
             names = list(columns)
@@ -42,6 +55,44 @@ def read_json(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
             raise InputError("it holds neither rows nor arrays")
         arrays = {name: _array(column, name) for name, column in columns.items() if wanted(name)}
     return SourceColumns(origin=origin, names=names, notes=notes, **columns_of(arrays, origin))
+
+
+def _of_pandas(content: dict[str, Any]) -> Any:
+    """Return the rows, or lists by column, of what pandas calls split, index or columns."""
+    names, data, labels = (content.get(key) for key in ("columns", "data", "index"))
+    if isinstance(names, list) and isinstance(data, list):
+        return _named([list(map(str, names)), *data]) | _index(labels or [])
+    keys = {tuple(row) if isinstance(row, dict) else () for row in content.values()}
+    first = keys.pop() if len(keys) == 1 else ()
+    cells = [cell for row in content.values() for cell in row.values()] if first else []
+    lists = [len(cell) for cell in cells if isinstance(cell, list)]
+    if not first or any(isinstance(cell, dict) for cell in cells):
+        return None
+    if len(content) > len(first) and max(lists, default=0) <= _LONGEST_CELL:
+        names, labels = first, list(content)
+        columns = {name: [row[name] for row in content.values()] for name in names}
+        return columns | _index(labels)
+    columns = {name: list(column.values()) for name, column in content.items()}
+    return None if lists else columns | _index(first)
+
+
+def _index(labels: Sequence[Any]) -> dict[str, list[Any]]:
+    """Return the rows' labels as a column, if they are more than the rows' numbers."""
+    counted = list(map(str, labels)) == [str(number) for number in range(len(labels))]
+    return {} if counted else {"index": list(labels)}
+
+
+def _named(rows: Sequence[Any]) -> dict[str, list[Any]]:
+    """Return the columns of rows that are lists, the first of which may hold their names."""
+    width = len(rows[0])
+    for number, row in enumerate(rows, start=1):
+        if not isinstance(row, list) or len(row) != width:
+            raise InputError(f"row {number} is not a list of as many values as the first")
+    has_names = all(isinstance(cell, str) and cell.strip() for cell in rows[0])
+    numbered = [str(place) for place in range(1, width + 1)]
+    names, _ = distinct(rows[0] if has_names else numbered)
+    columns = map(list, zip(*rows[has_names:], strict=True))
+    return dict(zip(names, columns, strict=False))
 
 
 def _rows_in(content: dict[str, Any]) -> Any:
