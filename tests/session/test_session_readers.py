@@ -354,6 +354,33 @@ def test_waveforms_of_tdms_have_their_own_times(tmp_path):
 
 
 def test_a_workbook_beside_a_text_keeps_its_numbers(tmp_path):
+@pytest.mark.parametrize("holder", ["channel", "group", "file"])
+@pytest.mark.parametrize(
+    ("kind", "status"), [("Linear", ""), ("PieceWise", "unscaled"), ("PieceWise", "scaled")]
+)
+def test_raw_values_of_an_unknown_scale_need_a_factor(tmp_path, holder, kind, status):
+    nptdms = pytest.importorskip("nptdms")
+    scale = {"Scale_Type": kind, "Linear_Slope": 0.5, "Linear_Y_Intercept": 0.0}
+    about = {f"NI_Scale[0]_{name}": value for name, value in scale.items()}
+    about |= {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF}
+    about |= {"NI_Scaling_Status": status} if status else {}
+    told = {h: about if h == holder else {} for h in ("channel", "group", "file")}
+    own = {"wf_increment": 0.001, "unit_string": "N", **told["channel"]}
+    raw = np.rint(1000 * FORCE_N[:, 2])
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        objects = [nptdms.RootObject(told["file"]), nptdms.GroupObject("ni", told["group"])]
+        writer.write_segment([*objects, nptdms.ChannelObject("ni", "Fz", raw, own)])
+    factor = {"Linear": 0.5, "PieceWise": 1.0}[kind]
+    if (kind, status) == ("PieceWise", "unscaled"):
+        with pytest.raises(InputError, match="raw values, its scale is of an unknown kind: Piece"):
+            import_session(tmp_path / "a.tdms", columns={"force": "Fz"})
+        factor, columns = 0.001, {"force": "Fz*0.001"}
+    else:
+        columns = {"force": "Fz"}
+    frames = import_session(tmp_path / "a.tdms", columns=columns).frames
+    np.testing.assert_allclose(frames["force_n"][:, 2], factor * raw, rtol=1e-6)
+
+
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
     book.active.append(["t", "x", "y", "touches"])

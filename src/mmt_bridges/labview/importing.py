@@ -14,6 +14,13 @@ from mmt.session.importing.options import ImportOptions
 
 _PERIOD: Final = "wf_increment"
 _BEGIN: Final = "wf_start_time"
+_SCALES: Final = frozenset(("Linear", "Polynomial", "Table", "Add", "Subtract", "AdvancedAPI")) | {
+    "RTD",
+    "Strain",
+    "Thermistor",
+    "Thermocouple",
+}
+"""Kinds of scales that npTDMS applies; with one of another kind it returns the raw values."""
 _NO_DATE: Final = np.datetime64("1904-01-01T01", "ns")
 """LabVIEW's dates count from 1904: one in its first hour was never set."""
 
@@ -54,9 +61,21 @@ def read_tdms(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
             **columns_of(
                 {name: channel[:] for name, channel in channels.items() if wanted(name)},
                 origin,
-                {name: unit for name, c in channels.items() if (unit := told_unit(c.properties))},
+                {name: unit for name, c in channels.items() if (unit := _unit(file, c))},
             ),
         )
+
+
+def _unit(file: Any, channel: Any) -> str:
+    """Return the unit of a channel's values: raw ones if its scale is of an unknown kind."""
+    for holder in (channel, file[channel.group_name], file):  # the nearest with scales counts
+        scales = {v for k, v in holder.properties.items() if k.endswith("_Scale_Type")}
+        if scales and holder.properties.get("NI_Scaling_Status") != "scaled":
+            unknown = ", ".join(sorted(scales - _SCALES))
+            if unknown:
+                return f"raw values, its scale is of an unknown kind: {unknown}"
+            break
+    return told_unit(channel.properties)
 
 
 def _begin(properties: Mapping[str, Any]) -> "np.datetime64 | None":
