@@ -642,6 +642,23 @@ def test_a_sound_needs_the_factor_of_its_sensor(tmp_path):
 def test_files_of_one_recording_are_joined_by_a_tap(late_s, seed):
     rng = np.random.default_rng(seed)
     slow_s, fast_s = np.arange(0, 12, 0.002), np.arange(0, 12, 1 / 4000)
+@pytest.mark.parametrize("lost", [0, 1, 1000])
+@pytest.mark.parametrize("stated", ["all", "none", "endless"])
+def test_a_sound_whose_recorder_died_is_read_as_far_as_it_goes(tmp_path, stated, lost):
+    path = tmp_path / "a.wav"
+    wave = np.rint(3e4 * np.sin(0.3 * np.arange(2000))).astype("i2")
+    scipy.io.wavfile.write(path, 1000, wave)
+    content = bytearray(path.read_bytes()[: -lost or None])
+    size = {"all": 4000, "none": 0, "endless": 0xFFFFFFFF}[stated]
+    content[40:44] = size.to_bytes(4, "little")
+    path.write_bytes(content)
+    session, report = import_recording(path, ImportOptions({"acceleration": "1*32768"}))
+    kept = len(wave) - -(-lost // 2)
+    np.testing.assert_array_equal(session.frames["acceleration_m_s2"][:, 2], wave[:kept])
+    said = any("the file ends before its header says" in each for each in report.warnings)
+    assert said == (lost > 0) or stated != "all"
+
+
     force_n = 1 + 0.01 * rng.standard_normal(len(slow_s)) + 9 * np.exp(-((slow_s - 5) ** 2) / 2e-5)
     shock = 50 * np.exp(-((fast_s - 5 - late_s) ** 2) / 8e-6)
     with TemporaryDirectory() as folder:
@@ -863,17 +880,20 @@ def test_packed_numbers_are_unpacked_behind_any_link(scale, offset, holes):
     np.testing.assert_allclose(frames["force_n"], FORCE_N[there], atol=0.51 * scale)
 
 
-@pytest.mark.parametrize("kind", ["h5", "parquet"])
+@pytest.mark.parametrize("kind", ["h5", "parquet", "npy"])
 def test_members_of_structures_are_columns(tmp_path, kind):
     path = tmp_path / f"a.{kind}"
-    if kind == "h5":
+    if kind != "parquet":
         inner = [("x", "f8"), ("y", "f4"), ("z", "f8")]
         table = np.zeros(ROWS, [("t", "f8"), ("tip", [("force", inner)])])
         table["t"] = TIME_S
         for axis, column in zip("xyz", FORCE_N.T, strict=True):
             table["tip"]["force"][axis] = column
-        with pytest.importorskip("h5py").File(path, "w") as file:
-            file["log"] = table
+        if kind == "npy":
+            np.save(path, table)
+        else:
+            with pytest.importorskip("h5py").File(path, "w") as file:
+                file["log"] = table
     else:
         pa = pytest.importorskip("pyarrow")
         from pyarrow import parquet

@@ -1,7 +1,8 @@
 """Read arrays from NumPy files, including exported sessions, and from sound files."""
 
+import io
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +63,7 @@ def read_array(path: Path, wanted: Callable[[str], bool], _options: ImportOption
     if not isinstance(array, np.ndarray) or array.ndim > 2:
         raise InputError(f"{origin}: this is not an array of shape (n,) or (n, k)")
     if array.dtype.names:
-        columns = {name: array[name] for name in array.dtype.names}
+        columns = dict(_members(array))
     else:
         columns = _numbered(numbers_in(array, "it", origin)[0])
     return SourceColumns(
@@ -86,10 +87,13 @@ def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOption
     require("scipy")
     from scipy.io import wavfile
 
-    with reading(origin, "a .wav file"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks of other programs
+    with reading(origin, "a .wav file"), warnings.catch_warnings(record=True) as odd:
+        warnings.simplefilter("always")
         rate_hz, samples = wavfile.read(path)
+        if not len(samples):
+            rate_hz, samples = wavfile.read(_completed(path.read_bytes()))
         told = read_comment(path)
+    cut = any("EOF" in str(each.message) for each in odd)  # others: chunks of other programs
     scaled = samples.astype(np.float64)
     if samples.dtype.kind in "iu":
         middle = 128.0 if samples.dtype == np.uint8 else 0.0
@@ -107,8 +111,20 @@ def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOption
         units=units,
         times=dict.fromkeys(columns, np.arange(len(scaled)) / rate_hz),
         frames=frames,
+        notes=["the file ends before its header says: it was read as far as it goes"]
+        if cut
+        else [],
         began_utc_ns=parsed_date(told.get(BEGAN), origin),
     )
+
+
+def _completed(content: bytes) -> io.BytesIO:
+    """Return a sound whose length was not written, as of a recorder that died, with it."""
+    head, found, data = content.partition(b"data\0\0\0\0")
+    frame = int.from_bytes(head[head.find(b"fmt ") + 20 :][:2], "little") or 1
+    size = len(data) // frame * frame
+    whole = head + b"data" + size.to_bytes(4, "little") + data[:size]
+    return io.BytesIO(whole if found else content)
 
 
 def _frames(acceleration_m_s2: FloatArray, rate_hz: int) -> RecordArray | None:
@@ -123,6 +139,15 @@ def _frames(acceleration_m_s2: FloatArray, rate_hz: int) -> RecordArray | None:
     field = frames["acceleration_m_s2"]
     field[...] = acceleration_m_s2[: count * several].reshape(field.shape)
     return frames
+
+
+def _members(array: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the fields of an array, also those within fields, as ``field.member``."""
+    for name in array.dtype.names:
+        if array.dtype[name].names:
+            yield from _members(array[name], f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", array[name]
 
 
 def _numbered(array: Any) -> dict[str, Any]:
