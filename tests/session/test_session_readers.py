@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.io.wavfile
+import scipy.sparse
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from unit_samples import FOREIGN, UNITS
@@ -1117,3 +1118,57 @@ def test_text_is_read_to_the_zero_bytes_at_its_end(share, zeros, end):
     assert 0.9 * share * ROWS < count < 1.1 * share * ROWS
     np.testing.assert_allclose(session.frames["force_n"][:, 2], FORCE_N[:count, 2], rtol=1e-6)
     assert "ends in zero bytes" in " ".join(report.warnings)
+
+
+@pytest.mark.parametrize("rows", [1, 40])
+@pytest.mark.parametrize("kind", ["npz", "h5", "mat", "csv"])
+def test_rows_that_were_never_filled_are_left_out(tmp_path, kind, rows):
+    path = tmp_path / f"a.{kind}"
+    columns = {"t": TIME_S + 0.001, "force": FORCE_N}
+    larger = {n: np.concatenate([c, np.zeros((rows, *c.shape[1:]))]) for n, c in columns.items()}
+    if kind == "csv":
+        cells = np.column_stack([larger["t"], larger["force"]])
+        np.savetxt(path, cells, delimiter=",", header="t,force[0],force[1],force[2]", comments="")
+    else:
+        {"npz": lambda p, c: np.savez(p, **c), "h5": hdf5_of, "mat": scipy.io.savemat}[kind](
+            path, larger
+        )
+    session, report = import_recording(path, ImportOptions({"time": "t", "force": "force"}))
+    np.testing.assert_allclose(session.frames["force_n"], FORCE_N, rtol=1e-6)
+    assert f"t: the last {rows} rows hold only zeros and were left out" in report.warnings
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    between=st.sampled_from([": ", ":", "=", " = "]),
+    behind=st.sampled_from([" ", ", ", ",", "\t", "  "]),
+    unit=st.sampled_from([" mN", "mN", ""]),
+    each=st.booleans(),
+    other=st.sampled_from(["", "Calibrating ...", "sensor: ready", "F_z: 12"]),
+)
+def test_lines_that_name_their_values_are_rows(between, behind, unit, each, other):
+    scale, lines = 1e3 if unit else 1.0, []
+    for number, (at, force) in enumerate(zip(TIME_S, FORCE_N, strict=True)):
+        lines += [other] if other and number in (0, 7, 200) else []
+        units = [unit if each else "", unit if each else "", unit]
+        cells = [
+            f"F{axis}{between}{scale * value:.6f}{own}"
+            for axis, value, own in zip("xyz", force, units, strict=True)
+        ]
+        lines.append(behind.join([f"t_us{between}{1e6 * at:.0f}", *cells]))
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "a.txt")
+        path.write_text("\n".join(lines) + "\n")
+        proposed = propose(path)
+        frames = import_recording(path, proposed.options)[0].frames
+    assert list(proposed.names) == ["t_us", "Fx", "Fy", "Fz"]
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-6)
+
+
+def test_sparse_matrices_and_time_series_of_matlab_are_columns(tmp_path):
+    path = tmp_path / "a.mat"
+    waves = {"Time": TIME_S[:, None], "Data": ACCELERATION_M_S2.T[:, None, :]}
+    scipy.io.savemat(path, {"t": TIME_S, "force": scipy.sparse.csc_matrix(FORCE_N), "acc": waves})
+    session = import_recording(path, propose(path).options)[0]
+    np.testing.assert_allclose(session.frames["force_n"], FORCE_N, rtol=1e-6)
+    np.testing.assert_allclose(session.frames["acceleration_m_s2"], ACCELERATION_M_S2, rtol=1e-6)

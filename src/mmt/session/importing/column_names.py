@@ -22,7 +22,7 @@ _FRACTION: Final = re.compile(r"^(tv)?(n|nano|u|micro|m|milli)s(ecs?|econds?)?$"
 """Matches the name of a part of a second, which may stand beside one of `_SECONDS`."""
 AXIS_OF: Final = re.compile(r"(.+)[./]([xyzwXYZW])")
 """Matches an axis of something, as in ``wrench.force.x``."""
-VALUES: Final = re.compile(r"(\.signals)?\.(values?|data|samples|v)$")
+VALUES: Final = re.compile(r"(\.signals)?\.(values?|data|samples|v)$", re.IGNORECASE)
 """Matches the end of names of values that their owner's name tells, as in ``acc.data``."""
 NUMBER: Final = re.compile(r"\.\d+$")
 """Matches the number that tells columns of one name apart."""
@@ -64,6 +64,10 @@ def target_of_column(name: str, unit: str, owners: Collection[str]) -> str | Non
     plain = NUMBER.sub("", name)
     axis = AXIS_OF.fullmatch(plain)
     target = _target_of_axis(axis[1], axis[2].lower(), owners) if axis else _of_owner(plain)
+    if re.fullmatch("[xyz]", plain, re.IGNORECASE) and unit:  # such an axis is what its unit is of
+        fitting = [q for q in CHANNELS if unit_factor(q, unit)]  # of g, the last: acceleration
+        quantity = fitting[-1] if fitting else ""
+        target = f"{quantity}_{plain.lower()}" if quantity else target
     if plain != name and (target not in _COMPONENTS or unit_factor("time", unit)):
         return None
     return None if name in STANDARD_NAMES.values() else target

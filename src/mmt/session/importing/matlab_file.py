@@ -21,6 +21,9 @@ from mmt.session.importing.options import ImportOptions
 _OF_MMT: Final = {"sequence", "time_s"}
 """Variables that identify an exported session."""
 
+_LARGEST_SPARSE: Final = 1 << 27
+"""Elements; a sparse matrix may hold few of far more."""
+
 
 def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> SourceColumns:
     """Read the wanted variables of a ``.mat`` file of any version, 7.3 by h5py.
@@ -61,6 +64,8 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
 
 
 def _flattened(name: str, value: Any) -> Iterator[tuple[str, npt.NDArray[Any]]]:
+    if hasattr(value, "toarray") and np.prod(value.shape) <= _LARGEST_SPARSE:
+        value = value.toarray()
     kind = getattr(value, "dtype", None)
     if kind is not None and kind.names:
         for field in kind.names:
