@@ -200,3 +200,6 @@ def test_formulas_without_values_are_told(tmp_path):
     columns = {"time": "t", **{f"force_{axis}": f"f{axis}" for axis in "xyz"}}
     with pytest.raises(InputError, match="force_z has no value in any row; a workbook's formulas"):
         import_session(tmp_path / "a.xlsx", columns=columns)
+    columns |= {"time": "fz", "force_z": "t"}
+    with pytest.raises(InputError, match=r"its times \(fz\) 0; a workbook's formulas"):
+        import_session(tmp_path / "a.xlsx", columns=columns)

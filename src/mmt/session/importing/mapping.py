@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -22,7 +22,9 @@ from mmt.session.importing.columns import (
 )
 from mmt.session.importing.options import ImportOptions, Source
 from mmt.session.importing.quaternions import components_mapped, normalised
-from mmt.session.importing.samples import Samples, continued, name_of, order_of
+from mmt.session.importing.samples import Samples, continued, name_of, order_of, unfilled_rows
+
+_OF_FORMULAS: Final = "; a workbook's formulas have values once a spreadsheet program has saved it"
 
 
 def to_samples(columns: SourceColumns, options: ImportOptions) -> Samples:
@@ -65,7 +67,7 @@ class _Mapping:
             if len(time_s) != len(vectors):
                 raise InputError(
                     f"{self._origin}: {channel} has {len(vectors)} rows, its times "
-                    f"({name}) {len(time_s)}"
+                    f"({name}) {len(time_s)}{'' if len(time_s) else _OF_FORMULAS}"
                 )
             if (order := self._order(time_s, name)) is not None:
                 vectors, time_s = vectors[order], time_s[order]
@@ -118,7 +120,8 @@ class _Mapping:
                 return np.column_stack([0.0 * whole, 0.0 * whole, whole])
             if whole.ndim != 2 or whole.shape[1] != 3:
                 raise InputError(
-                    f"{self._origin}: {channel} has shape {whole.shape}, it must have shape (n, 3)"
+                    f"{self._origin}: {channel} has shape {whole.shape}, it must have shape "
+                    f"(n, 3); a column of it is mapped as in --map {channel}_x=NAME[0]"
                 )
             return whole
         joined = self._of_axes(channel)
@@ -144,8 +147,7 @@ class _Mapping:
             empty = next((axis for axis, values in given.items() if values.shape == (0,)), None)
             if empty is not None:
                 raise InputError(
-                    f"{self._origin}: {channel}_{empty} has no value in any row; a workbook's "
-                    "formulas have values once a spreadsheet program has saved it"
+                    f"{self._origin}: {channel}_{empty} has no value in any row{_OF_FORMULAS}"
                 )
             sizes = ", ".join(" x ".join(map(str, shape)) for shape in sorted(shapes))
             raise InputError(
@@ -299,7 +301,11 @@ class _Mapping:
         """Return `order_of` times of a name, for rows without frame numbers, and note it."""
         columns = self._columns.values
         if name not in self._orders and "sequence" not in columns:
-            alike = (column for column in columns.values() if column.shape[:1] == time_s.shape)
+            alike = [column for column in columns.values() if column.shape[:1] == time_s.shape]
+            if unfilled := unfilled_rows(time_s, alike):
+                self._note(f"{name}: the last {unfilled} rows hold only zeros and were left out")
+                self._orders[name] = np.arange(len(time_s) - unfilled)
+                return self._orders[name]
             self._orders[name] = order = order_of(time_s, alike)
             if order is not None:
                 twice = len(time_s) - len(order)

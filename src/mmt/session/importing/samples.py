@@ -203,6 +203,15 @@ def order_of(time_s: FloatArray, columns: Iterable[FloatArray]) -> IntArray | No
     return order if (ordered_s > 0).all() and falls <= gone + repeated else None
 
 
+def unfilled_rows(time_s: FloatArray, columns: Iterable[FloatArray]) -> int:
+    """Return how many rows at the end hold zeros alone: arrays were made larger than they got."""
+    used = np.flatnonzero(time_s != 0)
+    begin = int(used[-1]) + 1 if len(used) else 0
+    if not begin or time_s[begin - 1] < 0 or any(np.any(column[begin:]) for column in columns):
+        return 0
+    return len(time_s) - begin
+
+
 def continued(
     time_s: FloatArray, count_s: float, *, of_day: bool = False
 ) -> tuple[FloatArray, list[str]]:
