@@ -615,7 +615,11 @@ def test_a_table_without_plain_numbers_is_refused_with_its_first_cell(tmp_path, 
 
 
 @pytest.mark.parametrize(
-    "form", ["%Y-%m-%d %H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S.%fZ", "%d.%m.%Y %H:%M:%S.%f", "%H:%M:%S.%f"]
+    "form",
+    [
+        *("%Y-%m-%d %H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S.%fZ", "%d.%m.%Y %H:%M:%S.%f"),
+        *("%d-%b-%Y %H:%M:%S.%f", "%H:%M:%S.%f"),
+    ],
 )
 def test_dates_and_times_of_day_are_times(tmp_path, form):
     stamps = (

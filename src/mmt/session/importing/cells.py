@@ -24,6 +24,7 @@ _NO_NUMBER: Final = re.compile(r"[-+]?(1\.#\w+|nan\(\w+\))")
 _DATES: Final = (
     *(f"%d.%m.%Y %H:%M:%S{part}" for part in (".%f", "")),
     *(f"%Y/%m/%d %H:%M:%S{part}" for part in (".%f", "")),
+    *(f"%d-%b-%Y %H:%M:%S{part}" for part in (".%f", "")),  # as MATLAB writes them
 )
 _TIMES: Final = ("%H:%M:%S.%f", "%H:%M:%S", "%M:%S.%f", "%I:%M:%S.%f %p", "%I:%M:%S %p")
 _DURATION: Final = re.compile(r"(\d+) days?[.,]? \+?(.+)")
