@@ -209,6 +209,15 @@ def test_what_inverts_a_force_is_said_with_its_columns(columns, proposed):
     assert found[0].endswith(f"away from the surface: {proposed}")
 
 
+@pytest.mark.parametrize(("bits", "factor"), [(16, 1.0), (16, 0.0048), (24, 1e-6)])
+def test_negative_numbers_without_their_sign_are_said(bits, factor):
+    counts = np.rint(30 * np.random.default_rng(1).standard_normal((ROWS, 3)))
+    unsigned = report_of({"force": factor * (counts % 2**bits)}).warnings
+    assert all(any(f"force: {a} leaps to and fro" in each for each in unsigned) for a in "xyz")
+    for signed in (counts, np.where(N[:, None] < 900, counts, counts + 2**bits), counts % 200):
+        assert not any("leaps" in each for each in report_of({"force": factor * signed}).warnings)
+
+
 MEAN = "acceleration: its mean is {} m/s2 long; gravity is 9.81, and none is 0: "
 IN_UNIT = MEAN + "is it in {}? Then say --unit acceleration={}"
 SCALED = MEAN + (

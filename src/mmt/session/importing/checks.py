@@ -40,6 +40,12 @@ _CLIPPED_STEP = 5
 """Least ratio of rows at the largest value to rows at the next one for a warning."""
 _OUTLIER: Final = 20.0
 """Least ratio of a value to nearly all others (all but one row in 1000) for a warning."""
+_MIDDLE: Final = 0.3
+_FEW_BETWEEN: Final = 0.01
+_LEAST_LEAPS: Final = 0.05
+_FEW_VALUES: Final = 16
+"""Half of the middle of a range, in shares of it; most values there and least leaps over it, and
+how many values a square wave may have."""
 _NOTED_JITTER = 0.05
 """Least jitter for a warning, in periods."""
 
@@ -297,6 +303,13 @@ def _of_sensor(channel: str, values: FloatArray, rate_hz: float) -> list[str]:
             f"second, not {rate_hz:.0f}; import its own times, or its rows alone"
         )
     for axis, signed in zip("xyz", values.T, strict=True):
+        if _is_cut_at_zero(signed):
+            sentences.append(
+                f"{channel}: {axis} leaps to and fro between {np.min(signed):.6g} and "
+                f"{np.max(signed):.6g}, with hardly anything between: were negative numbers "
+                "written without a sign? Then take 2^16, or the range's size, from the upper ones"
+            )
+            continue
         column = np.abs(signed)
         high = float(np.max(column))
         usual = float(np.percentile(column, 99.9))
@@ -314,6 +327,18 @@ def _of_sensor(channel: str, values: FloatArray, rate_hz: float) -> list[str]:
                 f"{channel}: {axis} stands at {high:.4g} in {rows} rows, the end of its range?"
             )
     return sentences
+
+
+def _is_cut_at_zero(values: FloatArray) -> bool:
+    """Return whether values (n,) lie near both ends of their range, and leap between these."""
+    low, size = float(np.min(values)), float(np.ptp(values))
+    if size == 0.0:
+        return False
+    between = np.abs((values - low) / size - 0.5) < _MIDDLE
+    leaps = np.abs(np.diff(values)) > size / 2
+    if np.mean(between) >= _FEW_BETWEEN or np.mean(leaps) <= _LEAST_LEAPS:
+        return False
+    return len(np.unique(values)) > _FEW_VALUES
 
 
 def unit_by_gravity(mean_m_s2: float) -> str | None:
