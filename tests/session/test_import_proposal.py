@@ -13,6 +13,7 @@ from mmt.session.importing.checks import ChannelReport, ImportReport
 from mmt.session.importing.columns import SourceColumns
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import Proposal, propose, try_proposal
+from mmt.session.importing.recording import import_recording
 
 TIMES = [f"{n / 1000:.3f}" for n in range(40)]
 
@@ -329,6 +330,30 @@ def test_a_rate_beside_arrays_without_times_is_proposed(tmp_path, arrays, rate_h
     np.savez(path, force=np.ones((40, 3)), **arrays)
     assert propose(path).options.rate_hz == rate_hz
     assert propose(path, ImportOptions(rate_hz=77.0)).options.rate_hz == 77.0
+
+
+@pytest.mark.parametrize(("columns", "whole"), [(3, True), (6, False), (7, False)])
+def test_the_vector_at_the_beginning_of_wider_arrays_is_proposed(tmp_path, columns, whole):
+    path = tmp_path / "a.npz"
+    arrays = {n: np.random.default_rng(1).random((40, columns)) for n in ("tip", "wrench", "imu")}
+    np.savez(path, t=np.arange(40) / 1000, **arrays)
+    frames = import_recording(path, propose(path).options)[0].frames
+    np.testing.assert_allclose(frames["force_n"], arrays["wrench"][:, :3], rtol=1e-6)
+    given = {"position": "tip", "force": "wrench", "acceleration": "imu"}
+    kept = propose(path, ImportOptions(given)).options.columns
+    assert {target: kept.get(target) for target in given} == given
+    notes = propose(path).columns.notes
+    assert any("first three of the" in each for each in notes) != whole
+
+
+@pytest.mark.parametrize(
+    ("unit", "target"), [("N", "force"), ("mN", "force"), ("g", "acceleration"), ("um", "position")]
+)
+def test_a_bare_axis_is_one_of_what_its_unit_is_of(tmp_path, unit, target):
+    path = table(tmp_path, f"t,X [{unit}],y [{unit}],Z", TIMES, TIMES, TIMES, TIMES)
+    columns = propose(path).options.columns
+    assert columns[f"{target}_x"] == "X"
+    assert columns[f"{target}_y"] == "y"
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,8 @@ _OF_ROBOTS: Final = (
     *(("force", name, 0, "N") for name in ("wrench", "ft", "force_torque")),
 )
 """Channel, name, first element and unit of what robots and their sensors call by one name."""
+_PARTS: Final = (6, 7)
+"""Columns of an array in which a vector comes first."""
 _TIME_STEPS: Final = (("s", 0.05), ("ms", 50.0), ("us", 50e3), ("ns", 50e6))
 """Largest step of times for each unit, if rows come at 20 Hz or faster."""
 _FIRST_OF_DAYS = 20_000.0
@@ -152,8 +154,27 @@ def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOpti
         straight = {"position_x": position, "position_y": "0", "position_z": "0"}
         others = {target: name for target, name in columns.items() if target != "position"}
         options = replace(options, columns=others | straight)
-    notes = (*found.notes, *_of_several(suggested, {**guessed, **dict.fromkeys(given, "")}))
+    options, parts = _in_parts(found, options, given)
+    notes = (*parts, *found.notes, *_of_several(suggested, {**guessed, **dict.fromkeys(given, "")}))
     return read, options, replace(found, notes=notes)
+
+
+def _in_parts(
+    found: SourceColumns, options: ImportOptions, given: Mapping[str, str]
+) -> tuple[ImportOptions, list[str]]:
+    """Map the first three columns of arrays with more, as of poses or wrenches; also return notes.
+
+    Poses go on with a rotation, wrenches with the torque, and most records of IMUs with rates.
+    """
+    columns, notes = dict(options.columns), []
+    for channel in CHANNELS:
+        name = columns.get(channel, "")
+        shape = found.values[name].shape if name in found.values else ()
+        if channel not in given and len(shape) == 2 and shape[1] in _PARTS:
+            del columns[channel]
+            columns |= {f"{channel}_{a}": f"{name}[{place}]" for place, a in enumerate("xyz")}
+            notes.append(f"{channel}: the first three of the {shape[1]} columns of {name}")
+    return replace(options, columns=columns), notes
 
 
 def _suggested(names: Sequence[str], units: Mapping[str, str]) -> dict[str, list[str]]:
