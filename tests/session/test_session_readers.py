@@ -281,7 +281,6 @@ def test_arrays_of_json_count_more_than_a_shorter_list_of_objects(tmp_path):
     np.testing.assert_allclose(frames["force_n"], FORCE_N, rtol=1e-6)
 
 
-@pytest.mark.parametrize(
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-8"])
 @pytest.mark.parametrize("form", ["columns", "index", "split", "rows", "dated"])
 def test_the_forms_of_json_that_pandas_writes_are_tables(tmp_path, form, encoding):
@@ -310,11 +309,12 @@ def test_the_forms_of_json_that_pandas_writes_are_tables(tmp_path, form, encodin
     np.testing.assert_allclose(frames["force_n"], FORCE_N, rtol=1e-6)
 
 
+@pytest.mark.parametrize(
     ("content", "message"),
     [
         ("{}\n[1, 2]\n", "row 2 is not an object"),
-        ('{"t": 0}\n{"t": \n{"t": 1}', "line 2 is not JSON"),
         ("[0, 1]\n[1]\n", "row 2 is not a list of as many values as the first"),
+        ('{"t": 0}\n{"t": \n{"t": 1}', "line 2 is not JSON"),
         ('{"t": 0}\n{"t": [0]}', "lists of t are not all of one length"),
         ('{"t": [0]}\n{"t": [0, 1]}', "lists of t are not all of one length"),
         ('{"t": {}}\n{"t": "soon"}', "t does not hold numbers: .*soon"),
@@ -354,7 +354,6 @@ def test_waveforms_of_tdms_have_their_own_times(tmp_path):
         import_session(tmp_path / "a.tdms", columns=columns)
 
 
-def test_a_workbook_beside_a_text_keeps_its_numbers(tmp_path):
 @pytest.mark.parametrize("holder", ["channel", "group", "file"])
 @pytest.mark.parametrize(
     ("kind", "status"), [("Linear", ""), ("PieceWise", "unscaled"), ("PieceWise", "scaled")]
@@ -382,6 +381,7 @@ def test_raw_values_of_an_unknown_scale_need_a_factor(tmp_path, holder, kind, st
     np.testing.assert_allclose(frames["force_n"][:, 2], factor * raw, rtol=1e-6)
 
 
+def test_a_workbook_beside_a_text_keeps_its_numbers(tmp_path):
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
     book.active.append(["t", "x", "y", "touches"])
@@ -642,11 +642,6 @@ def test_a_sound_needs_the_factor_of_its_sensor(tmp_path):
         assert frames["acceleration_m_s2"][50:-50, 2].max() == pytest.approx(20, rel=0.05)
 
 
-@given(late_s=st.floats(-3, 3), seed=st.integers(0, 20))
-@settings(max_examples=10, deadline=None)
-def test_files_of_one_recording_are_joined_by_a_tap(late_s, seed):
-    rng = np.random.default_rng(seed)
-    slow_s, fast_s = np.arange(0, 12, 0.002), np.arange(0, 12, 1 / 4000)
 @pytest.mark.parametrize("lost", [0, 1, 1000])
 @pytest.mark.parametrize("stated", ["all", "none", "endless"])
 def test_a_sound_whose_recorder_died_is_read_as_far_as_it_goes(tmp_path, stated, lost):
@@ -664,6 +659,11 @@ def test_a_sound_whose_recorder_died_is_read_as_far_as_it_goes(tmp_path, stated,
     assert said == (lost > 0) or stated != "all"
 
 
+@given(late_s=st.floats(-3, 3), seed=st.integers(0, 20))
+@settings(max_examples=10, deadline=None)
+def test_files_of_one_recording_are_joined_by_a_tap(late_s, seed):
+    rng = np.random.default_rng(seed)
+    slow_s, fast_s = np.arange(0, 12, 0.002), np.arange(0, 12, 1 / 4000)
     force_n = 1 + 0.01 * rng.standard_normal(len(slow_s)) + 9 * np.exp(-((slow_s - 5) ** 2) / 2e-5)
     shock = 50 * np.exp(-((fast_s - 5 - late_s) ** 2) / 8e-6)
     with TemporaryDirectory() as folder:

@@ -4,6 +4,7 @@ import csv
 import gzip
 import re
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -13,6 +14,7 @@ from typing import Any, Final, TextIO
 
 from mmt.core.errors import InputError
 from mmt.session.importing.cells import weigh_numbers
+from mmt.session.importing.column_names import target_of
 from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.table import read_table
@@ -23,6 +25,14 @@ _LONGEST_LINE: Final = 1 << 20
 """Number of characters; cells take many times more memory than their text."""
 _VECTOR: Final = re.compile(r"[\[(]([-+\d.][^\[\]()]*)[\])]")
 """Matches a cell with several numbers, as programs in Python write arrays and lists."""
+_LABEL: Final = re.compile(
+    r"[\s,;|]*(?P<name>[A-Z_][\w ./()-]{0,30}?)[ \t]*[:=][ \t]*"
+    r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan)"
+    r"(?:[ \t]*(?P<unit>[A-Zµμ°%][^\s,;|:=]{0,9})(?=[\s,;|]*(?:$|[A-Z_][\w ./()-]{0,30}[:=])))?"
+    r"(?:[\s,;|]+|$)",
+    re.IGNORECASE,
+)
+"""Matches a name with its number, as sketches for microcontrollers print them."""
 _BEGINNINGS: Final = {
     b"\xef\xbb\xbf": "utf-8-sig",
     b"\xff\xfe": "utf-16",
@@ -47,11 +57,12 @@ def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions)
     with reading(origin, "text in columns", damage):
         encoding = _encoding(path)
         with _opened(path, encoding) as stream:
-            lines = list(islice(_lines(stream, []), (options.header or 0) + _LOOKED_AT))
+            read = _without_labels(_lines(stream, []), [])
+            lines = list(islice(read, (options.header or 0) + _LOOKED_AT))
         delimiter = options.delimiter or _delimiter(lines[-_LOOKED_AT:], options)
         cut: list[str] = []
         with _opened(path, encoding) as stream:
-            rows = _rows(_lines(stream, cut), delimiter)
+            rows = _rows(_without_labels(_lines(stream, cut), cut), delimiter)
             columns = read_table(origin, rows, wanted, options)
         return replace(columns, notes=(*columns.notes, *cut))
 
@@ -107,6 +118,38 @@ def _lines(stream: TextIO, cut: list[str]) -> Iterator[str]:
                 yield line
     except EOFError:
         cut.append("the packed file is cut off, and was read as far as it goes")
+
+
+def _without_labels(lines: Iterator[str], notes: list[str]) -> Iterator[str]:
+    """Yield lines such as ``X: 0.1  Y: 0.2 m/s^2`` as rows of numbers with their names above."""
+    start = list(islice(lines, _LOOKED_AT))
+    names = Counter(tuple(n for n, _ in _labelled(line)) for line in start if line.strip())
+    usual, count = names.most_common(1)[0] if names else ((), 0)
+    if not usual or 2 * count <= names.total():
+        yield from chain(start, lines)
+        return
+    notes.append("each line names its values: the names were put above as line 1, and are counted")
+    yield ";".join(usual) + "\n"
+    for line in chain(start, lines):
+        found = _labelled(line)
+        yield ";".join(n for _, n in found) + "\n" if tuple(n for n, _ in found) == usual else line
+
+
+def _labelled(line: str) -> list[tuple[str, str]]:
+    """Return the names and numbers of a line that has nothing else; units go to the names."""
+    found, end = [], 0
+    while end < len(line):
+        match = _LABEL.match(line, end)
+        if match is None:
+            return []
+        found.append(match)
+        end = match.end()
+    cells, unit = [], ""
+    for match in reversed(found):  # a unit is also that of the values before it, if they have none
+        name = match["name"]
+        unit = match["unit"] or ("" if target_of(name) == "time" else unit)
+        cells.append((f"{name} [{unit}]" if unit else name, match["number"]))
+    return cells[::-1]
 
 
 def _rows(lines: Iterator[str], delimiter: str) -> Iterator[Sequence[str]]:
