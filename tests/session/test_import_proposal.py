@@ -133,6 +133,12 @@ X = " position_x=x position_y=0 position_z=0"
         ),
         ("x,x,t,Fz", "time=t position_x=x.1 position_y=0 position_z=0" + FORCE),
         ("time.1,x", "position_x=x position_y=0 position_z=0"),
+        (
+            "t,acc 2,acc 0,acc 1,F3",
+            "time=t acceleration_x=acc 0 acceleration_y=acc 1 acceleration_z=acc 2",
+        ),
+        ("t,acc1,acc2", "time=t"),
+        ("t,force,force1,force2", "time=t force=force"),
     ],
 )
 def test_columns_are_proposed_by_their_names(tmp_path, names, expected):

@@ -155,7 +155,14 @@ def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOpti
         others = {target: name for target, name in columns.items() if target != "position"}
         options = replace(options, columns=others | straight)
     options, parts = _in_parts(found, options, given)
-    notes = (*parts, *found.notes, *_of_several(suggested, {**guessed, **dict.fromkeys(given, "")}))
+    numbered = _numbered_axes([name for name in read.names if name in columns.values()])
+    axes = [f"{name} is proposed as {target}" for target, name in numbered.items()]
+    notes = (
+        *axes,
+        *parts,
+        *found.notes,
+        *_of_several(suggested, {**guessed, **dict.fromkeys(given, "")}),
+    )
     return read, options, replace(found, notes=notes)
 
 
@@ -180,6 +187,7 @@ def _in_parts(
 def _suggested(names: Sequence[str], units: Mapping[str, str]) -> dict[str, list[str]]:
     """Return the columns that names and units suggest for each target, the likeliest first."""
     suggested = {target: [name] for target, name in _of_robots(names).items()}
+    suggested |= {target: [name] for target, name in _numbered_axes(names).items()}
     found = [match for name in names if (match := AXIS_OF.fullmatch(name))]
     owners = {match[0 if match[2] in "wW" else 1] for match in found}  # a quaternion is no position
     for name in sorted(_with_vectors(names), key=lambda name: name.lower() in _LAST):
@@ -187,6 +195,19 @@ def _suggested(names: Sequence[str], units: Mapping[str, str]) -> dict[str, list
         if target and STANDARD_NAMES.get(target) not in names:
             suggested.setdefault(target, []).append(name)
     return suggested
+
+
+def _numbered_axes(names: Sequence[str]) -> dict[str, str]:
+    """Return the axes of channels whose columns are told apart by three numbers, as ``acc 0``."""
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        groups.setdefault(re.sub(r"[ _]?\d$", "", name), []).append(name)
+    return {
+        f"{channel}_{axis}": name
+        for base, group in groups.items()
+        if (channel := target_of(base)) in CHANNELS and len(group) == 3 and base not in group
+        for axis, name in zip("xyz", sorted(group), strict=True)
+    }
 
 
 def _of_several(
