@@ -174,6 +174,7 @@ CLIPPED = "force: z stands at 0.9 in {} rows, the end of its range?"
         (0 * FORCE_N + 3, DEAD.format("force")),
         (changed(FORCE_N, 700, 505831.25), OUTLIER.format(505831.25)),
         (changed(FORCE_N, 700, -100), OUTLIER.format(-100)),
+        (changed(FORCE_N, range(700, 706), 99.0), OUTLIER.format(99).replace("0.75", "0.747")),
         (clipped(6, 1), CLIPPED.format(6)),
         (clipped(5, 1), None),
         (clipped(11, 2), CLIPPED.format(11)),

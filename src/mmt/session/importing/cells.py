@@ -18,7 +18,19 @@ Cell: TypeAlias = str | float | Decimal | date | time | timedelta | None
 
 MISSING: Final = frozenset(
     ("", "na", "n/a", "#n/a", "#na", "#nv", "nan", "null", "none", "nil", "-", "--", "---", "?")
-) | {"#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!", "<na>", "nat", "undefined"}
+) | {
+    "#div/0!",
+    "#value!",
+    "#ref!",
+    "#num!",
+    "#name?",
+    "#null!",
+    "<na>",
+    "nat",
+    "undefined",
+    "∞",
+    "-∞",
+}
 _NO_NUMBER: Final = re.compile(r"[-+]?(1\.#\w+|nan\(\w+\))")
 """Matches what C libraries print for NaN, in lower case."""
 _DATES: Final = (

@@ -169,11 +169,12 @@ def _frames(
     samples_per_frame: int,
 ) -> RecordArray:
     if len(numbers) == 0:
+        spans = (f"{c} has {t[0]:.11g} to {t[-1]:.11g} s" for c, t in samples.times.items())
         raise InputError(
             f"{samples.origin}: no frame can be made: its channels share no time in which "
-            "their samples are close enough together; are the times in seconds (else say their "
-            "unit, as in --unit time=ms)? Otherwise allow a longer gap (--longest-gap), or move a "
-            "file's times (--offset)"
+            f"their samples are close enough together ({', '.join(spans)}); are the times in "
+            "seconds (else say their unit, as in --unit time=ms)? Otherwise allow a longer gap "
+            "(--longest-gap), or move a file's times (--offset)"
         )
     channels = [channel for channel in ALL_CHANNELS if channel in values]
     frames = np.zeros(len(numbers), dtype=frame_dtype(channels, samples_per_frame))

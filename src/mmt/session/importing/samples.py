@@ -141,7 +141,7 @@ class Samples:
         if len(bad):
             raise InputError(
                 f"{self.origin}: the time of {channel} is {time_s[bad[0]]} in "
-                f"{self.row_name(channel, bad[0])}"
+                f"{self.row_name(channel, bad[0])}; --blanks-as-gaps leaves out such rows"
             )
         falls = np.flatnonzero(np.diff(time_s) < 0)
         if len(falls):
