@@ -1176,3 +1176,48 @@ def test_sparse_matrices_and_time_series_of_matlab_are_columns(tmp_path):
     session = import_recording(path, propose(path).options)[0]
     np.testing.assert_allclose(session.frames["force_n"], FORCE_N, rtol=1e-6)
     np.testing.assert_allclose(session.frames["acceleration_m_s2"], ACCELERATION_M_S2, rtol=1e-6)
+
+
+@pytest.mark.parametrize("form", ["characters", "cells"])
+def test_times_of_matlab_may_be_texts(tmp_path, form):
+    texts = [f"10:30:{time_s:06.3f}" for time_s in TIME_S]
+    times = np.array(texts, dtype=object if form == "cells" else None)
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"time": times, "force": FORCE_N, "unit": "N", "axes": ["x", "y", "z"]})
+    frames = import_recording(path, propose(path).options)[0].frames
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["chunks", "none", "link", "joined", "whole"])
+def test_values_of_hdf5_that_were_never_written_are_told(tmp_path, kind):
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "a.h5"
+    with h5py.File(tmp_path / "part.h5", "w") as file:
+        file["force"] = FORCE_N
+    whole = h5py.VirtualLayout(FORCE_N.shape, "f8")
+    whole[:] = h5py.VirtualSource("part.h5", "force", FORCE_N.shape)
+    with h5py.File(path, "w") as file:
+        file["t"], file["acc"] = TIME_S, ACCELERATION_M_S2
+        if kind in ("chunks", "none"):
+            chunks = (50, 3) if kind == "chunks" else None
+            force = file.create_dataset("force", FORCE_N.shape, "f8", chunks=chunks)
+            force[: 120 if kind == "chunks" else 0] = 1
+        elif kind == "link":
+            file["force"] = h5py.ExternalLink("gone.h5", "/force")
+        else:
+            file.create_virtual_dataset("force", whole)
+    if kind == "joined":
+        (tmp_path / "part.h5").unlink()
+        with pytest.raises(InputError, match=r"put together of other files; there is no part\.h5"):
+            import_session(path, columns={"time": "t", "force": "force"})
+        return
+    session, report = import_recording(path, propose(path).options)
+    said = {
+        "chunks": ["force: 3 of its 6 parts were never written; they hold fill values"],
+        "none": ["force: 1 of its 1 parts were never written; they hold fill values"],
+        "link": ["force is a link to /force in gone.h5, which is not there"],
+        "whole": [],
+    }[kind]
+    assert [each for each in report.warnings if "never written" in each or "link" in each] == said
+    if kind == "whole":
+        np.testing.assert_allclose(session.frames["force_n"], FORCE_N, rtol=1e-6)

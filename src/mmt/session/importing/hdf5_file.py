@@ -1,15 +1,18 @@
 """Read HDF5 files of any layout; a column's name is the data set's path, with dots, and field."""
 
 from collections.abc import Callable, Iterator
+from math import prod
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 
+from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.session.importing.cells import columns_of
 from mmt.session.importing.columns import (
     BEGAN,
+    SHOWN_COLUMNS,
     SourceColumns,
     beside_columns,
     distinct,
@@ -44,12 +47,15 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
     import h5py
 
     with reading(origin, "an HDF5 file"), h5py.File(path, "r") as file:
-        sets = list(_data_sets(file))
+        lost: list[str] = []
+        sets = list(_data_sets(file, lost))
         names, notes = distinct([name for name, _, _ in sets])
+        read = {name: each for name, each in zip(names, sets, strict=True) if wanted(name)}
+        unwritten = (_unwritten(name, item) for name, (_, item, _) in read.items())
+        notes = [*notes, *lost[:SHOWN_COLUMNS], *filter(None, unwritten)]
         found = {
             name: (_values(file, item, fields), told_unit(item.attrs))
-            for name, (_, item, fields) in zip(names, sets, strict=True)
-            if wanted(name)
+            for name, (_, item, fields) in read.items()
         }
         exported = file.keys() >= _OF_MMT
         own = {"scene_json": "scene", "events_json": "events", "annotations": "annotations"}
@@ -65,19 +71,55 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
     )
 
 
-def _data_sets(group: Any, prefix: str = "", above: tuple[Any, ...] = ()) -> Iterator[_Set]:
-    """Yield the data sets of numbers, texts or references, also those behind links."""
-    for name, item in group.items():  # a broken link has no item
-        if "#" in name or item is None or item in above:  # "#" marks internal groups of MATLAB
+def _data_sets(
+    group: Any, lost: list[str], prefix: str = "", above: tuple[Any, ...] = ()
+) -> Iterator[_Set]:
+    """Yield the data sets of numbers, texts or references, also those behind links.
+
+    Links to what is not there are told in `lost`.
+    """
+    for name, item in group.items():
+        if "#" in name or item in above:  # "#" marks internal groups of MATLAB
             continue
-        if not hasattr(item, "dtype"):
+        if item is None:
+            link = group.get(name, getlink=True)
+            where = " in ".join(filter(None, (link.path, getattr(link, "filename", ""))))
+            lost.append(f"{prefix}{name} is a link to {where}, which is not there")
+        elif not hasattr(item, "dtype"):
             if hasattr(item, "items"):
-                yield from _data_sets(item, f"{prefix}{name}.", (*above, group))
+                yield from _data_sets(item, lost, f"{prefix}{name}.", (*above, group))
         elif item.shape is not None:
             yield from (
                 (f"{prefix}{'.'.join((name, *fields))}", item, fields)
                 for fields in _fields(item.dtype)
             )
+
+
+def _unwritten(name: str, item: Any) -> str:
+    """Return a note if values of a data set were never written, so that others are in their place.
+
+    Raises
+    ------
+    InputError
+        They stand in another file, which is not there.
+    """
+    if item.is_virtual:
+        folder = Path(item.file.filename).parent
+        parts = dict.fromkeys(part.file_name for part in item.virtual_sources())
+        gone = [part for part in parts if part != "." and not (folder / part).is_file()]
+        if gone:
+            raise InputError(f"{name} is put together of other files; there is no {gone[0]}")
+        return ""
+    if item.chunks is None:
+        whole, written = 1, min(1, item.id.get_storage_size())
+    else:
+        sides = zip(item.shape, item.chunks, strict=True)
+        whole, written = prod(-(-size // chunk) for size, chunk in sides), item.id.get_num_chunks()
+    if not item.size or written == whole:
+        return ""
+    return (
+        f"{name}: {whole - written} of its {whole} parts were never written; they hold fill values"
+    )
 
 
 def _fields(kind: Any) -> Iterator[tuple[str, ...]]:
