@@ -74,6 +74,9 @@ def _flattened(name: str, value: Any) -> Iterator[tuple[str, npt.NDArray[Any]]]:
         yield from _flattened(name, value.item())
     elif kind is not None and kind.hasobject:
         elements = list(value.flat)
+        if elements and all(isinstance(each, str) for each in elements):
+            yield name, np.asarray(elements)
+            return
         shapes = {getattr(each, "shape", ()) for each in elements}
         if (
             len(shapes) == 1
@@ -87,6 +90,8 @@ def _flattened(name: str, value: Any) -> Iterator[tuple[str, npt.NDArray[Any]]]:
                 return
         for number, each in enumerate(elements, start=1):
             yield from _flattened(f"{name}{{{number}}}", each)
+    elif kind is not None and kind.kind == "U" and value.size > 1:  # times of day, for instance
+        yield name, value
     elif (
         isinstance(value, np.ndarray | np.number | int | float)
         and np.asarray(value).dtype.kind in "iufbc"
