@@ -12,6 +12,8 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("adxl335-board", {}, "board"),
     ("adxl335-board", {"board": "labjack-u6", "port": "a"}, "port is not a key; allowed .*board"),
     ("adxl335-serial", {}, "port"),
+    *((name, {"port": ""}, "port is ''") for name in ("adxl335-serial", "bota-serial")),
+    ("ati-digital-ft", {"port": ""}, "port is ''"),
     ("adxl335-serial", {"port": "a", "baud": 9600}, "baud is not a key; allowed are .*baud_rate"),
     ("adxl335-serial", {"port": "a", "axes": ["x", "x", "z"]}, "must name each of x, y, z once"),
     ("adxl335-serial", {"port": "a", "supply_v": 5.0}, "supply_v is 5.0"),

@@ -112,7 +112,7 @@ class BotaLine(SerialLine):
 class BotaOptions(WrenchOptions):
     """Options of ``bota-serial``."""
 
-    port: str
+    port: str = Field(min_length=1)
     """Serial port, as ``/dev/serial/by-id/usb-FTDI_...``."""
     baud: Literal[460_800, 230_400, 115_200, 57_600, 9600] = 460_800
     """Bits a second that the sensor is set to."""

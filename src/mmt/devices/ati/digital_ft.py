@@ -40,7 +40,7 @@ _HIGHEST, _LOWEST = 32767, -32768
 class DigitalFtOptions(AtiOptions):
     """Options of ``ati-digital-ft``."""
 
-    port: str
+    port: str = Field(min_length=1)
     """Serial port, as ``/dev/serial/by-id/usb-...``."""
     baud: Literal[1_250_000, 115_200, 19_200] = 1_250_000
     """Bits a second that the sensor is set to."""
