@@ -1221,3 +1221,17 @@ def test_values_of_hdf5_that_were_never_written_are_told(tmp_path, kind):
     assert [each for each in report.warnings if "never written" in each or "link" in each] == said
     if kind == "whole":
         np.testing.assert_allclose(session.frames["force_n"], FORCE_N, rtol=1e-6)
+
+
+@pytest.mark.parametrize("end", ["", ";"])
+@pytest.mark.parametrize("below", ["", "ms;mN"])
+def test_a_header_that_is_repeated_begins_no_other_table(tmp_path, below, end):
+    header = [line + end for line in ("t;Fz", below) if line]
+    lines = [
+        f"{1e3 * t:.0f};{1e3 * z:.6f}{end}" for t, z in zip(TIME_S, FORCE_N[:, 2], strict=True)
+    ]
+    (tmp_path / "a.csv").write_text("\n".join([*header, *lines[:99], *header, *lines[99:]]))
+    units = {} if below else {"time": "ms", "force": "mN"}
+    columns = {"time": "t", "force": "Fz"}
+    frames = import_session(tmp_path / "a.csv", columns=columns, units=units).frames
+    np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)

@@ -96,7 +96,7 @@ def _read_rows(
     """Return the numbers by column, the line number of each row, and notes on skipped lines."""
     columns = {name: array("d") for name in places}
     lines, widths, texts, notes = array("q"), array("q"), [], []
-    own, below = list(map(text_of, header.names)), ""
+    own, below = _given_names(header), ""
     names: Sequence[str] = ()
     for line, row in enumerate(rows, start=header.begin + 1):
         cells = [row[place] if place < len(row) else None for place in places.values()]
@@ -266,6 +266,14 @@ def _is_data(rows: Sequence[Sequence[Cell]], number: Numbers) -> bool:
     if near and not all(number.takes(rows[0][place]) for place in filled):
         return False
     return 2 * len(filled) >= len(mostly) and 2 * len(places(rows[0]) & filled) > len(filled)
+
+
+def _given_names(header: _Header) -> list[str]:
+    """Return the names in a header without the numbers of blanks at its end."""
+    names = list(map(text_of, header.names))
+    while names and names[-1] == str(len(names)):
+        names.pop()
+    return names
 
 
 def _names_in(row: Sequence[Cell]) -> list[str]:
