@@ -72,6 +72,39 @@ def test_a_sign_before_thousands_is_known_by_the_other_before_decimals(values, d
     np.testing.assert_allclose(found, [1234.5, *values], atol=0.51 / 10**decimals)
 
 
+@given(st.floats(-1e9, 1e9), st.integers(0, 3))
+def test_numbers_are_read_as_programs_spell_them(value, decimals):
+    text = f"{value:.{decimals}f}"
+    grouped = f"{value:,.{decimals}f}"
+    spelt = [text.replace("-", "\u2212"), f"np.float64({text})", f"tensor({text})"]
+    spelt += [grouped.replace(",", sign) for sign in ("'", "\u2019", "\u202f", "\xa0")]
+    spelt += [f"{float(text):.17E}".replace("E", letter) for letter in "dD"]
+    for cell in spelt:
+        assert cells.Numbers(ImportOptions())(cell) == float(text)
+        assert cells.Numbers(ImportOptions(decimal="."))(cell) == float(text)
+
+
+@pytest.mark.parametrize(
+    ("texts", "numbers"),
+    [
+        (["1.234.567", "0,5", "12"], [1234567, 0.5, 12]),
+        (["1,234,567", "0.5", "12"], [1234567, 0.5, 12]),
+        (["999.000", "1.000.000"], None),
+        (["999,000", "1,000,000"], None),
+        (["-1.000.000", "0.5"], None),
+    ],
+)
+def test_several_signs_of_one_kind_are_those_of_thousands(texts, numbers):
+    number = cells.Numbers(ImportOptions())
+    found = list(map(number, texts))
+    if numbers is None:
+        with pytest.raises(InputError, match="--decimal"):
+            number.check("a.csv")
+    else:
+        number.check("a.csv")
+        assert found == numbers
+
+
 @given(
     st.sampled_from([*sorted(cells.MISSING), "1.#QNAN", "-1.#IND", "nan(ind)", "9999", "lost"]),
     st.sampled_from([str.upper, str.lower, " {} ".format]),

@@ -407,12 +407,16 @@ def printed(values, form):
     if form == "array":
         return str(np.round(values, 6))
     text = str([round(float(value), 6) for value in values])
-    return {"list": text, "tuple": f"({text[1:-1]})", "cell": f'"{text}"'}[form]
+    forms = {"list": text, "tuple": f"({text[1:-1]})", "cell": f'"{text}"'}
+    return {**forms, "tensor": f'"tensor({text})"', "dtype": f'"np.array({text}, dtype=f4)"'}[form]
 
 
 @pytest.mark.parametrize(
     ("form", "sign"),
-    [("array", ","), ("array", ";"), ("list", "\t"), ("tuple", ";"), ("cell", ",")],
+    [
+        *(("array", ","), ("array", ";"), ("list", "\t"), ("tuple", ";"), ("cell", ",")),
+        *(("tensor", ","), ("dtype", ",")),
+    ],
 )
 def test_a_cell_of_several_numbers_is_a_vector(tmp_path, form, sign):
     rows = [
@@ -603,7 +607,7 @@ def test_settings_of_the_columns_are_no_names(tmp_path, keys):
     ("rows", "begins"),
     [
         (["0.000 s,1.5 N", "0.001 s,1.5 N"], "0.000 s"),
-        (["0.0D+00,1D+00", "1D-03,1D+00"], "0.0D+00"),
+        (["0x00,0x1F", "0x01,0x2A"], "0x00"),
     ],
 )
 def test_a_table_without_plain_numbers_is_refused_with_its_first_cell(tmp_path, rows, begins):

@@ -44,6 +44,13 @@ _GROUPED: Final = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
 """Matches a number that may have a comma before its thousands."""
 _BOTH_SIGNS: Final = re.compile(r"[-+]?\d{1,3}([.,])\d{3}(?:\1\d{3})*(?!\1)([.,])\d*")
 """Matches a number with one sign before its thousands and the other before its decimals."""
+_OF_THOUSANDS: Final = re.compile(r"[-+]?[1-9]\d{0,2}([.,])\d{3}(?:\1\d{3})+")
+"""Matches a number with several of the same sign, which stand before its thousands."""
+_SPACED: Final = re.compile(r"(?<=\d)['’\u2009\u202f\xa0](?=\d{3}(?!\d))")  # noqa: RUF001
+"""Matches an apostrophe or blank before thousands."""
+_FORTRAN: Final = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d+$)")
+_REPR: Final = re.compile(r"^(?:(?:np|numpy)\.\w+|tensor)\(([^()]*)\)$")
+"""Matches a number as NumPy and PyTorch print it within lists."""
 _MOST_COMPONENTS: Final = 16
 """Arrays with at most so many rows, and more columns, have their samples along the columns."""
 
@@ -88,6 +95,7 @@ class Numbers:
         found = float(cell) if isinstance(cell, float | int | Decimal) else seconds_of(cell)
         if found is not None:
             return found
+        text = _FORTRAN.sub("e", _SPACED.sub("", _REPR.sub(r"\1", text.replace("−", "-"))))  # noqa: RUF001
         if self._thousands:
             return float(text.replace(self._thousands, "").replace(",", "."))
         return self._of_signs(text)
@@ -98,9 +106,12 @@ class Numbers:
         if grouped := _BOTH_SIGNS.fullmatch(text):
             thousands, decimal = grouped.groups()
             plain = text.replace(thousands, "").replace(decimal, ".")
+        elif several := _OF_THOUSANDS.fullmatch(text):
+            decimal = ".,"[several[1] == "."]
+            plain = text.replace(several[1], "")
         value = float(plain)
         if decimal == ".":
-            self._points = self._points or (text if "." in text else "")
+            self._points = self._points or (text if decimal in text or "," in text else "")
         elif _GROUPED.fullmatch(text):
             self._grouped = self._grouped or text
         else:
@@ -117,8 +128,9 @@ class Numbers:
         """
         comma = self._commas or self._grouped
         if comma and (self._points or not self._commas):
+            sign = "a comma" if "," in comma else "points before thousands"
             raise InputError(
-                f"{origin}: there are numbers with a comma ({comma}) and "
+                f"{origin}: there are numbers with {sign} ({comma}) and "
                 f"{'with a point' if self._points else 'no other decimals'}: say which is the "
                 "decimal sign (--decimal . or --decimal ,)"
             )

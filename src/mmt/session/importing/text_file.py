@@ -23,7 +23,9 @@ _LOOKED_AT = 300
 _SIGNS: Final = ";\t|, "
 _LONGEST_LINE: Final = 1 << 20
 """Number of characters; cells take many times more memory than their text."""
-_VECTOR: Final = re.compile(r"[\[(]([-+\d.][^\[\]()]*)[\])]")
+_VECTOR: Final = re.compile(
+    r"(?:(?:np\.|numpy\.)?(?:array|tensor)\()?[\[(]([-+\d.][^\[\]()]*)[\])](?:[^\[\]()]*\))?"
+)
 """Matches a cell with several numbers, as programs in Python write arrays and lists."""
 _LABEL: Final = re.compile(
     r"[\s,;|]*(?P<name>[A-Z_][\w ./()-]{0,30}?)[ \t]*[:=][ \t]*"
