@@ -285,10 +285,8 @@ def errors_by_heading(evaluation: Evaluation) -> Figure:
             axis.plot(
                 [sector.heading_deg for sector in errors.sectors],
                 [getattr(sector, name) for sector in errors.sectors],
-                color=SERIES[place],
-                marker="osD"[place],
-                markersize=4.5,
                 label=errors.model,
+                **line_style(place),
             )
         axis.set_title(title, fontsize=10)
         axis.set_xlabel("heading (degrees)")

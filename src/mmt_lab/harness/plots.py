@@ -11,12 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from mmt.core.arrays import FloatArray
-from mmt.core.palette import LIGHT, SERIES
-from mmt.evaluation.figures import style_axes
+from mmt.core.palette import LIGHT
+from mmt.evaluation.figures import line_style, style_axes
 from mmt_lab.harness.findings import Axis as SideOfPanel
 from mmt_lab.harness.findings import Curve, Findings, Panel, Point
 
-_MARKERS: Final = "osD^vP"
 _LEGEND_COLUMNS: Final = 3
 _OURS: Final = "mmt"
 _LINEAR_SPAN: Final = 2.5
@@ -106,13 +105,9 @@ def _draw_curve(axis: Axes, curve: Curve, number: int, floor: float) -> None:
         xerr=np.transpose(across),
         yerr=np.transpose(along),
         label=curve.method,
-        color=SERIES[number % len(SERIES)],
-        marker=_MARKERS[number % len(_MARKERS)],
-        markersize=4.5,
-        linewidth=2.0 if ours else 1.2,
-        linestyle="-" if number < len(SERIES) else "--",
         elinewidth=0.8,
         zorder=3 if ours else 2,
+        **line_style(number) | {"linewidth": 2.0 if ours else 1.2},
     )
 
 
