@@ -11,7 +11,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, Final
 
@@ -56,6 +56,8 @@ class Child:
         arguments: list[str],
         environment: Mapping[str, str] | None = None,
         on_warning: Callable[[str], None] = lambda _: None,
+        *,
+        prefix: Sequence[str] = (),
     ) -> "Child":
         """Run ``python -m module``.
 
@@ -69,9 +71,12 @@ class Child:
             Environment of the child; None for this process's environment.
         on_warning
             Called with each warning as soon as the child logs it.
+        prefix
+            Start of the command, such as one that enters a network namespace.
         """
         started_s = time.perf_counter()
         process = await asyncio.create_subprocess_exec(
+            *prefix,
             *python_command("-m", module, *arguments),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,

@@ -4,21 +4,17 @@ The real path is a relay of IP packets between two network namespaces with one s
 needs Linux and root.
 """
 
-import json
+import asyncio
 import os
-import socket
-import subprocess
-import tempfile
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
-from pathlib import Path
+from contextlib import AsyncExitStack, ExitStack
 from typing import Any, Final
 
+from mmt.cli.child import Child
 from mmt.core.errors import MmtError
-from mmt.core.programs import import_path, python_command
-from mmt.scene.files import example_scenes
 from mmt_lab.bench.network_namespaces import LEADER_ADDRESS, relay
 from mmt_lab.harness.findings import Cell, Findings, FindingsTable, SkippedMethod
+from mmt_lab.sharing.session import Service
 
 LOSSES: Final = (0.0, 0.001, 0.01, 0.03)
 """Share of packets or messages that is lost each way."""
@@ -40,7 +36,7 @@ def measure_losses(duration_s: float) -> Findings:
                 left_out.append(SkippedMethod("TCP", str(error), "run it on Linux, as root"))
                 break
             within = path.within_leader(), ["ip", "netns", "exec", path.follower]
-            rows.append(_row(loss, _session(duration_s, LEADER_ADDRESS, within)))
+            rows.append(_row(loss, asyncio.run(_session(duration_s, LEADER_ADDRESS, within))))
     if rows:
         records.append(FindingsTable("tcp", "TCP between network namespaces", tuple(rows)))
     for name, title, retransmit in (
@@ -54,7 +50,8 @@ def measure_losses(duration_s: float) -> Findings:
                 "MMT_NETWORK__LOSS": str(loss),
                 "MMT_NETWORK__RETRANSMIT": retransmit,
             }
-            rows.append(_row(loss, _session(duration_s, "127.0.0.1", ([], []), variables)))
+            ran = asyncio.run(_session(duration_s, "127.0.0.1", ([], []), variables))
+            rows.append(_row(loss, ran))
         records.append(FindingsTable(name, title, tuple(rows)))
     about = (
         f"Streamed vibration and motion at 1 kHz, {DELAY_MS:g} ms each way, {duration_s:g} s a "
@@ -65,52 +62,31 @@ def measure_losses(duration_s: float) -> Findings:
     return Findings(title, about, records=tuple(records), left_out=tuple(left_out))
 
 
-def _session(
+async def _session(
     duration_s: float,
     address: str,
     within: tuple[Sequence[str], Sequence[str]],
     variables: Mapping[str, str] | None = None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Run one session; return the leader's and the follower's summary."""
-    environment = {
-        **os.environ,
-        "PYTHONPATH": import_path(),
-        "MMT_LINK__HOST": address,
-        "MMT_LINK__OPEN": "true",
-        **(variables or {}),
-    }
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    scene = str(example_scenes()["stream-only"])
-    options = (
-        ("leader", "--port", str(port), "--duration", str(duration_s)),
-        ("follower", "--leader", f"http://{address}:{port}"),
-    )
-    with tempfile.TemporaryDirectory() as folder:
-        files = [Path(folder) / f"{name}.json" for name, *_ in options]
-        processes = [
-            subprocess.Popen(  # noqa: S603
-                [
-                    *prefix,
-                    *python_command("-m", "mmt.cli.entry", name, scene, *more, "--json", str(file)),
-                ],
-                env=environment,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )
-            for prefix, (name, *more), file in zip(within, options, files, strict=True)
-        ]
-        try:
-            for process in processes:
-                process.wait(duration_s + _STARTING_S)
-            leader, follower = (json.loads(file.read_text()) for file in files)
-        except (subprocess.TimeoutExpired, OSError, ValueError) as error:
-            raise MmtError(f"a session over {address} did not end well: {error}") from error
-        finally:
-            for process in processes:
-                process.kill()
-                process.wait()
-    return leader, follower
+    settings = {"MMT_LINK__HOST": address, "MMT_LINK__OPEN": "true"}
+    environment = {**os.environ, **settings, **(variables or {})}
+
+    async def start(name: str, prefix: Sequence[str], *options: str) -> Service:
+        arguments = [name, "stream-only", *options, "--json-lines"]
+        child = await Child.start(name, "mmt.cli.child", arguments, environment, prefix=prefix)
+        stack.push_async_callback(child.kill)
+        return Service(child)
+
+    try:
+        async with AsyncExitStack() as stack, asyncio.timeout(duration_s + _STARTING_S):
+            leader = await start("leader", within[0], "--port", "0", "--duration", str(duration_s))
+            port = (await leader.line("ready"))["port"]
+            url = f"http://{address}:{port}"
+            follower = await start("follower", within[1], "--leader", url)
+            return await leader.line("summary"), await follower.line("summary")
+    except TimeoutError as error:
+        raise MmtError(f"a session over {address} did not end in time") from error
 
 
 def _row(loss: float, summaries: tuple[dict[str, Any], dict[str, Any]]) -> Mapping[str, Cell]:

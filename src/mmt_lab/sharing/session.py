@@ -23,7 +23,7 @@ LAST_S: Final = 30.0
 class Service:
     """A service as a process, read line by line."""
 
-    def __init__(self, child: Child, watch: Callable[[int], None]) -> None:
+    def __init__(self, child: Child, watch: Callable[[int], None] = lambda _: None) -> None:
         self.child, self._watch, self._lines = child, watch, child.lines()
 
     async def line(self, kind: str, pattern: str = "") -> dict[str, Any]:
