@@ -38,7 +38,7 @@ def test_both_links_are_measured_and_lose_nothing(monkeypatch: pytest.MonkeyPatc
     result = link.bench_link(1.0)
     for kind in (result.ours, result.bare, result.sustained):
         for direction in kind.values():
-            assert direction.messages >= 100
+            assert direction.received >= 100
             assert direction.lost == direction.out_of_order == 0
             assert 0 < direction.p50_ms <= direction.p99_ms <= direction.worst_ms
     assert result.sustained["up"].rate_hz > 1.5 * result.ours["up"].rate_hz > 0
@@ -70,7 +70,7 @@ def test_what_is_lost_is_summed_and_includes_the_tail() -> None:
     turns = [(measured(lost=2, received=8), measured()), (measured(out_of_order=1), measured())]
     result = summarise(turns, missing_up=3, missing_down=1)
     up, down = result["up"], result["down"]
-    assert (up.lost, up.out_of_order, up.messages) == (5, 1, 18)
+    assert (up.lost, up.out_of_order, up.received) == (5, 1, 18)
     assert (down.lost, down.out_of_order) == (1, 0)
     sender = SideReport([], {"ours": 10, "bare": 0}, {"ours": -1, "bare": -1})
     receiver = SideReport([], {"ours": 0, "bare": 0}, {"ours": 7, "bare": -1})

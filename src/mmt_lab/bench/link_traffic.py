@@ -45,7 +45,7 @@ class Turn:
 
 @dataclass(frozen=True)
 class TurnFigures:
-    """Figures of one turn in one process."""
+    """Figures of one turn in one process, or of several turns in one direction."""
 
     kind: Kind
     p50_ms: float
@@ -61,6 +61,11 @@ class TurnFigures:
     lost: int
     """Sequence numbers that are missing between the messages received."""
     out_of_order: int
+
+    @property
+    def wrong(self) -> int:
+        """Number of messages lost or out of order."""
+        return self.lost + self.out_of_order
 
 
 @dataclass

@@ -48,26 +48,7 @@ SUSTAINED_P99_MS: Final = 10.0
 _KINDS: Final[tuple[Kind, Kind]] = ("ours", "bare")
 
 
-@dataclass(frozen=True)
-class DirectionResult:
-    """One direction of one link: medians over the turns, and sums of the losses."""
-
-    p50_ms: float
-    p99_ms: float
-    worst_ms: float
-    rate_hz: float
-    """Messages received per second."""
-    messages: int
-    lost: int
-    out_of_order: int
-
-    @property
-    def wrong(self) -> int:
-        """Number of messages lost or out of order."""
-        return self.lost + self.out_of_order
-
-
-Ways = Mapping[Literal["up", "down"], DirectionResult]
+Ways = Mapping[Literal["up", "down"], TurnFigures]
 """One kind of link: frames up from follower to leader, and commands down to the follower."""
 
 
@@ -160,15 +141,20 @@ def summarise(turns: list[Pair], missing_up: int, missing_down: int) -> Ways:
     return {"up": _direction(leader, missing_up), "down": _direction(follower, missing_down)}
 
 
-def _direction(receiver: list[TurnFigures], missing: int) -> DirectionResult:
-    return DirectionResult(
-        p50_ms=statistics.median(turn.p50_ms for turn in receiver),
-        p99_ms=statistics.median(turn.p99_ms for turn in receiver),
-        worst_ms=max(turn.worst_ms for turn in receiver),
-        rate_hz=statistics.median(turn.rate_hz for turn in receiver),
-        messages=sum(turn.received for turn in receiver),
-        lost=sum(turn.lost for turn in receiver) + missing,
-        out_of_order=sum(turn.out_of_order for turn in receiver),
+def _direction(turns: list[TurnFigures], missing: int) -> TurnFigures:
+    """Return the medians over the turns, and the sums of the counts; what is missing is lost."""
+    medians = {
+        name: statistics.median(getattr(turn, name) for turn in turns)
+        for name in ("p50_ms", "p99_ms", "rate_hz", "cores")
+    }
+    return TurnFigures(
+        turns[0].kind,
+        **medians,
+        worst_ms=max(turn.worst_ms for turn in turns),
+        sent=sum(turn.sent for turn in turns),
+        received=sum(turn.received for turn in turns),
+        lost=sum(turn.lost for turn in turns) + missing,
+        out_of_order=sum(turn.out_of_order for turn in turns),
     )
 
 
