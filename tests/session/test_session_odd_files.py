@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
 from mmt.scene.files import load_scene
-from mmt.session.files import import_session
+from mmt.session.files import import_session, read_session
+from mmt.session.formats import suffixes
 
 pytestmark = pytest.mark.usefixtures("read_here")
 
@@ -114,3 +115,12 @@ def test_data_sets_of_a_sessions_names_are_anything_in_other_files(name, value, 
     else:
         assert len(session.frames) == 50
         assert ours or (session.scene, session.annotations) == (None, b"")
+
+
+@pytest.mark.parametrize("suffix", [".mcap", *suffixes("import")])
+def test_a_pointer_of_git_lfs_is_called_by_its_name(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    path.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12\n")
+    for read in (read_session, import_session):
+        with pytest.raises(InputError, match=rf"a{suffix}: .*not fetched: git lfs pull"):
+            read(path)

@@ -1,4 +1,4 @@
-"""Read NumPy archives and XML from untrusted sources: what is damaged, or expands, is refused."""
+"""Read files from untrusted sources: what is damaged, expands, or is not there is refused."""
 
 import io
 import zipfile
@@ -28,7 +28,27 @@ _LARGEST_BYTES = 512 << 20
 _LARGEST_RATIO = 100
 """An archive may unpack to this many times its size, or to `_LARGEST_BYTES` if that is more."""
 
+_LFS_POINTER: Final = b"version https://git-lfs.github.com/spec/"
+
 Arrays = dict[str, np.ndarray[Any, np.dtype[Any]]]
+
+
+def require_fetched(path: Path) -> None:
+    """Refuse the pointer that Git LFS puts in place of a file that it has not fetched.
+
+    Raises
+    ------
+    InputError
+        The file is such a pointer.
+    OSError
+        It cannot be read.
+    """
+    with path.open("rb") as stream:
+        if stream.read(len(_LFS_POINTER)) == _LFS_POINTER:
+            raise InputError(
+                "this is only Git LFS's pointer to the file, which was not fetched: git lfs pull "
+                "fetches it"
+            )
 
 
 def load_arrays(

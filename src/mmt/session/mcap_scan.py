@@ -31,6 +31,7 @@ from mcap.stream_reader import MAGIC_SIZE, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from mmt.core.errors import InputError
+from mmt.core.untrusted_files import require_fetched
 from mmt.session.mcap_records import HEAD, INDEX_DAMAGED, RecordWalk, intact, open_records
 
 MOST_MIB: Final = "MMT_MOST_MIB"
@@ -173,6 +174,10 @@ def check_start(path: Path, stream: BinaryIO) -> None:
     begins = stream.read(MAGIC_SIZE)
     stream.seek(max(0, size - MAGIC_SIZE))
     if MCAP0_MAGIC not in {begins, stream.read()}:
+        try:
+            require_fetched(path)
+        except InputError as error:
+            raise InputError(f"session {path}: {error}") from error
         raise InputError(f"session {path}: this is not an MCAP file")
     stream.seek(0)
 

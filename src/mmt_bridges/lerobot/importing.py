@@ -17,6 +17,7 @@ import numpy.typing as npt
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import FRAMES_HZ
+from mmt.core.untrusted_files import require_fetched
 from mmt.session.data import RecordedSession
 from mmt.session.importing.columns import SourceColumns, distinct, reading
 from mmt.session.importing.options import ImportOptions
@@ -101,6 +102,8 @@ def _whole_files(folder: Path, origin: str) -> tuple[list[Path], list[str]]:
     for file in files:
         name = file.relative_to(folder)
         try:
+            with reading(f"{origin}: {name} was left out", "a file"):
+                require_fetched(file)
             read_schema(file, f"{origin}: {name} was left out")
             whole.append(file)
         except InputError as error:

@@ -11,10 +11,11 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, FRAMES_HZ, Channel, samples_per_frame
 from mmt.core.rotations import turn_into_scene
+from mmt.core.untrusted_files import require_fetched
 from mmt.session.data import RecordedSession
 from mmt.session.formats import find_format, suffixes
 from mmt.session.importing.checks import ImportReport, assess
-from mmt.session.importing.columns import SourceColumns, wanted_names
+from mmt.session.importing.columns import SourceColumns, reading, wanted_names
 from mmt.session.importing.framing import on_the_grid, to_frames
 from mmt.session.importing.joining import joined, options_of_each
 from mmt.session.importing.mapping import to_samples
@@ -175,6 +176,9 @@ def read_columns(
             f"{', '.join(suffixes('import'))}, or the name that of a folder with a ROS 2 bag or a "
             "LeRobot data set"
         )
+    if path.is_file():
+        with reading(f"import {path}", "a file that can be read"):
+            require_fetched(path)
     columns: SourceColumns = read_limited(path, options, read, path, wanted, options)
     if options.episode is not None and columns.episode is None:
         raise InputError(f"--episode {options.episode}: {path} is no data set with episodes")
