@@ -227,7 +227,7 @@ def test_a_folder_without_description_is_read_file_by_file(tmp_path: Path) -> No
     frames = import_session(tmp_path, columns={"force": "/ft"}).frames
     np.testing.assert_allclose(frames["force_n"][::2], FORCES, rtol=1e-6)
     (tmp_path / "b.mcap").unlink()
-    with pytest.raises(InputError, match=r"no \.mcap or \.db3 file in this folder"):
+    with pytest.raises(InputError, match=r"no \.mcap, \.db3 or \.bag file in this folder"):
         import_session(tmp_path)
 
 
@@ -285,3 +285,13 @@ def test_transforms_are_called_by_their_child(tmp_path):
     values = read_columns(tmp_path / "a.mcap", bool).values
     np.testing.assert_array_equal(values["/tf.transforms.tool.transform"][:, 0] % 2, 0)
     np.testing.assert_array_equal(values["/tf.transforms.camera.transform"][:, 0] % 2, 1)
+
+
+@pytest.mark.parametrize(
+    "stamp", ['{"sec": 1e400}', '{"sec": NaN}', '{"sec": "now"}', '{"sec": -5}']
+)
+def test_a_stamp_that_is_no_date_leaves_the_time_of_receipt(tmp_path, stamp):
+    text = f'{{"header": {{"stamp": {stamp}}}, "v": 1}}'.encode()
+    write(tmp_path / "a.mcap", [("/v", JSON, "json", [text] * ROWS)])
+    read = read_columns(tmp_path / "a.mcap", bool)
+    np.testing.assert_allclose(read.times["/v.v"], np.arange(ROWS) * STEP_NS / 1e9, atol=1e-9)

@@ -16,6 +16,8 @@ from mmt.session.importing.stamps import StampChoice
 
 _ONE_CLOCK_NS: Final = 1_000_000_000
 """If the delays from header to receipt of two topics differ by more, they have two clocks."""
+_ALIKE_NS: Final = 50_000_000
+"""If they differ by more than this, it is said."""
 _JUMP_NS: Final = 60_000_000_000
 """If this delay changes by more between two messages, the topic's headers mix several clocks."""
 
@@ -49,8 +51,9 @@ class SourceStamps:
         return self.times_ns(receipt=True) - self.times_ns(receipt=False)
 
     def has_two(self) -> bool:
-        """Return whether any header stamp differs from the time of receipt."""
-        return bool(np.any((self.times_ns(receipt=False) != 0) & (self.behind_ns() != 0)))
+        """Return whether a message has a header stamp and another time of receipt."""
+        header_ns, received_ns = self.times_ns(receipt=False), self.times_ns(receipt=True)
+        return bool(np.any((header_ns != 0) & (received_ns != 0) & (header_ns != received_ns)))
 
     def problem(self) -> str:
         """Return why the headers cannot be the clock, empty if they can."""
@@ -93,8 +96,11 @@ def choose_clock(
         return receipt, []  # a person's choice, or there is no other clock
     if receipt:
         return receipt, [f"times are those of receipt: {problems[0]}"]
-    typical_ms = float(np.median(list(behind.values()))) / 1e6
+    later = f"{np.median(list(behind.values())) / 1e6:.3g} ms"
+    if behind[last] - behind[first] > _ALIKE_NS:
+        each = (f"{behind[source] / 1e6:.3g} ms ({source.topic})" for source in (first, last))
+        later = f"{' to '.join(each)}, as if their headers were of two clocks,"
     return receipt, [
-        f"times are those of the headers; receipt was {typical_ms:.3g} ms later in the middle "
+        f"times are those of the headers; receipt was {later} later in the middle "
         "(--stamps receipt takes that)"
     ]

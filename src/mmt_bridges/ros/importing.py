@@ -17,9 +17,10 @@ from mmt.core.frames import FIELD_OF_CHANNEL, axes_of
 from mmt.session.data import JsonObject, axis_columns, json_object
 from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.options import ImportOptions
-from mmt_bridges.ros.bag_files import StoredMessage, decoded_messages
+from mmt_bridges.ros.bag_files import decoded_messages
 from mmt_bridges.ros.clocks import SourceStamps, choose_clock
 from mmt_bridges.ros.messages import CHANNEL_TOPICS, EVENTS, SCENE, SEQUENCE
+from mmt_bridges.ros.storage import StoredMessage
 
 _METRES: Final = {"position", "translation", "point"}
 """Last parts of the names of vectors that ROS gives in metres (REP 103)."""
@@ -217,11 +218,13 @@ def _stamp_ns(members: Mapping[str, Any]) -> int:
         dates_ns = (told * unit for unit in (1_000_000_000, 1_000_000, 1000, 1))
         return next((int(ns) for ns in dates_ns if _EARLIEST_DATE_NS <= ns < 1 << 63), 0)
     stamp = _members(told)
-    seconds = stamp.get("sec", stamp.get("seconds"))
-    if seconds is None:
-        return 0
     parts = (stamp.get(name) for name in ("nanosec", "nsec", "nanos"))
-    return int(seconds) * 1_000_000_000 + int(next((p for p in parts if p is not None), 0))
+    rest = next((p for p in parts if p is not None), 0)
+    try:
+        ns = int(stamp.get("sec", stamp.get("seconds", 0))) * 1_000_000_000 + int(rest)
+    except (ValueError, TypeError, OverflowError):  # no number, or none that is finite
+        return 0
+    return ns if 0 <= ns < 1 << 63 else 0
 
 
 def _numbers(name: str, message: Any) -> Iterator[tuple[str, Any]]:

@@ -1,0 +1,206 @@
+"""Read the stored messages of ROS bags and MCAP files, file by file and as far as each is whole.
+
+A folder's ``metadata.yaml`` is not needed: the files name topics and types themselves.
+"""
+
+import os
+import re
+import shutil
+import sqlite3
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final, NamedTuple
+
+from mmt.core.errors import InputError, short_message
+from mmt.core.untrusted_files import require_fetched
+from mmt.session.mcap_scan import iterate_mcap, most_bytes
+from mmt.session.mcap_writer import FRAMES_TOPIC
+from mmt_bridges.ros.ros1_records import bag_messages
+
+_PACKED: Final = ".zstd"
+_AT_ONCE: Final = 1 << 20
+_LATEST_NS: Final = (1 << 63) - 1
+
+
+class StoredMessage(NamedTuple):
+    """A message as it stands in a file."""
+
+    topic: str
+    source: int
+    """Number of the publisher on its topic, as far as the file tells publishers apart."""
+    kind: str
+    """Name of the message's type."""
+    encoding: str
+    definition: bytes
+    definition_encoding: str
+    received_ns: int
+    data: bytes
+
+    @property
+    def in_si_units(self) -> bool:
+        """Whether the type is one of those whose positions are in metres."""
+        return self.encoding in {"cdr", "ros1"} or self.kind.startswith("foxglove.")
+
+
+def stored_messages(path: Path, notes: list[str]) -> Iterator[StoredMessage]:
+    """Yield the messages of a bag or an MCAP file; add a note for each file with lost messages.
+
+    Raises
+    ------
+    InputError
+        The folder has no such files.
+    Exception
+        The only file cannot be read at all.
+    """
+    inside = sorted(path.glob("[!.]*")) if path.is_dir() else [path]
+    files = [file for file in inside if _kind(file) in _READERS]
+    if not files:
+        raise InputError(
+            "this is not a ROS bag: there is no .mcap, .db3 or .bag file in this folder; a LeRobot "
+            "data set is the folder that holds meta/info.json"
+        )
+    notes.extend(_of_lost_files(path, len(files)))
+    for file in files:
+        read = 0
+        try:
+            require_fetched(file)
+            with _unpacked(file) as plain:
+                for message in _READERS[_kind(file)](plain, notes):
+                    yield message
+                    read += 1
+        except MemoryError:
+            raise
+        except Exception as error:
+            if len(files) == 1 and not read:
+                raise
+            why = short_message(error).removeprefix(f"session {file}: ")
+            kept = f"its first {read} messages were read, no more" if read else "it was left out"
+            notes.append(f"{file.name}: {why}; {kept}")
+
+
+def _of_lost_files(folder: Path, found: int) -> Iterator[str]:
+    """Yield a note if a bag's description names more files than there are."""
+    described = folder / "metadata.yaml"
+    if described.is_file():
+        text = described.read_text(encoding="utf-8", errors="replace")
+        told = set(re.findall(r"^\s*- \"?(\S+\.(?:mcap|db3)(?:\.zstd)?)\b", text, re.MULTILINE))
+        if len(told) > found:
+            yield f"the bag has {len(told)} files by its metadata.yaml, of which {found} are here"
+
+
+def _kind(file: Path) -> str:
+    """Return the suffix that tells a file's format, without that of its compression."""
+    return Path(file.name.lower().removesuffix(_PACKED)).suffix
+
+
+@contextmanager
+def _unpacked(file: Path) -> Iterator[Path]:
+    """Yield a file, or a temporary one with its content if it is compressed as a whole."""
+    if file.suffix.lower() != _PACKED:
+        yield file
+        return
+    import zstandard
+
+    with TemporaryDirectory() as folder:
+        plain, left = Path(folder, file.stem), most_bytes(file)
+        with file.open("rb") as packed, plain.open("wb") as out:
+            reader = zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True)
+            while chunk := reader.read(_AT_ONCE):
+                left -= out.write(chunk)
+                if left < 0:
+                    raise InputError(
+                        f"it unpacks to more than {most_bytes(file) >> 20} MiB; unpack it before "
+                        "(zstd -d)"
+                    )
+        yield plain
+
+
+def _of_mcap(path: Path, notes: list[str]) -> Iterator[StoredMessage]:
+    problems: list[str] = []
+    publishers: dict[str, dict[int, int]] = {}
+    undated = 0
+    for schema, channel, message in iterate_mcap(path, problems):
+        if channel.topic == FRAMES_TOPIC and schema is not None and "mmt" in schema.name:
+            raise InputError("a session of mmt is one as it is, without import")
+        if message.log_time > _LATEST_NS:
+            undated += 1
+            continue
+        definition = schema.data if schema is not None else b""
+        kind, told = (schema.name, schema.encoding) if schema is not None else ("", "")
+        of_topic = publishers.setdefault(channel.topic, {})
+        source = of_topic.setdefault(channel.id, len(of_topic))
+        yield StoredMessage(
+            *(channel.topic, source, kind, channel.message_encoding),
+            *(definition, told, message.log_time, message.data),
+        )
+    if undated:
+        problems.append(f"{undated} messages with impossible times were left out")
+    if problems:
+        notes.append(f"{path.name}: {', '.join(problems)}; what is whole was read")
+
+
+def _of_db3(path: Path, _notes: list[str]) -> Iterator[StoredMessage]:
+    with _whole_pages(path) as file:
+        # what a killed recorder wrote last stands in a journal beside, which is only looked at
+        # if the file is not said to be immutable
+        journal = file.with_name(f"{file.name}-wal")
+        mode = "mode=ro" if journal.exists() and journal.stat().st_size else "immutable=1"
+        with closing(sqlite3.connect(f"{file.absolute().as_uri()}?{mode}", uri=True)) as stored:
+            yield from _of_database(stored)
+
+
+@contextmanager
+def _whole_pages(path: Path) -> Iterator[Path]:
+    """Yield a database, or if it was cut within a page a copy without that page.
+
+    SQLite takes what is missing of a page for zeros.
+    """
+    with path.open("rb") as stream:
+        page = int.from_bytes(stream.read(18)[16:], "big")
+    page = 1 << 16 if page == 1 else page
+    size = path.stat().st_size
+    if not page or not size % page:
+        yield path
+        return
+    with TemporaryDirectory() as folder:
+        copy = Path(folder, path.name)
+        shutil.copyfile(path, copy)
+        os.truncate(copy, size - size % page)
+        yield copy
+
+
+def _of_database(stored: sqlite3.Connection) -> Iterator[StoredMessage]:
+    stored.execute("PRAGMA writable_schema = 1")  # else a file that was cut off is refused
+    described = "topic_type, encoded_message_definition, encoding FROM message_definitions"
+    try:
+        definitions = {kind: told for kind, *told in stored.execute(f"SELECT {described}")}
+    except sqlite3.Error:  # recorders before Iron wrote none
+        definitions = {}
+    told = stored.execute("SELECT id, name, type, serialization_format FROM topics")
+    topics = {number: texts for number, *texts in told}
+    for number, received_ns, data in stored.execute(
+        "SELECT topic_id, timestamp, data FROM messages"
+    ):
+        name, kind, encoding = topics[number]
+        text, language = definitions.get(kind, ("", ""))
+        yield StoredMessage(
+            *(name, 0, kind, encoding, text.encode(), language, received_ns, bytes(data))
+        )
+
+
+def _of_bag(path: Path, _notes: list[str]) -> Iterator[StoredMessage]:
+    publishers: dict[str, dict[str, int]] = {}
+    for topic, publisher, kind, definition, received_ns, data in bag_messages(path):
+        of_topic = publishers.setdefault(topic, {})
+        source = of_topic.setdefault(publisher, len(of_topic))
+        yield StoredMessage(topic, source, kind, "ros1", definition, "ros1msg", received_ns, data)
+
+
+_READERS: Final[Mapping[str, Callable[[Path, list[str]], Iterator[StoredMessage]]]] = {
+    ".mcap": _of_mcap,
+    ".db3": _of_db3,
+    ".bag": _of_bag,
+    ".active": _of_bag,
+}
