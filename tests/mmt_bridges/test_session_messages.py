@@ -1,6 +1,7 @@
 """Messages of other programs in MCAP files: any encoding, several publishers, clocks, damage."""
 
 import json
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -285,6 +286,58 @@ def test_transforms_are_called_by_their_child(tmp_path):
     values = read_columns(tmp_path / "a.mcap", bool).values
     np.testing.assert_array_equal(values["/tf.transforms.tool.transform"][:, 0] % 2, 0)
     np.testing.assert_array_equal(values["/tf.transforms.camera.transform"][:, 0] % 2, 1)
+
+
+def test_a_protobuf_field_that_was_not_given_is_no_zero(tmp_path):
+    from google.protobuf import descriptor_pb2
+
+    file = descriptor_pb2.FileDescriptorProto(name="a.proto", syntax="proto3")
+    body = file.message_type.add(name="Sample")
+    body.oneof_decl.add(name="payload")
+    for number, name in enumerate(("force", "current"), start=1):
+        body.field.add(name=name, number=number, type=1, label=1, oneof_index=0)
+    body.field.add(name="plain", number=3, type=1, label=1)
+    schema = descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString()
+    made = message_class(schema, "Sample")
+    messages = [
+        made(**{("force", "current")[row % 2]: float(row)}).SerializeToString()
+        for row in range(ROWS)
+    ]
+    path = tmp_path / "a.mcap"
+    write(path, [("/s", ("Sample", "protobuf", schema), "protobuf", messages)])
+    read = read_columns(path, bool)
+    for first, name in enumerate(("force", "current")):
+        np.testing.assert_array_equal(read.values[f"/s.{name}"], np.arange(first, ROWS, 2))
+    np.testing.assert_array_equal(read.values["/s.plain"], np.zeros(ROWS))
+
+
+@pytest.mark.parametrize(
+    ("kind", "language", "definition"),
+    [
+        ("demo/Arm", "ros1msg", "int64 n\ndemo/Vec force\n" + "=" * 80 + "\nMSG: demo/Vec\n{}"),
+        ("demo/msg/Arm", "ros2msg", "int64 n\nVec force\n" + "=" * 80 + "\nMSG: demo/Vec\n{}"),
+        ("demo/msg/Arm", "ros2idl", "{idl}"),
+        ("demo/msg/Arm", "ros2idl", "=" * 80 + "\nIDL: demo/msg/Arm\n{idl}"),
+        ("demo::msg::Arm", "omgidl", "{idl}"),
+    ],
+)
+def test_definitions_are_read_in_the_language_that_the_file_names(
+    tmp_path, kind, language, definition
+):
+    idl = (
+        "module demo { module msg { struct Vec { double x; double y; double z; };"
+        " struct Arm { long long n; demo::msg::Vec force; }; }; };"
+    )
+    vector = "float64 x\nfloat64 y\nfloat64 z\n"
+    text = definition.replace("{idl}", idl).replace("{}", vector)
+    head, encoding = (b"", "ros1") if language == "ros1msg" else (b"\0\1\0\0", "cdr")
+    messages = [head + struct.pack("<q3d", row, *FORCES[row]) for row in range(ROWS)]
+    path = tmp_path / "a.mcap"
+    write(path, [("/arm", (kind, language, text.encode()), encoding, messages)])
+    read = read_columns(path, bool)
+    assert read.notes == []
+    np.testing.assert_array_equal(read.values["/arm.force"], FORCES)
+    np.testing.assert_array_equal(read.values["/arm.n"], np.arange(ROWS))
 
 
 @pytest.mark.parametrize(

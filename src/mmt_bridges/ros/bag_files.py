@@ -64,19 +64,20 @@ def _decoder(raw: StoredMessage) -> Decode:
         raise InputError("messages of this encoding are not known")
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-    definition, kind = raw.definition.decode(), raw.kind
+    definition, kind = raw.definition.decode(), raw.kind.replace("::", "/")
     if raw.encoding == "ros1" and "/msg/" not in kind:
         kind = kind.replace("/", "/msg/")
+    idl = raw.definition_encoding in {"ros2idl", "omgidl"}
     if not definition.strip():
         store = get_typestore(Stores.LATEST)
         if kind not in store.types:
             raise InputError("the file does not define it, and it is no standard one")
     else:
         store = get_typestore(Stores.EMPTY)
-        parts = definition.split(f"{'=' * 80}\nIDL: ")[1:]
-        for part in parts:
-            store.register(get_types_from_idl(part.partition("\n")[2]))
-        if not parts:
+        parts = [part.partition("\n")[2] for part in definition.split(f"{'=' * 80}\nIDL: ")[1:]]
+        for part in parts or ([definition] if idl else []):
+            store.register(get_types_from_idl(part))
+        if not parts and not idl:
             store.register(get_types_from_msg(definition, kind))
     if raw.encoding == "ros1":
         return lambda data: store.deserialize_ros1(data, kind)
@@ -96,11 +97,13 @@ def _unpacked(raw: StoredMessage) -> bytes:
 
 
 def _plain(message: Any) -> Any:
-    """Return a Protobuf message as dictionaries and lists."""
+    """Return a Protobuf message as dictionaries and lists, without fields that were not given."""
     if not hasattr(message, "DESCRIPTOR"):
         return message
     plain = {}
     for field in message.DESCRIPTOR.fields:
+        if field.has_presence and not field.has_default_value and not message.HasField(field.name):
+            continue  # its value would be zero, which nobody measured
         value = getattr(message, field.name)
         repeated = hasattr(value, "append") or hasattr(value, "add")
         plain[field.name] = [_plain(each) for each in value] if repeated else _plain(value)
