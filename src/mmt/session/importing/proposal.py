@@ -35,6 +35,8 @@ from mmt.session.importing.recording import check_kinds, import_columns, read_co
 
 _LAST: Final = ("date", "duration")
 """Names that are those of the time only if no other is."""
+_COMMANDED: Final = "action"
+"""What LeRobot calls the commands, which have the names of what was measured, and come last."""
 _SECONDS: Final = re.compile(r"(^|[._\s])s(ecs?|econds)?$")
 _RATE: Final = re.compile(
     r"(^|[._])(fs|f_?s(amp(le|ling)?)?|(samp(le|ling)_?)?(rate|freq(uency)?))(_?hz)?$"
@@ -190,7 +192,11 @@ def _suggested(names: Sequence[str], units: Mapping[str, str]) -> dict[str, list
     suggested |= {target: [name] for target, name in _numbered_axes(names).items()}
     found = [match for name in names if (match := AXIS_OF.fullmatch(name))]
     owners = {match[0 if match[2] in "wW" else 1] for match in found}  # a quaternion is no position
-    for name in sorted(_with_vectors(names), key=lambda name: name.lower() in _LAST):
+    owners = owners - {_COMMANDED} or owners
+    last = sorted(
+        _with_vectors(names), key=lambda name: name.lower() in _LAST or name.startswith(_COMMANDED)
+    )
+    for name in last:
         target = target_of_column(name, units.get(name, ""), owners)
         if target and STANDARD_NAMES.get(target) not in names:
             suggested.setdefault(target, []).append(name)
