@@ -350,9 +350,8 @@ def test_a_data_set_of_another_program_is_read(tmp_path):
 @pytest.mark.parametrize(
     ("info", "said"),
     [
-        ({"codebase_version": "v2.1"}, r"its format is v2\.1, only v3\.0 is read"),
-        ({"total_episodes": 0}, "it has no episode"),
-        ({"fps": 0}, "or no rate"),
+        ({"codebase_version": "v1.6"}, r"its format is v1\.6, read are v2\.0, v2\.1, v3\.0"),
+        ({"fps": 0}, "has no rate"),
         ({"total_episodes": "many"}, "is not that of a LeRobot data set"),
     ],
 )
@@ -512,3 +511,106 @@ def test_what_is_no_parquet_file_is_said(tmp_path):
     export_session(empty, tmp_path / "empty.parquet")
     with pytest.raises(InputError, match="it holds no frame"):
         read_session(tmp_path / "empty.parquet")
+
+
+COUNT = 40
+INDEX = {"frame_index": np.arange(COUNT), "episode_index": np.zeros(COUNT, dtype=np.int64)}
+INDEX["timestamp"] = (INDEX["frame_index"] / 10).astype(np.float32)
+STATE_ROWS = {**INDEX, "state": [[float(row), 2.0 * row, 0.0] for row in range(COUNT)]}
+
+
+def state_feature(names, shape=(3,)):
+    return {"state": {"dtype": "float32", "shape": list(shape), "names": names}}
+
+
+@pytest.mark.parametrize("version", ["v2.0", "v2.1", "v3.0"])
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"timestamp": np.arange(COUNT) / 10 + 1.765e9},
+        {"frame_index": np.zeros(COUNT, dtype=int)},
+        {name: [[value] for value in INDEX[name].tolist()] for name in INDEX},
+    ],
+)
+@pytest.mark.parametrize("episodes", [0, 1])
+def test_rows_are_found_by_whatever_numbers_them(tmp_path, version, changed, episodes):
+    info = {"codebase_version": version, "total_episodes": episodes}
+    foreign(tmp_path / "set", state_feature(["x", "y", "z"]), {**STATE_ROWS, **changed}, **info)
+    told = tmp_path / "set/meta/info.json"
+    told.write_text("\ufeff" + told.read_text())
+    read = read_columns(tmp_path / "set", bool)
+    np.testing.assert_array_equal(read.values["state.y"], 2.0 * np.arange(COUNT))
+    time_s = read.times["state.y"]
+    np.testing.assert_allclose(time_s - time_s[0], np.arange(COUNT) / 10, atol=1e-6)
+    assert read.notes == []
+
+
+@pytest.mark.parametrize(
+    ("names", "found"),
+    [
+        (["x", "y", "z"], ["x", "y", "z"]),
+        ({"z": 2, "x": 0, "y": 1}, ["x", "y", "z"]),
+        ({"motors": ["x", "y"], "gripper": ["z"]}, ["x", "y", "z"]),
+        (["arm"], []),
+        (["w", "x", "y", "z"], []),
+        (None, []),
+    ],
+)
+def test_components_have_their_names_or_none(tmp_path, names, found):
+    foreign(tmp_path / "set", state_feature(names), STATE_ROWS)
+    read = read_columns(tmp_path / "set", bool)
+    assert [name for name in read.names if name != "state"] == [f"state.{name}" for name in found]
+    for place, name in enumerate(found):
+        np.testing.assert_array_equal(read.values[f"state.{name}"], read.values["state"][:, place])
+    assert len(read.notes) == (names is not None and not found)
+
+
+def test_lists_within_lists_stay_in_their_row(tmp_path):
+    pads = [[[row, 1.0], [2.0, 3.0], [4.0, 5.0]] for row in range(COUNT)]
+    feature = {"pads": {"dtype": "float32", "shape": [3, 2], "names": ["taxel", "axis"]}}
+    foreign(tmp_path / "set", feature, {**INDEX, "pads": pads})
+    read = read_columns(tmp_path / "set", bool)
+    np.testing.assert_array_equal(read.values["pads"], np.reshape(pads, (COUNT, 6)))
+
+
+@pytest.mark.parametrize("other", [1.0, 0.0])
+@pytest.mark.parametrize("rows", [COUNT, 7])
+def test_recordings_of_one_number_are_never_mixed(tmp_path, other, rows):
+    foreign(tmp_path / "set", state_feature(None), STATE_ROWS)
+    again = {name: values[:rows] for name, values in STATE_ROWS.items()}
+    again["state"] = [[x + other, y, z] for x, y, z in again["state"]]
+    pq.write_table(pa.table(again), tmp_path / "set/data/chunk-000/file-009.parquet")
+    columns = {"position": "state"}
+    if other:
+        with pytest.raises(InputError, match=rf"{rows} rows have the frame_index of another row"):
+            import_session(tmp_path / "set", columns=columns, longest_gap_s=1.0)
+    else:
+        frames = import_session(tmp_path / "set", columns=columns, longest_gap_s=1.0).frames
+        np.testing.assert_allclose(frames["position_mm"][::100, 0], np.arange(COUNT), atol=1e-6)
+
+
+def test_a_file_of_other_columns_costs_its_own_episodes(tmp_path):
+    feature = {**state_feature(None), "absent": {"dtype": "float32", "shape": [1], "names": None}}
+    foreign(tmp_path / "set", feature, STATE_ROWS)
+    other = {**INDEX, "episode_index": np.full(COUNT, 1)}
+    pq.write_table(pa.table(other), tmp_path / "set/data/chunk-000/file-000-.parquet")
+    assert read_columns(tmp_path / "set", bool).names == ["state"]
+    assert read_columns(tmp_path / "set", bool, ImportOptions(episode=1)).names == []
+    del other["episode_index"]
+    pq.write_table(pa.table(other), tmp_path / "set/data/chunk-000/file-009.parquet")
+    notes = read_columns(tmp_path / "set", bool).notes
+    left = "data/chunk-000/file-009.parquet was left out: it has no column episode_index"
+    assert left in [note.replace("\\", "/") for note in notes]
+
+
+def test_timestamps_of_another_rate_are_said(tmp_path):
+    foreign(tmp_path / "set", state_feature(None), STATE_ROWS, fps=30, total_episodes=4)
+    counted, rate = read_columns(tmp_path / "set", bool).notes
+    assert "counts 4 episodes, 1 are here" in counted
+    assert "0.1 s apart by their timestamps, which were taken, and 0.03333 s by" in rate
+
+
+def test_what_was_measured_is_proposed_before_what_was_commanded(tmp_path):
+    features = {each: state_feature(["x", "y", "z"])["state"] for each in ("action", "state")}
+    foreign(tmp_path / "set", features, {**STATE_ROWS, "action": STATE_ROWS["state"]})
+    assert propose(tmp_path / "set").options.columns["position_x"] == "state.x"

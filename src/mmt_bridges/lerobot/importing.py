@@ -1,4 +1,4 @@
-"""Import LeRobot data sets of format v3.0: features as columns, one episode at a time.
+"""Import LeRobot data sets of formats v2.0 to v3.0: features as columns, one episode at a time.
 
 Frames that mmt left beside an episode are used only if its rows match them: other tools delete,
 merge and renumber episodes without these files.
@@ -34,7 +34,10 @@ from mmt_bridges.lerobot.rows import (
 
 _PICTURES: Final = ("image", "video", "string", "language")
 """Kinds of features without numbers."""
+_FORMATS: Final = ("v2.0", "v2.1", FORMAT)
 _SHOWN_RANGES: Final = 8
+_OTHER_RATE: Final = 0.05
+"""Share by which the timestamps' rate may differ from that of the data set without a word."""
 _OFF_THE_GRID_S: Final = 1e-3
 """Largest difference of a row's time, in single precision, from its frame number / rate."""
 
@@ -65,9 +68,16 @@ def read_lerobot(
     origin = f"import {folder}"
     info = _info(folder, origin)
     files, notes = _whole_files(folder, origin)
-    episodes = np.unique(read_numbers(files, ["episode_index"], origin)["episode_index"]).tolist()
+    with reading(origin, "a data set with numbered episodes", (ValueError, TypeError)):
+        of_rows = {
+            file: read_numbers(file, ["episode_index"], origin)["episode_index"].ravel().astype(int)
+            for file in files
+        }
+    episodes = np.unique(np.concatenate(list(of_rows.values()))).tolist()
     if not episodes:
         raise InputError(f"{origin}: it has no rows{_because(notes)}")
+    if info["episodes"] > len(episodes):
+        notes.append(f"{INFO_FILE} counts {info['episodes']} episodes, {len(episodes)} are here")
     number = episodes[0] if options.episode is None else options.episode
     if number not in episodes:
         raise InputError(
@@ -77,7 +87,8 @@ def read_lerobot(
     if options.episode is None and len(episodes) > 1:
         others = f"this is episode {number} of {len(episodes)}; --episode takes another"
         notes.insert(0, others)
-    rows = _Rows(files, info, number, origin)
+    chosen = {file: np.flatnonzero(of_rows[file] == number) for file in files}
+    rows = _Rows({file: places for file, places in chosen.items() if len(places)}, info, origin)
     file = frames_file(folder, number)
     if file.is_file() and not options.columns:
         try:
@@ -90,7 +101,8 @@ def read_lerobot(
                 return replace(columns, notes=notes, episode=number)
         notes.append(f"{file.name} is not of these rows ({differ}): the rows alone were read")
         rows.origin = f"{origin} ({notes[-1]})"
-    return replace(rows.read(wanted), notes=notes, episode=number)
+    columns = rows.read(wanted)
+    return replace(columns, notes=[*notes, *rows.notes], episode=number)
 
 
 def _whole_files(folder: Path, origin: str) -> tuple[list[Path], list[str]]:
@@ -104,8 +116,12 @@ def _whole_files(folder: Path, origin: str) -> tuple[list[Path], list[str]]:
         try:
             with reading(f"{origin}: {name} was left out", "a file"):
                 require_fetched(file)
-            read_schema(file, f"{origin}: {name} was left out")
-            whole.append(file)
+            stored, _, _ = read_schema(file, f"{origin}: {name} was left out")
+            lacking = sorted({"episode_index", "frame_index"} - set(stored))
+            if lacking:
+                notes.append(f"{name} was left out: it has no column {lacking[0]}")
+            else:
+                whole.append(file)
         except InputError as error:
             notes.append(str(error).removeprefix(f"{origin}: "))
     if not whole:
@@ -146,20 +162,20 @@ def _differ(frames: RecordArray, rows: "_Rows") -> str | None:
 
 def _info(folder: Path, origin: str) -> dict[str, Any]:
     try:
-        info = json.loads((folder / INFO_FILE).read_text(encoding="utf-8"))
+        info = json.loads((folder / INFO_FILE).read_text(encoding="utf-8-sig"))
         version = str(info["codebase_version"])
         features = {str(name): dict(feature) for name, feature in info["features"].items()}
-        found = {"fps": float(info["fps"])}
-        valid = int(info["total_episodes"]) >= 1 and 0 < found["fps"] < float("inf")
+        found = {"fps": float(info["fps"]), "episodes": int(info.get("total_episodes") or 0)}
+        valid = 0 < found["fps"] < float("inf")
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise InputError(f"{origin}: {INFO_FILE} is not that of a LeRobot data set") from error
-    if version != FORMAT:
+    if version not in _FORMATS:
         raise InputError(
-            f"{origin}: its format is {version}, only {FORMAT} is read; LeRobot has a script that "
-            "converts the one before it (convert_dataset_v21_to_v30)"
+            f"{origin}: its format is {version}, read are {', '.join(_FORMATS)}; LeRobot has "
+            "scripts that convert older ones"
         )
     if not valid:
-        raise InputError(f"{origin}: it has no episode, or no rate")
+        raise InputError(f"{origin}: {INFO_FILE} has no rate (fps)")
     return {**found, "features": features}
 
 
@@ -169,33 +185,100 @@ class _Rows:
     Parameters
     ----------
     files
-        Files that hold these rows, among others.
+        Files that hold these rows, and their places in each.
     info
         Rate and features of the data set.
-    episode
-        Number of the episode.
     origin
         Name of the source, for errors.
+
+    Raises
+    ------
+    InputError
+        A row has no number.
     """
 
     def __init__(
-        self, files: Sequence[Path], info: Mapping[str, Any], episode: int, origin: str
+        self, files: Mapping[Path, npt.NDArray[Any]], info: Mapping[str, Any], origin: str
     ) -> None:
         self.info, self.origin = info, origin
-        self.features = {
-            name: _component_names(feature.get("names"))
-            for name, feature in info["features"].items()
-            if str(feature.get("dtype")) not in _PICTURES
-        }
+        self.notes: list[str] = []
         self._files = files
-        self._of_episode = [("episode_index", "==", episode)]
+        stored = set.intersection(*(set(read_schema(file, origin)[0]) for file in files))
+        self.features: dict[str, Sequence[str]] = {
+            name: self._named(name, feature)
+            for name, feature in info["features"].items()
+            if str(feature.get("dtype")) not in _PICTURES and name in stored
+        }
+        number = self._read(["frame_index"])["frame_index"]
+        time_s = self._read(["timestamp"])["timestamp"] if "timestamp" in stored else None
+        if time_s is not None and len(np.unique(number)) < len(number) and _rise(time_s):
+            number = np.arange(len(number))  # what the file has are no numbers of rows
+        self._order = np.argsort(number, kind="stable")
+        number = number[self._order]
+        self._twice = np.diff(number) == 0
+        self.time_s = self._times(number, None if time_s is None else time_s[self._order])
+
+    def _named(self, name: str, feature: Mapping[str, Any]) -> Sequence[str]:
+        """Return the names of a feature's components, none if they are not one for each."""
+        names = _component_names(feature.get("names"))
+        shape = feature.get("shape")
+        count = int(np.prod(shape)) if isinstance(shape, list) else len(names)
+        if not names or len(names) == count:
+            return names
+        if count > 1:
+            self.notes.append(
+                f"{name} has {count} numbers and {len(names)} names, which were left out: map its "
+                f"components by number ({name}[0])"
+            )
+        return ()
+
+    def _read(self, names: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
+        """Return features (n,) and (n, k) in the order of the files."""
+        wanted = list(dict.fromkeys(names))
+        parts: dict[str, list[npt.NDArray[Any]]] = {name: [] for name in wanted}
+        for file, places in self._files.items():
+            for name, column in read_numbers(file, wanted, self.origin).items():
+                part = column[places]
+                parts[name].append(part[:, 0] if part.shape[1:] == (1,) else part)
+        with reading(self.origin, "a data set whose files agree", (ValueError, TypeError)):
+            return {name: np.concatenate(each) for name, each in parts.items()}
+
+    def _times(self, number: npt.NDArray[Any], time_s: npt.NDArray[Any] | None) -> FloatArray:
+        """Return times (n,): frame number / rate, if stored times agree with that."""
+        by_number: FloatArray = number / self.info["fps"]
+        if time_s is None:
+            return by_number
+        stored_s = time_s.astype(np.float64)
+        off_s = np.abs((stored_s - stored_s[:1]) - (by_number - by_number[:1]))
+        if bool(np.all(off_s <= _OFF_THE_GRID_S)):
+            return by_number
+        step_s = float(np.median(np.diff(stored_s))) if len(stored_s) > 1 else 0.0
+        if abs(step_s * self.info["fps"] - 1.0) > _OTHER_RATE:
+            self.notes.append(
+                f"the rows are {step_s:.4g} s apart by their timestamps, which were taken, and "
+                f"{1 / self.info['fps']:.4g} s by {INFO_FILE} (--rate {self.info['fps']:g})"
+            )
+        return stored_s
 
     def numbers(self, names: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
-        """Return features (n,) and (n, k) in the order of the rows."""
-        wanted = list(dict.fromkeys([*names, "frame_index"]))
-        read = read_numbers(self._files, wanted, self.origin, self._of_episode)
-        order = np.argsort(read["frame_index"], kind="stable")
-        return {name: column[order] for name, column in read.items()}
+        """Return features (n,) and (n, k) in the order of the rows.
+
+        Raises
+        ------
+        InputError
+            Rows of one number differ: they are of several recordings.
+        """
+        read = {name: column[self._order] for name, column in self._read(names).items()}
+        for name, column in read.items():
+            one, other = column[1:][self._twice], column[:-1][self._twice]
+            if not np.array_equal(one, other, equal_nan=column.dtype.kind == "f"):
+                files = ", ".join(file.name for file in self._files)
+                raise InputError(
+                    f"{self.origin}: {np.sum(self._twice)} rows have the frame_index of another "
+                    f"row, and another {name}: several recordings have this episode's number "
+                    f"({files})"
+                )
+        return read
 
     def read(self, wanted: Callable[[str], bool]) -> SourceColumns:
         """Return the features and components that are wanted."""
@@ -206,31 +289,29 @@ class _Rows:
         }
         needed = {name for name in self.features if wanted(name)}
         needed |= {name for column, (name, _) in columns.items() if wanted(column)}
-        read = self.numbers([*needed, "timestamp"])
-        time_s = _times(read["frame_index"], read["timestamp"], self.info["fps"])
+        read = self.numbers(needed)
         with reading(self.origin, "a data set of numbers", (ValueError, TypeError)):
             values: dict[str, FloatArray] = {n: read[n].astype(np.float64) for n in sorted(needed)}
         for column, (name, place) in columns.items():
             if name in needed and wanted(column):
-                values[column] = _component(values[name], place, column, self.origin)
+                values[column] = self._component(values[name], place, column, name)
         names = [name for name in (*self.features, *columns) if name not in OF_EVERY_DATA_SET]
-        times = dict.fromkeys((*names, *values), time_s)
+        times = dict.fromkeys((*names, *values), self.time_s)
         return SourceColumns(origin=self.origin, values=values, names=names, times=times)
 
+    def _component(self, values: FloatArray, place: int, column: str, name: str) -> FloatArray:
+        upright = values if values.ndim == 2 else values[:, None]
+        if len(self.features[name]) != upright.shape[1]:
+            raise InputError(
+                f"{self.origin}: {column} cannot be told: {INFO_FILE} has "
+                f"{len(self.features[name])} names for the {upright.shape[1]} numbers of {name}; "
+                f"map it by number, as {name}[{place}]"
+            )
+        return upright[:, place]
 
-def _times(frame_index: npt.NDArray[Any], timestamp: npt.NDArray[Any], fps: float) -> FloatArray:
-    """Return the rows' times (n,): frame number / rate, if the stored times agree with that."""
-    time_s = timestamp.astype(np.float64)
-    by_number: FloatArray = frame_index / fps
-    off_s = np.abs((time_s - time_s[:1]) - (by_number - by_number[:1]))
-    return by_number if bool(np.all(off_s <= _OFF_THE_GRID_S)) else time_s
 
-
-def _component(values: FloatArray, place: int, column: str, origin: str) -> FloatArray:
-    upright = values if values.ndim == 2 else values[:, None]
-    if place >= upright.shape[1]:
-        raise InputError(f"{origin}: {column} is named in {INFO_FILE}, but has no values")
-    return upright[:, place]
+def _rise(values: npt.NDArray[Any]) -> bool:
+    return bool(np.all(np.diff(values) > 0))
 
 
 def _component_names(names: Any) -> Sequence[str]:
@@ -244,6 +325,8 @@ def _component_names(names: Any) -> Sequence[str]:
 def _texts(names: Any) -> Iterator[str]:
     if isinstance(names, str):
         yield names
+    elif isinstance(names, dict) and all(isinstance(each, int) for each in names.values()):
+        yield from sorted(names, key=names.__getitem__)  # each name with its place
     elif isinstance(names, list | dict):
         for name in names.values() if isinstance(names, dict) else names:
             yield from _texts(name)

@@ -14,7 +14,7 @@ from mmt.core.frames import FIELD_OF_CHANNEL, FRAMES_HZ, acceleration_samples
 from mmt.session.data import RecordedSession
 
 FORMAT: Final = "v3.0"
-"""The format that is written, and the only one that is read."""
+"""The format that is written."""
 INFO_FILE: Final = Path("meta", "info.json")
 """The file that marks a folder as a LeRobot data set."""
 DATA_FOLDER: Final = "data"

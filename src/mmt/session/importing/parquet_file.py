@@ -1,6 +1,6 @@
 """Read Parquet files: columns of numbers and of lists of numbers, and exported sessions."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -44,14 +44,14 @@ def read_parquet(
     """
     origin = f"import {path}"
     names, metadata, units = read_schema(path, origin)
-    values = read_numbers([path], [name for name in names if wanted(name)], origin)
+    values = read_numbers(path, [name for name in names if wanted(name)], origin)
     stored = {n: metadata.get(f"mmt.{n.removesuffix('_json')}".encode()) for n in OF_THE_SESSION}
     own = _OF_FRAMES & set(names) if {"sequence", "time_ns", "time_s"} <= set(names) else ()
     return SourceColumns(
         origin=origin,
         names=names,
         **columns_of(values, origin, units),
-        frames=_frames(read_numbers([path], own, origin)) if own else None,
+        frames=_frames(read_numbers(path, own, origin)) if own else None,
         **beside_columns(stored, origin),
     )
 
@@ -80,41 +80,36 @@ def _leaves(fields: Iterable[Any], prefix: str = "") -> Iterator[tuple[str, Any]
             yield f"{prefix}{field.name}", field
 
 
-def read_numbers(
-    paths: Sequence[Path],
-    names: Iterable[str],
-    origin: str,
-    filters: Sequence[tuple[str, str, int]] | None = None,
-) -> dict[str, npt.NDArray[Any]]:
-    """Return columns, (n,) or (n, k), of files with equal columns, concatenated.
+def read_numbers(path: Path, names: Iterable[str], origin: str) -> dict[str, npt.NDArray[Any]]:
+    """Return columns, (n,) or (n, k), of a file; of lists within lists k is the number of all.
 
     They hold numbers, or what `mmt.session.importing.cells.numbers_in` takes for such.
 
     Parameters
     ----------
-    paths
-        The files.
+    path
+        The file.
     names
         Columns to read; may be empty.
     origin
         Name of the source in error messages.
-    filters
-        Conditions on rows, as in `pyarrow.parquet.read_table`.
 
     Raises
     ------
     InputError
-        See `read_parquet`.
+        A column is not in the file, or see `read_parquet`.
     """
     names = list(names)
     if not names:
         return {}
-    files = [str(path) for path in paths]
-    stored = _read(lambda parquet: parquet.read_schema(files[0]).names, origin)
+    stored = _read(lambda parquet: parquet.read_schema(path).names, origin)
     whole = [each for each in stored if any(f"{n}.".startswith(f"{each}.") for n in names)]
-    table = _read(lambda parquet: parquet.read_table(files, columns=whole, filters=filters), origin)
+    table = _read(lambda parquet: parquet.read_table(path, columns=whole), origin)
     while any(hasattr(kind, "get_field_index") for kind in table.schema.types):
         table = table.flatten()
+    lacking = set(names) - set(table.column_names)
+    if lacking:
+        raise InputError(f"{origin}: {path.name} has no column {', '.join(sorted(lacking))}")
     return {name: _numbers(table.column(name), name, origin) for name in names}
 
 
@@ -140,7 +135,8 @@ def _numbers(column: Any, name: str, origin: str) -> npt.NDArray[Any]:
         width = len(flat) // given.sum() if given.any() else 0
         if not set(pc.list_value_length(array).to_pylist()) <= {width, None}:
             raise InputError(f"{origin}: the lists of {name} are not all of one length")
-        rows = _numbers(pa.chunked_array([flat]), name, origin).reshape(-1, width)
+        inner = _numbers(pa.chunked_array([flat]), name, origin)
+        rows = inner.reshape(-1, width * inner.size // max(1, len(inner)))
         return rows if given.all() else _spread(rows, given)
     numbers: npt.NDArray[Any] = array.to_numpy(zero_copy_only=False)
     return numbers
