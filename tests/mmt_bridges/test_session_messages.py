@@ -13,6 +13,7 @@ from mcap.writer import IndexType, Writer
 from mmt.core.errors import InputError
 from mmt.session.files import import_session
 from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.proposal import propose
 from mmt.session.importing.recording import import_recording, read_columns
 from mmt.session.messages import message_class
 
@@ -348,3 +349,19 @@ def test_a_stamp_that_is_no_date_leaves_the_time_of_receipt(tmp_path, stamp):
     write(tmp_path / "a.mcap", [("/v", JSON, "json", [text] * ROWS)])
     read = read_columns(tmp_path / "a.mcap", bool)
     np.testing.assert_allclose(read.times["/v.v"], np.arange(ROWS) * STEP_NS / 1e9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("topic", "member", "found"),
+    [
+        ("/cmd", "twist", None),
+        ("/cmd_vel", None, None),
+        ("/arm", "accel", "/arm.accel.linear"),
+        ("/tool/accel", None, "/tool/accel.linear"),
+    ],
+)
+def test_the_speed_of_a_twist_is_no_acceleration(tmp_path, topic, member, found):
+    vectors = {"linear": dict(zip("xyz", FORCES[0], strict=True)), "angular": {"x": 0.0}}
+    text = json.dumps(vectors if member is None else {member: vectors}).encode()
+    write(tmp_path / "a.mcap", [(topic, JSON, "json", [text] * ROWS)])
+    assert propose(tmp_path / "a.mcap").options.columns.get("acceleration") == found

@@ -29,11 +29,17 @@ NUMBER: Final = re.compile(r"\.\d+$")
 _COMPONENTS: Final = {f"{channel}_{axis}" for channel in CHANNELS for axis in "xyz"}
 
 
+def ends_in(name: str, parts: Collection[str]) -> bool:
+    """Return whether the name of a topic's field ends in one of these, of one part or more."""
+    ends = tuple(f".{part}" for part in parts)
+    return "." in name and f".{name}".replace("/", ".").endswith(ends)
+
+
 def target_of(name: str) -> str | None:
     """Return the target that a column's name suggests, or None."""
     if name.startswith("/"):  # a topic
         last = name.rsplit(".", 1)[-1]
-        of_message = next((q for q, parts in MESSAGE_PARTS.items() if last in parts), None)
+        of_message = next((q for q, parts in MESSAGE_PARTS.items() if ends_in(name, parts)), None)
         other = target_of(f".{last}") if "." in name else None
         return of_message or (other if other and quantity_of(other) in CHANNELS else None)
     spaced = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", name.rsplit(".", 1)[-1]).replace("^", "")

@@ -18,9 +18,9 @@ from mmt.session.importing.samples import ROW_NUMBER
 MESSAGE_PARTS: Final = {
     "position": ("position", "translation", "point"),
     "force": ("force",),
-    "acceleration": ("linear_acceleration", "linear", "vector"),
+    "acceleration": ("linear_acceleration", "accel.linear", "vector"),
 }
-"""Names of a vector within a ROS message, by quantity."""
+"""Ends of the names of a vector within a ROS message, by quantity; that of a twist is a speed."""
 
 BEGAN: Final = "began_utc_ns"
 """Name of the date of the first frame in exported sessions."""

@@ -13,6 +13,7 @@ from mmt.core.errors import InputError
 from mmt.core.frames import ALL_CHANNELS, CHANNELS, FIELD_OF_CHANNEL, Channel, axes_of
 from mmt.core.units import DATE, QUANTITIES, unit_factor, unit_in_name
 from mmt.session.data import FRAME_PERIOD_S, sample_times
+from mmt.session.importing.column_names import ends_in
 from mmt.session.importing.columns import (
     MESSAGE_PARTS,
     SHOWN_COLUMNS,
@@ -247,7 +248,7 @@ class _Mapping:
             within = [name for name in within if columns[name].shape[1:] == (3,)]
         if len(within) > 1:
             parts = MESSAGE_PARTS.get(quantity, (quantity,))
-            within = [name for name in within if name.rsplit(".", 1)[-1] in parts]
+            within = [name for name in within if ends_in(name, parts)]
         if len(within) == 1:
             return replace(source, name=within[0])
         raise InputError(
