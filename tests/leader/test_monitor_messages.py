@@ -2,8 +2,6 @@
 
 import asyncio
 import math
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -61,10 +59,8 @@ def test_what_json_cannot_say_is_null() -> None:
 
 
 def test_the_surface_is_told_where_there_are_several() -> None:
-    alone: Any = SimpleNamespace(surfaces=None)
-    assert surfaces(alone) == {}
-    several: Any = SimpleNamespace(surfaces=(1, [1, 3]))
-    assert surfaces(several) == {"surfaces": {"now": 1, "known": 2}}
+    assert surfaces(None) == {}
+    assert surfaces((1, [1, 3])) == {"surfaces": {"now": 1, "known": 2}}
 
 
 def test_nothing_is_kept_while_nobody_looks_on() -> None:

@@ -2,25 +2,29 @@
 
 import json
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from monitor_messages import unpack
 
 from mmt.core.errors import InputError
 from mmt.leader.modelling.pipeline import Modelling
+from mmt.leader.monitoring.controls import Controls
 from mmt.leader.part import Session
 from mmt.scene import Scene
 from mmt.texture.online.surface_changes import SurfaceChange, surface_statements
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
-from mmt.web.monitor.controls import Controls
 
 
 async def ordered(surface: Any, surfaces: Any) -> tuple[bool, str, list[int]]:
     said: list[int] = []
-    leader: Any = SimpleNamespace(surfaces=surfaces, state_surface=said.append, orders={})
+    session, nothing = Session(Scene()), cast("Any", None)
+    if surfaces is not None:
+        now, known = surfaces
+        session.log.surfaces = cast("Any", SimpleNamespace(current=now, entries=set(known)))
+    modelling: Any = SimpleNamespace(state_surface=said.append)
     order = json.dumps({"id": 1, "do": "surface", "surface": surface})
-    _, answer = await Controls(leader).answer(order)
+    _, answer = await Controls(session, nothing, nothing, modelling).answer(order)
     message = unpack(answer)
     return message["ok"], message["text"], said
 

@@ -78,7 +78,7 @@ async def test_nothing_is_kept_once_the_last_viewer_has_left(
     tmp_path: Path, browser: Browser
 ) -> None:
     together = await monitored(tmp_path)
-    monitor = together.leader.parts.monitor.monitor
+    monitor = together.leader.parts.monitor
     assert not monitor.tap.watched
     socket = await browser.look_on(together)
     await until(socket, "live")
@@ -177,7 +177,7 @@ async def test_a_fault_of_the_monitor_does_not_end_the_session(
     tmp_path: Path, browser: Browser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     together = await monitored(tmp_path)
-    monitor = together.leader.parts.monitor.monitor
+    monitor = together.leader.parts.monitor
 
     def fail() -> None:
         raise ValueError("as a test wants it")

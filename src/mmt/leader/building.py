@@ -7,7 +7,7 @@ from mmt.leader.part import Part, Parts, Session
 if TYPE_CHECKING:
     from mmt.leader.modelling.pipeline import Modelling
     from mmt.leader.modelling.process import ModellingProcess
-    from mmt.leader.monitoring import MonitorPart
+    from mmt.leader.monitoring.part import MonitorPart
     from mmt.leader.motion.feedback_part import ForceFeedbackPart, OtherForce
     from mmt.leader.motion.hand import HandPart
     from mmt.leader.output.model_output import ModelOutput, OtherGenerator
@@ -140,18 +140,14 @@ def metrics(session: Session, _: LeaderParts) -> Part:
 
 def monitor(session: Session, parts: LeaderParts) -> Part | None:
     """Make the live page."""
-    from mmt.leader.monitoring import MonitorPart, SessionView
+    from mmt.leader.monitoring.controls import Controls
+    from mmt.leader.monitoring.part import MonitorPart
 
     table, recording = session.scene.monitor, parts.recording
     if table is None or recording is None:
         return None
-    view = SessionView(
-        session,
-        parts.completing,
-        recording,
-        modelling=parts.modelling,
-        playout=parts.playout,
-        vibration=parts.vibration,
+    controls = Controls(session, parts.completing, recording, parts.modelling)
+    parts.monitor = MonitorPart(
+        session, table, controls, playout=parts.playout, vibration=parts.vibration
     )
-    parts.monitor = MonitorPart(session, view, table)
     return parts.monitor

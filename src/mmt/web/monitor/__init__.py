@@ -1,5 +1,1 @@
-"""The live monitor: a web page that shows a running leader.
-
-The tick and the link put references into a tap. A separate task makes messages from them, by
-default 25 times a second, once for all viewers. Without viewers it only follows the model.
-"""
+"""Messages of the live monitor's page, which also shows recordings, its viewers, and orders."""

@@ -11,10 +11,10 @@ from mmt.core.extras import __version__
 from mmt.scene import Scene, Texture
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 from mmt.web.binary_messages import pack
-from mmt.web.monitor.view import LeaderView
 
 if TYPE_CHECKING:
-    from mmt.core.ticking import TimeHistogram
+    from mmt.core.ticking import Ticker, TimeHistogram
+    from mmt.link.server import LeaderServer
     from mmt.texture.completion.criterion import Progress
     from mmt.texture.model.texture_model import TextureModel
 
@@ -39,11 +39,11 @@ def hello_header(scene: Scene, session_id: str) -> dict[str, Any]:
     }
 
 
-def surfaces(leader: LeaderView) -> dict[str, dict[str, int]]:
+def surfaces(found: tuple[int, list[int]] | None) -> dict[str, dict[str, int]]:
     """Return the surface under the tool and the number of known ones; {} if there is only one."""
-    if leader.surfaces is None:
+    if found is None:
         return {}
-    now, known = leader.surfaces
+    now, known = found
     return {"surfaces": {"now": now, "known": len(known)}}
 
 
@@ -86,11 +86,8 @@ def model_message(model: "TextureModel | None") -> bytes:
     return pack("model", header, arrays)
 
 
-def link_message(leader: LeaderView) -> bytes | None:
-    """Return counts and latencies of the link, or None without a link; takes about 0.5 ms."""
-    server = leader.server
-    if server is None:
-        return None
+def link_message(server: "LeaderServer") -> bytes:
+    """Return counts and latencies of the link; takes about 0.5 ms."""
     statistics = asdict(server.statistics)
     header = {name: statistics[name] for name in _COUNTS}
     header |= {
@@ -103,14 +100,13 @@ def link_message(leader: LeaderView) -> bytes | None:
     return pack("link", header | _histogram(server.latency, LATENCY_MS), {})
 
 
-def ticks_message(leader: LeaderView) -> bytes:
+def ticks_message(ticker: "Ticker | None", playout_delay_ms: float | None) -> bytes:
     """Return statistics of the leader's ticks; takes about 0.3 ms."""
-    ticker = leader.ticker
     if ticker is None:
         return pack("ticks", {}, {})
     header = asdict(ticker.statistics)
-    if leader.playout_delay_ms is not None:
-        header["playout_delay_ms"] = leader.playout_delay_ms
+    if playout_delay_ms is not None:
+        header["playout_delay_ms"] = playout_delay_ms
     return pack("ticks", header | _histogram(ticker.periods, _PERIOD_MS), {})
 
 

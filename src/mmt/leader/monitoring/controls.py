@@ -4,12 +4,18 @@ import asyncio
 import json
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import write_file
+from mmt.leader.part import Session
 from mmt.web.binary_messages import pack
-from mmt.web.monitor.view import LeaderView
+
+if TYPE_CHECKING:
+    from mmt.leader.modelling.pipeline import Modelling
+    from mmt.leader.output.model_output import ModelOutput
+    from mmt.leader.recording import RecordingPart
+    from mmt.texture.model.texture_model import TextureModel
 
 _LONGEST_MARK: Final = 200
 _FOLDER: Final = Path("mmt-monitor")
@@ -19,16 +25,25 @@ MODES: Final = ("auto", "streamed", "synthesized")
 
 
 class Controls:
-    """Carries out orders, one after the other.
+    """Carries out orders, one after the other; they become events of the session, thus recorded.
 
     Parameters
     ----------
-    leader
-        The leader to control; orders become events of the session, and so are recorded.
+    session
+        Session of the run.
+    completing, recording, modelling
+        Parts on which the orders act.
     """
 
-    def __init__(self, leader: LeaderView) -> None:
-        self._leader = leader
+    def __init__(
+        self,
+        session: Session,
+        completing: "ModelOutput",
+        recording: "RecordingPart",
+        modelling: "Modelling | None",
+    ) -> None:
+        self._session, self._completing = session, completing
+        self._recording, self._modelling = recording, modelling
         self._one = asyncio.Lock()
         self._orders: dict[str, Callable[[dict[str, Any]], Awaitable[str]]] = {
             "mark": self._mark,
@@ -40,20 +55,37 @@ class Controls:
             "save": self._save,
         }
 
+    @property
+    def model(self) -> "TextureModel | None":
+        """The model being built; before the first update the saved model, if any."""
+        log = self._session.log
+        if log.update is not None:
+            return log.update.model
+        return None if log.update_seconds else self._completing.rendered
+
+    @property
+    def surfaces(self) -> tuple[int, list[int]] | None:
+        """The number of the surface under the tool, and the numbers of all known surfaces.
+
+        None if surfaces are not distinguished, or before the first update.
+        """
+        found = self._session.log.surfaces
+        return None if found is None else (found.current, sorted(found.entries))
+
     def state(self) -> dict[str, Any]:
         """Return the state of the controls, and which of them this scene has."""
-        leader = self._leader
-        recording = leader.recording
+        scene, completing, modelling = self._session.scene, self._completing, self._modelling
+        running = self._recording.running
         return {
-            "recording": recording.name if recording is not None else None,
-            "records": bool(leader.scene.channels()),
-            "models": leader.frozen is not None,
-            "saves": leader.model is not None,
-            "frozen": bool(leader.frozen),
-            "renders": leader.renders,
-            "forced": leader.forced or "auto",
-            "surfaces": leader.surfaces,
-            "network": leader.scene.network is not None,
+            "recording": None if running is None else running.path.name,
+            "records": bool(scene.channels()),
+            "models": modelling is not None,
+            "saves": self.model is not None,
+            "frozen": modelling is not None and modelling.frozen,
+            "renders": completing.renders,
+            "forced": completing.forced or "auto",
+            "surfaces": self.surfaces,
+            "network": scene.network is not None,
         }
 
     async def answer(self, text: str) -> tuple[str, bytes]:
@@ -63,7 +95,8 @@ class Controls:
         """
         number, good = 0, False
         try:
-            others = self._leader.orders
+            verbs = self._session.parts.verbs("orders")
+            others = {name: order for orders in verbs for name, order in orders().items()}
             order = _parse(text, [*self._orders, *others])
             number, what = order["id"], order["do"]
             async with self._one:
@@ -89,27 +122,26 @@ class Controls:
         ):
             raise InputError(f"a mark is a line of {_LONGEST_MARK} characters at most")
         name = text.strip() or "mark"
-        self._leader.log_event(f"marked: {name}", mark=name)
-        recorded = self._leader.recording is not None
+        self._event(f"marked: {name}", mark=name)
+        recorded = self._recording.running is not None
         return f"marked: {name}" + ("" if recorded else " (nothing is being recorded)")
 
     async def _reset(self, _: dict[str, Any]) -> str:
-        self._require_modelling()
-        self._leader.reset_model()
+        self._modelled()
+        self._completing.reset(self._session.time_s())
         return "the model begins anew"
 
     async def _freeze(self, order: dict[str, Any]) -> str:
-        self._require_modelling()
-        wanted = _flag(order)
-        if self._leader.frozen != wanted:
-            self._leader.freeze(wanted)
-            self._leader.log_event("model frozen" if wanted else "model grows again", frozen=wanted)
+        modelling, wanted = self._modelled(), _flag(order)
+        if modelling.frozen != wanted:
+            modelling.freeze(wanted)
+            self._event("model frozen" if wanted else "model grows again", frozen=wanted)
         return "the model stays as it is" if wanted else "the model grows"
 
     async def _surface(self, order: dict[str, Any]) -> str:
-        if self._leader.surfaces is None:
+        if self.surfaces is None:
             raise InputError("this scene tells no surfaces apart, or there is no model yet")
-        now, known = self._leader.surfaces
+        now, known = self.surfaces
         surface = order.get("surface")
         if surface is None:
             surface = max(known) + 1
@@ -118,50 +150,54 @@ class Controls:
             raise InputError(f"surface is {surface!r}: known are {numbers}, null is another one")
         if surface == now:
             return f"surface {now} it is"
-        self._leader.state_surface(surface)
+        self._modelled().state_surface(surface)
         return f"surface {surface} again" if surface in known else f"a new surface, {surface}"
 
     async def _mode(self, order: dict[str, Any]) -> str:
         mode = order.get("mode")
         if mode not in MODES:
             raise InputError(f"mode is {mode!r}: allowed are {', '.join(MODES)}")
-        self._leader.force(None if mode == "auto" else mode)
+        self._completing.force(None if mode == "auto" else mode)
         sentence = {
             "auto": "the model takes over by its start criterion",
             "streamed": "held to streamed vibration",
             "synthesized": "held to the model's vibration",
         }[mode]
-        self._leader.log_event(sentence, forced=mode)
+        self._event(sentence, forced=mode)
         return sentence
 
     async def _record(self, order: dict[str, Any]) -> str:
         if _flag(order):
-            if self._leader.recording is not None:
+            if self._recording.running is not None:
                 raise InputError("a recording runs already")
             path = self._free("", ".mcap")
-            await self._leader.start_recording(path)
+            await self._recording.start(path)
             return f"recording into {path}"
-        path, frames = await self._leader.end_recording()
-        return f"recorded {frames} frames into {path}"
+        ended = await self._recording.end()
+        return f"recorded {ended.frames} frames into {ended.path}"
 
     async def _save(self, _: dict[str, Any]) -> str:
-        model = self._leader.model
+        model = self.model
         if model is None:
             raise InputError("there is no model yet: stroke the surface first")
         path = self._free("-model", ".npz")
         await asyncio.to_thread(lambda: write_file(path, model.to_bytes()))
-        self._leader.log_event(f"model saved as {path}")
+        self._event(f"model saved as {path}")
         return f"saved {len(model.points)} samples as {path}"
 
     # ---
 
-    def _require_modelling(self) -> None:
-        if self._leader.frozen is None:
+    def _event(self, sentence: str, **details: object) -> None:
+        self._session.journal.event(sentence, **details)
+
+    def _modelled(self) -> "Modelling":
+        if self._modelling is None:
             raise InputError("this scene builds no model: it has no [texture]")
+        return self._modelling
 
     def _free(self, what: str, suffix: str) -> Path:
         """Return a path beside the scene's recording that does not exist yet."""
-        scene = self._leader.scene
+        scene = self._session.scene
         recording = scene.recording
         base = recording.file if recording is not None else _FOLDER / scene.session.name
         stem = base.stem if recording is not None else base.name
