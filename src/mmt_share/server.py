@@ -73,8 +73,6 @@ class SharingServer:
     on_change
         Called when a listener joins or leaves, with a sentence and details: ``kind``, "listener
         joined" or "listener left"; the number of ``listeners``; and the ``listener``.
-    manager
-        Client manager, or None for python-socketio's default, which serves one process.
 
     Raises
     ------
@@ -88,7 +86,6 @@ class SharingServer:
         relay: Relay,
         welcome: Mapping[str, Any],
         on_change: Callable[[str, dict[str, Any]], None],
-        manager: socketio.AsyncManager | None = None,
     ) -> None:
         self._settings = settings
         self._access = Access.from_settings(settings, variable=TOKEN_VARIABLE, table="sharing")
@@ -108,7 +105,6 @@ class SharingServer:
             _pages(settings),
             entrance=_LISTENERS,
             most=2 * settings.most,
-            manager=manager,
             ping_s=PING_S,
         )
         self._host.server.on("connect", self._on_connect)
@@ -150,12 +146,12 @@ class SharingServer:
     async def welcome(self, **changed: object) -> None:
         """Send every listener the welcome again, with these entries changed."""
         self._welcome.update(changed)
-        await self._host.server.emit(WELCOME, self._welcome, ignore_queue=True)
+        await self._host.server.emit(WELCOME, self._welcome)
 
     async def send_hubs(self, addresses: list[str]) -> None:
         """Send every listener the addresses of the other hubs."""
         self._welcome[HUBS] = addresses
-        await self._host.server.emit(HUBS, addresses, ignore_queue=True)
+        await self._host.server.emit(HUBS, addresses)
 
     def figures(self) -> dict[str, Any]:
         """Return the totals of all listeners, and ``rows`` for the 30 with the largest lag."""
@@ -222,7 +218,7 @@ class SharingServer:
             messages_hz += operators.messages_hz
         limit = RateLimit(messages_hz, listener.reject, on_exceeded)
         self._host.sockets.admit(environ, handlers, limit)
-        self._start(self._host.server.emit(WELCOME, self._welcome, to=sid, ignore_queue=True))
+        self._start(self._host.server.emit(WELCOME, self._welcome, to=sid))
         who = {"id": listener.number, "name": listener.name}
         self._report_change(f"{listener.text} joined", "listener joined", **who)
 

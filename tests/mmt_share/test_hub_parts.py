@@ -16,8 +16,8 @@ from mmt.link.rate_limit import PeriodLimit
 from mmt.scene.files import load_scene
 from mmt_share.client import ListenerClient
 from mmt_share.commands.hub import make_room
+from mmt_share.hub.channel import HubChannel
 from mmt_share.hub.copy import HubCopy
-from mmt_share.hub.manager import HubManager
 from mmt_share.hub.peers import FIRST_S, LOST_S, Heartbeat, Peers
 from mmt_share.hub.scene import load_hub_scene
 from mmt_share.messages import CHANGE, MODEL, WELCOME
@@ -271,7 +271,7 @@ def test_a_password_of_redis_is_never_printed(secret: str, scheme: str) -> None:
         try:
             scene = load_hub_scene(None, {"hub.redis": url}, {})
             said = repr(scene)
-            HubManager(scene.hub.redis, "group", pytest.fail)
+            HubChannel(scene.hub.redis, "group", pytest.fail)
         except InputError as error:
             said += str(error)
         assert "5ecret" not in said

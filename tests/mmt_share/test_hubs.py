@@ -19,7 +19,7 @@ from mmt.texture.model.file import arrays_of
 from mmt.texture.model.file_arrays import file_arrays
 from mmt_share.changes import apply, digest
 from mmt_share.hub import peers
-from mmt_share.hub.manager import FORBIDDEN, HubManager
+from mmt_share.hub.channel import FORBIDDEN, HubChannel
 from mmt_share.messages import SHARING_VERSION, ModelDescription
 
 pytestmark = needs_redis
@@ -287,14 +287,14 @@ async def test_a_wrong_password_of_redis_is_called_so() -> None:
     with redis_server("--requirepass", "right") as guarded:
         address = guarded.url.removeprefix("redis://")
         for url in (guarded.url, f"redis://:wr0ng@{address}", f"redis://ann:wr0ng@{address}"):
-            manager = HubManager(url, "group", pytest.fail)
+            channel = HubChannel(url, "group", pytest.fail)
             with pytest.raises(MmtError, match="refuses the user or the password") as caught:
-                await manager.require()
+                await channel.require()
             assert "wr0ng" not in str(caught.value)
-            await manager.close()
-        manager = HubManager(f"redis://:right@{address}", "group", pytest.fail)
-        await manager.require()
-        await manager.close()
+            await channel.close()
+        channel = HubChannel(f"redis://:right@{address}", "group", pytest.fail)
+        await channel.require()
+        await channel.close()
 
 
 ALLOWED = "+publish +subscribe +unsubscribe"  # what docs/how-to/hubs.md allows
@@ -316,22 +316,21 @@ async def test_a_channel_that_redis_forbids_is_said_and_the_documented_rules_suf
     with redis_server("--user", *user.split()) as guarded:
         url = f"redis://hub:right@127.0.0.1:{guarded.port}"
         heard: list[str] = []
-        managers = [HubManager(url, "g", lambda event, _: heard.append(event)) for _ in range(2)]
-        assert await managers[0].check() == problem
+        channels = [HubChannel(url, "g", lambda event, _: heard.append(event)) for _ in range(2)]
+        assert await channels[0].check() == problem
         if problem is None:
-            assert await managers[0].check() is None, "as once a second"
-            await managers[1].require()
-            for manager in managers:
-                manager.server = socketio.AsyncServer(async_mode="aiohttp")
-                manager.initialize()
+            assert await channels[0].check() is None, "as once a second"
+            await channels[1].require()
+            for channel in channels:
+                channel.start()
             await asyncio.sleep(0.5)
-            await managers[0].publish("beat", {})
+            await channels[0].publish("beat", {})
             await until(lambda: len(heard) == 2)
         else:
             with pytest.raises(MmtError, match=r"forbids this user the channel .*: allow it &mmt"):
-                await managers[1].require()
-        for manager in managers:
-            await manager.close()
+                await channels[1].require()
+        for channel in channels:
+            await channel.close()
 
 
 async def test_a_certificate_that_is_not_trusted_is_called_so(tmp_path: Path) -> None:
@@ -343,11 +342,11 @@ async def test_a_certificate_that_is_not_trusted_is_called_so(tmp_path: Path) ->
     files = {"cert": "redis.pem", "key": "redis.pem", "ca-cert": "ca.pem"}
     options = [part for k, v in files.items() for part in (f"--tls-{k}-file", str(tmp_path / v))]
     with redis_server("--tls-port", str(port), "--tls-auth-clients", "no", *options):
-        manager = HubManager(f"rediss://127.0.0.1:{port}", "group", pytest.fail)
+        channel = HubChannel(f"rediss://127.0.0.1:{port}", "group", pytest.fail)
         with pytest.raises(MmtError, match="certificate is not trusted: name the authority"):
-            await manager.require()
-        await manager.close()
+            await channel.require()
+        await channel.close()
         trusting = f"rediss://127.0.0.1:{port}?ssl_ca_certs={tmp_path / 'ca.pem'}"
-        manager = HubManager(trusting, "group", pytest.fail)
-        await manager.require()
-        await manager.close()
+        channel = HubChannel(trusting, "group", pytest.fail)
+        await channel.require()
+        await channel.close()

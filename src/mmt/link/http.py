@@ -204,8 +204,6 @@ class LinkServer:
         Who connects, for the errors.
     busy, most
         See `Listener`.
-    manager
-        The client manager of the Socket.IO server; None for that of a single process.
     ping_s
         Time between two pings, and longest time for a client's answer (s); None for those of
         the link.
@@ -220,7 +218,6 @@ class LinkServer:
         entrance: Entrance = FOLLOWERS,
         busy: Callable[[], bool] = lambda: False,
         most: int | None = None,
-        manager: socketio.AsyncManager | None = None,
         ping_s: tuple[int, int] | None = None,
     ) -> None:
         self._settings = settings
@@ -233,7 +230,6 @@ class LinkServer:
             )
         interval_s, timeout_s = ping_s or (PING_INTERVAL_S, PING_TIMEOUT_S)
         self.server = socketio.AsyncServer(
-            client_manager=manager,
             async_mode="aiohttp",
             serializer=Packet,
             transports=["websocket"],

@@ -11,8 +11,8 @@ from typing import Any, Final
 from mmt.core.ending import cancel_until_ended
 from mmt.core.errors import InputError, MmtError
 from mmt_share.client import ListenerClient
+from mmt_share.hub.channel import HubChannel
 from mmt_share.hub.copy import HubCopy
-from mmt_share.hub.manager import HubManager
 from mmt_share.hub.peers import BEAT_S, Heartbeat, Peers
 from mmt_share.hub.scene import HubScene
 from mmt_share.messages import AGAIN, MODEL, WELCOME
@@ -63,10 +63,8 @@ class Hub:
         self.copy = HubCopy(self.relay, scene.hub.states_hz)
         self._peers = Peers(self.id, time.monotonic())
         group = scene.hub.group or scene.listening.url.partition("://")[2].rstrip("/")
-        self.manager = HubManager(scene.hub.redis, group, self._deliver)
-        self.server = SharingServer(
-            scene.sharing, self.relay, _WELCOME, self._on_listeners, self.manager
-        )
+        self._channel = HubChannel(scene.hub.redis, group, self._deliver)
+        self.server = SharingServer(scene.sharing, self.relay, _WELCOME, self._on_listeners)
         self._feed: ListenerClient | None = self._new_feed()  # raises now if not valid
         self._connecting: asyncio.Task[None] | None = None
         self._leaders_welcome: dict[str, Any] = {}
@@ -94,10 +92,10 @@ class Hub:
         MmtError
             No Redis server answers, or the host or the port cannot be used.
         """
-        await self.manager.require()
+        await self._channel.require()
         await self.server.start()
         self.address = self._scene.hub.address or self._own_address(self.server.port)
-        self.manager.initialize()
+        self._channel.start()
 
     async def run(self, ended: asyncio.Event) -> None:
         """Serve until `ended` is set.
@@ -121,10 +119,10 @@ class Hub:
         """Leave the other hubs and disconnect the listeners; harmless without `start`."""
         await cancel_until_ended(self._tasks)
         if self.address:
-            await self.manager.publish(_BEAT, self._own_beat(leaving=True).as_dict())
+            await self._channel.publish(_BEAT, self._own_beat(leaving=True).as_dict())
         await self._stop_feeding()
         await self.server.stop()
-        await self.manager.close()
+        await self._channel.close()
 
     # --- events received from all hubs, this one included
 
@@ -166,7 +164,7 @@ class Hub:
     async def _beat(self) -> None:
         """Check Redis, send a beat and request what this hub lacks, once a second."""
         while True:
-            problem = await self.manager.check()
+            problem = await self._channel.check()
             told = self._report_problem(
                 "redis",
                 problem and f"Redis is lost ({problem}): this hub goes on alone",
@@ -175,7 +173,7 @@ class Hub:
             if told and problem is None:
                 self.copy.lacking = True
             if problem is None:
-                await self.manager.publish(_BEAT, self._own_beat().as_dict())
+                await self._channel.publish(_BEAT, self._own_beat().as_dict())
             if self.copy.lacking:
                 await self._ask()
             await asyncio.sleep(BEAT_S)
@@ -186,7 +184,7 @@ class Hub:
             self._forward(WELCOME, self._leaders_welcome)
             self._feed.request_model()
         else:
-            await self.manager.publish(AGAIN, self.id)
+            await self._channel.publish(AGAIN, self.id)
 
     async def _poll(self) -> None:
         """Feed if it is this hub's turn, keep the list of hubs, and answer hubs that lack state."""
@@ -281,7 +279,7 @@ class Hub:
             await self._posted.wait()
             self._posted.clear()
             while self._outbox:
-                await self.manager.publish(*self._outbox.popleft())
+                await self._channel.publish(*self._outbox.popleft())
 
     # --- reports
 

@@ -1,21 +1,22 @@
-"""Client manager of python-socketio over Redis, by which hubs exchange messages."""
+"""The channel at a Redis server by which hubs exchange messages."""
 
 import asyncio
+import logging
+import uuid
 from collections.abc import Callable
 from contextlib import AsyncExitStack, suppress
 from typing import Any, Final
 
+import msgpack
 import redis.asyncio
-import socketio
 from redis.asyncio.retry import Retry
-from redis.backoff import ConstantBackoff, NoBackoff
+from redis.backoff import NoBackoff
 from redis.exceptions import AuthenticationError, NoPermissionError, RedisError
 
 from mmt.core.ending import cancel_until_ended
 from mmt.core.errors import InputError, MmtError, without_secrets
 
-HUBS_NAMESPACE: Final = "/hubs"
-"""Namespace of the messages between hubs; no listener can connect to it."""
+LOG: Final = logging.getLogger("mmt_share")
 
 START_IT: Final = (
     "start one there (`apt install redis-server`, or `redis-server --port 6379`), "
@@ -35,31 +36,15 @@ _MENDED_BY: Final = {
 
 _ANSWER_S: Final = 1.0
 """Time-out of an answer of Redis, and of sending it a message."""
-_NOTHING: Final = "null"
-"""A message that python-socketio ignores."""
+_NOTHING: Final = b""
+"""A message that hubs ignore."""
 _RETRY_S: Final = 0.5
 _SILENCE_S: Final = 5.0
 """Time-out of reading from Redis, which returns to each hub at least its own beat once a second."""
 
 
-class _LocalDelivery(socketio.AsyncManager):  # type: ignore[misc] # the library has no types
-    """Base class by which the manager over Redis delivers an event to this process.
-
-    Events between hubs go straight to the hub, which keeps only the newest messages. The library
-    would send them to listeners through queues that grow if a listener stalls.
-    """
-
-    deliver: Callable[[str, Any], None]
-
-    async def emit(self, event: str, data: Any, namespace: str, *args: Any, **options: Any) -> None:
-        if namespace == HUBS_NAMESPACE:
-            self.deliver(event, data)
-        else:
-            await super().emit(event, data, namespace, *args, **options)
-
-
-class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[misc]
-    """The client manager of a hub's server.
+class HubChannel:
+    """Publish messages to the hubs of a group, and deliver theirs.
 
     Parameters
     ----------
@@ -77,17 +62,15 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
     """
 
     def __init__(self, url: str, group: str, deliver: Callable[[str, Any], None]) -> None:
-        options: dict[str, Any] = {
-            "socket_timeout": _SILENCE_S,
-            "socket_connect_timeout": _ANSWER_S,
-        }
-        forever = {"retry": Retry(ConstantBackoff(_RETRY_S), -1)}
-        super().__init__(url, channel=f"mmt-hubs {group}", redis_options=options | forever)
-        self.deliver = deliver
-        self._begun = False
-        once: dict[str, Any] = {"retry": Retry(NoBackoff(), 0)}
+        self._channel, self._deliver = f"mmt-hubs {group}", deliver
+        self._own_id = uuid.uuid4().hex
         try:
-            self._probe = redis.asyncio.Redis.from_url(url, **options, **once)
+            self._redis = redis.asyncio.Redis.from_url(
+                url,
+                socket_timeout=_SILENCE_S,
+                socket_connect_timeout=_ANSWER_S,
+                retry=Retry(NoBackoff(), 0),
+            )
         except ValueError:  # its message may quote a part of the password
             raise InputError(
                 "--redis: this is no URL of Redis; allowed is redis://USER:PASSWORD@HOST:PORT, "
@@ -95,12 +78,11 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
             ) from None
         self.reached = False
         """Whether Redis answered when it was last asked."""
+        self._receiving: list[asyncio.Task[None]] = []
 
-    def initialize(self) -> None:
-        """Start to receive from the hubs; the server calls this again at its first listener."""
-        if not self._begun:
-            self._begun = True
-            super().initialize()
+    def start(self) -> None:
+        """Start to receive from the other hubs."""
+        self._receiving = [asyncio.get_running_loop().create_task(self._receive())]
 
     async def check(self) -> str | None:
         """Publish an empty message on the hubs' channel; return None, or why that fails.
@@ -110,9 +92,9 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
         try:
             async with asyncio.timeout(_ANSWER_S), AsyncExitStack() as stack:
                 if not self.reached:
-                    heard = await stack.enter_async_context(self._probe.pubsub())
-                    await heard.subscribe(self.channel)
-                await self._probe.publish(self.channel, _NOTHING)
+                    heard = await stack.enter_async_context(self._redis.pubsub())
+                    await heard.subscribe(self._channel)
+                await self._redis.publish(self._channel, _NOTHING)
                 while not self.reached:
                     message = await heard.get_message(timeout=_ANSWER_S)
                     self.reached = message is not None and message["type"] == "message"
@@ -135,22 +117,42 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
         if problem is not None:
             raise MmtError(f"no Redis server answers ({problem}): {START_IT}")
 
-    async def publish(self, event: str, data: Any) -> None:
+    async def publish(self, event: str, message: Any) -> None:
         """Send an event to every hub, or to this one alone while Redis is lost."""
-        with suppress(TimeoutError):
-            async with asyncio.timeout(_ANSWER_S):
-                await self.emit(
-                    event, data, namespace=HUBS_NAMESPACE, ignore_queue=not self.reached
-                )
+        self._deliver(event, message)
+        if self.reached:
+            packed = msgpack.packb([self._own_id, event, message])
+            with suppress(RedisError, OSError):  # the beats tell that it is missing
+                async with asyncio.timeout(_ANSWER_S):
+                    await self._redis.publish(self._channel, packed)
 
     async def close(self) -> None:
         """Close the connections to Redis."""
-        if self._begun:
-            await cancel_until_ended([self.thread])
-        for each in (self.pubsub, self.redis, self._probe):
-            if each is not None:
-                with suppress(RedisError, OSError):
-                    await each.aclose()
+        await cancel_until_ended(self._receiving)
+        with suppress(RedisError, OSError):
+            await self._redis.aclose()
+
+    async def _receive(self) -> None:
+        """Deliver what other hubs publish; subscribe again whenever Redis was lost."""
+        while True:
+            with suppress(RedisError, OSError):
+                async with self._redis.pubsub(ignore_subscribe_messages=True) as subscribed:
+                    await subscribed.subscribe(self._channel)
+                    async for message in subscribed.listen():
+                        self._take(message["data"])
+            await asyncio.sleep(_RETRY_S)
+
+    def _take(self, packed: bytes) -> None:
+        """Deliver a message, which is not trusted, unless it is this hub's own."""
+        try:
+            sender, event, message = msgpack.unpackb(packed)
+        except (ValueError, TypeError, RecursionError):
+            return
+        if sender != self._own_id:
+            try:
+                self._deliver(event, message)
+            except Exception:
+                LOG.exception("a message of another hub could not be used")
 
 
 def _why(error: Exception) -> str:
