@@ -12,9 +12,9 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
 from mmt.models import find_model
-from mmt.rendering.generating import Estimate, OutputGenerator
+from mmt.rendering.generating import OutputGenerator
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.synthesis.generation import estimate
+from mmt.texture.synthesis.generation import VibrationFilter, estimate
 
 Source = Path | str | TextureModel
 """A model file or the name of a shipped model, or a model."""
@@ -46,7 +46,7 @@ class Textures:
         self.output = output
         self._models = tuple(models)
         self._touched: tuple[TextureModel, tuple[float, float, float]] | None = None
-        self.newest: Estimate | None = None
+        self.newest: VibrationFilter | None = None
         """The newest estimate; None before the first touch, and while nothing is touched."""
         self._period = output_hz / estimate_hz  # in samples of the output
         self._given = 0
@@ -75,8 +75,7 @@ class Textures:
             self.newest = None
             return
         model, motion = touched
-        inputs = model.space.from_motion(*motion)[0]
-        self.newest = Estimate(estimate(model, *inputs), model.rate_hz)
+        self.newest = estimate(model, *model.space.from_motion(*motion)[0])
 
     def render(self, count: int) -> FloatArray:
         """Return the next samples; see `render`."""

@@ -8,7 +8,6 @@ device more in proportion.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Final
 
@@ -112,14 +111,6 @@ def _polyphase(up: int, down: int) -> FloatArray:
     return np.ascontiguousarray(normalised)
 
 
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """Filter by which to generate, and the sampling rate that it is valid at."""
-
-    filter: VibrationFilter
-    rate_hz: float
-
-
 class OutputGenerator:
     """Generate at the rates of the models, convert each to the device's, and add them up.
 
@@ -154,11 +145,11 @@ class OutputGenerator:
             for rate_hz in sorted(set(rates_hz))
         }
 
-    def set_estimate(self, estimate: Estimate | None) -> None:
+    def set_estimate(self, estimate: VibrationFilter | None) -> None:
         """Use another estimate; None decays to silence."""
         for rate_hz, (generator, _) in self._lanes.items():
             wanted = estimate is not None and estimate.rate_hz == rate_hz
-            generator.set_filter(estimate.filter if wanted and estimate is not None else None)
+            generator.set_filter(estimate if wanted else None)
 
     def generate(self, count: int) -> FloatArray:
         """Return the next samples in m/s2, shape (count,)."""

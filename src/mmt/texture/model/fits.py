@@ -11,10 +11,9 @@ those before it (`mmt.texture.signals.high_pass`).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import compress
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -33,28 +32,17 @@ RESOLVING_ORDER: Final = 24
 less if a segment may have fewer than four times as many frames."""
 
 
-@dataclass(frozen=True)
-class Fit:
-    """One segment as a sample of the model."""
+class Fit(NamedTuple):
+    """One segment as a sample of the model.
+
+    ``packed`` is its row of a model's samples as bytes, a thousand of which join quickly: speed,
+    velocity x and y, force, variance, power, effective sample size of the power, number of measured
+    samples, and frequencies. ``number`` is unique among the fits of a modeller.
+    """
 
     segment: Segment
-    lsf: FloatArray
-    variance: float
-    power: float
-    effective: float
-    """Effective sample size of the power."""
-    count: int
-    """Measured samples of the segment."""
-    number: int = 0
-    """Unique number among the fits of a modeller."""
-
-    @cached_property
-    def packed(self) -> bytes:
-        """The fit as bytes of a row of a model's samples: a thousand rows join quickly."""
-        segment = self.segment
-        motion = (segment.speed_mm_s, *segment.velocity_mm_s, segment.force_n)
-        numbers = (*motion, self.variance, self.power, self.effective, self.count)
-        return np.concatenate([numbers, self.lsf]).tobytes()
+    packed: bytes
+    number: int
 
 
 def fit_segments(
@@ -91,8 +79,9 @@ def fit_segments(
         reflection, gain = without_high_pass(fits, means, order, rate_hz, settings.rate_hz)
         lsf, power = reflection_to_lsf(reflection), power * gain
         variance = power * np.prod(1.0 - np.square(reflection), axis=1)
-    columns = (each.tolist() for each in (variance, power, effective))
-    fitted = (Fit(*row) for row in zip(usable, lsf, *columns, counts, numbers, strict=False))
+    motion = [(each.speed_mm_s, *each.velocity_mm_s, each.force_n) for each in usable]
+    rows = np.column_stack([motion, variance, power, effective, counts, lsf])
+    fitted = map(Fit, usable, (row.tobytes() for row in rows), numbers)
     distinct = (np.diff(lsf, prepend=0.0, append=np.pi, axis=1) > 0.0).all(axis=1)
     return list(compress(fitted, distinct & np.isfinite(power)))  # no merged LSF, no overflow
 

@@ -46,11 +46,14 @@ class VibrationFilter:
         Sines and cosines of the lattice's stages, shape (order,).
     amplitude_m_s2
         Root mean square of the output.
+    rate_hz
+        Sampling rate that the filter is valid at.
     """
 
     reflection: FloatArray
     complement: FloatArray
     amplitude_m_s2: float
+    rate_hz: float
 
 
 def estimate(model: TextureModel, *inputs: float) -> VibrationFilter:
@@ -76,7 +79,7 @@ def estimate(model: TextureModel, *inputs: float) -> VibrationFilter:
         amplitude = min(
             float(np.exp(np.log(amplitude) - np.log(complement).sum())), LARGEST_AMPLITUDE
         )
-    return VibrationFilter(reflection, complement, amplitude)
+    return VibrationFilter(reflection, complement, amplitude, model.rate_hz)
 
 
 class Generator:

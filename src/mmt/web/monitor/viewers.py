@@ -5,17 +5,12 @@ yet, so a slow viewer skips states; it neither delays other viewers nor fills th
 """
 
 import asyncio
-from typing import Final, Protocol
+from typing import Final
+
+from aiohttp import web
 
 MOST_VIEWERS: Final = 8
 """Largest number of viewers at once."""
-
-
-class ViewerSocket(Protocol):
-    """The part of a WebSocket that a viewer needs."""
-
-    async def send_bytes(self, data: bytes) -> None:
-        """Send a message, waiting while the other side is slow."""
 
 
 class Viewer:
@@ -36,7 +31,7 @@ class Viewer:
         self._closing = True
         self._news.set()
 
-    async def send(self, socket: ViewerSocket) -> None:
+    async def send(self, socket: web.WebSocketResponse) -> None:
         """Send messages until `close`.
 
         Raises
