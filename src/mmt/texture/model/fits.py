@@ -6,8 +6,8 @@ A power's effective sample size (`mmt.texture.autoregression.spectra`) follows f
 the same recursion, continued to `RESOLVING_ORDER`: a lower order makes narrow lines too broad and
 the effective sample size too large.
 
-Filters and powers are either those of the vibration behind the high-pass of the modelling, or
-those before it (`mmt.texture.signals.high_pass`).
+By the published method, filters and powers are those of the vibration behind the high-pass of the
+modelling, else those before it (`mmt.texture.signals.high_pass`).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -46,16 +46,9 @@ class Fit(NamedTuple):
 
 
 def fit_segments(
-    segments: Sequence[Segment],
-    numbers: Iterator[int],
-    settings: ModellingSettings,
-    *,
-    behind_high_pass: bool,
+    segments: Sequence[Segment], numbers: Iterator[int], settings: ModellingSettings
 ) -> list[Fit]:
-    """Fit segments and number the fits; segments that give no filter are left out.
-
-    With ``behind_high_pass`` filters and powers are as measured, else those before the high-pass.
-    """
+    """Fit segments and number the fits; segments that give no filter are left out."""
     order = settings.filter_order
     usable = tuple(
         each for each in segments if 2 * each.measured_count > len(each.vibration_m_s2) > order
@@ -69,7 +62,7 @@ def fit_segments(
     fits, resolved, effective = _resolved(usable, max(order, resolving), resolving, rate_hz)
     measured = np.array([segment.measured_gain for segment in usable])
     variance, power = fits.variances[:, order] * measured, fits.power * measured
-    if behind_high_pass:
+    if settings.method == "published":
         lsf = resolved if order == resolving else _lsf_of(fits, order)
     else:
         means = None

@@ -1,22 +1,20 @@
 """The two methods of modelling a texture from a stream, and their common interface.
 
-A method fits segments (`add`), says when the model changes (`changes`), builds it of the fits
-(`model`), and judges how complete it is (`judge`, `criterion`). The rest of the online modelling is
-the same for both.
+A method says when the model changes (`changes`), builds it of the fits (`model`), and judges how
+complete it is (`judge`, `criterion`). The rest of the online modelling is the same for both.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.completion.criterion import Criterion
 from mmt.texture.completion.distance import CompletionMonitor
-from mmt.texture.model.fits import Fit, fit_segments, unpacked
+from mmt.texture.model.fits import unpacked
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.updates import DEFERRED, ReadyModel, Stopwatch, UpdateWork
-from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.space import InputSpace
 from mmt.texture.touch_down.fitting import TouchDown, fit_transient
@@ -38,15 +36,9 @@ class ModellingMethod(ABC):
 
     criterion: Criterion
     """Completion criterion, as of the newest update."""
-    _behind_high_pass = False
 
     def __init__(self, settings: ModellingSettings) -> None:
         self._settings = settings
-
-    def add(self, segments: Sequence[Segment], numbers: Iterator[int]) -> list[Fit]:
-        """Return segments as fitted samples, each with its own number."""
-        behind = self._behind_high_pass
-        return fit_segments(segments, numbers, self._settings, behind_high_pass=behind)
 
     def model(self, work: UpdateWork) -> TextureModel:
         """Return the model of an update's fits, at least one."""
@@ -87,8 +79,6 @@ def method_of(settings: ModellingSettings) -> ModellingMethod:
 
 class PublishedMethod(ModellingMethod):
     """Papers A and B: measured samples are interpolated; complete if they are dense enough."""
-
-    _behind_high_pass = True
 
     def __init__(self, settings: ModellingSettings) -> None:
         super().__init__(settings)

@@ -18,7 +18,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.bounds import check
 from mmt.texture.completion.criterion import Criterion
 from mmt.texture.completion.distance import distance_sum
-from mmt.texture.model.fits import Fit, points_of
+from mmt.texture.model.fits import Fit, fit_segments, points_of
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.methods import method_of
 from mmt.texture.online.updates import (
@@ -155,7 +155,7 @@ class OnlineModeller:
         if work.forget_from is not None:
             removed += [key for key in self.fits if key[1] > work.forget_from]
         gone = [self.fits.pop(key) for key in removed if key in self.fits]
-        work.new_fits = self._method.add(work.added, self._numbers)
+        work.new_fits = fit_segments(work.added, self._numbers, self.settings)
         self.fits |= {fit.segment.span: fit for fit in work.new_fits}
         gone += self._thin_out()
         work.removed_count += len(gone)
