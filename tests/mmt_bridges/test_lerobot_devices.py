@@ -255,7 +255,7 @@ def test_options_and_features_are_known_before_it_is_connected(
     assert [name[:5] for name in robot.observation_features] == ["force"] * 3
     with pytest.raises(InputError, match="no such file"):
         robot_of(devices, scene="nowhere.toml")
-    with pytest.raises(InputError, match="allowed are hand, actions"):
+    with pytest.raises(InputError, match='allowed is "hand", "actions"'):
         robot_of(devices, moved_by="feet")
 
 

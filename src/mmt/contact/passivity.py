@@ -20,9 +20,11 @@ Each class is one axis of one port. Cost: 2 to 4 us a step in plain Python.
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
-from mmt.core.errors import InputError
+from annotated_types import Ge, Gt
+
+from mmt.core.bounds import check_fields
 
 REACH_M_S2: Final = 100.0
 """Largest acceleration that is expected of a hand on its handle."""
@@ -49,20 +51,13 @@ class PassivitySettings:
         A value is out of range or not finite.
     """
 
-    reserve_j: float = 1e-3
-    damping_n_s_m: float = 10.0
-    drift_m: float = 3e-3
-    tick_s: float = 1e-3
+    reserve_j: Annotated[float, Gt(0)] = 1e-3
+    damping_n_s_m: Annotated[float, Ge(0)] = 10.0
+    drift_m: Annotated[float, Ge(0)] = 3e-3
+    tick_s: Annotated[float, Gt(0)] = 1e-3
 
     def __post_init__(self) -> None:
-        for name in ("reserve_j", "tick_s"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"{name} is {value}, it must be above 0")
-        for name in ("damping_n_s_m", "drift_m"):
-            value = getattr(self, name)
-            if not value >= 0.0:
-                raise InputError(f"{name} is {value}, it must be 0 or above")
+        check_fields(self)
 
 
 class PassivityObserver:

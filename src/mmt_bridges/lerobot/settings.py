@@ -1,8 +1,11 @@
 """Settings of a session under LeRobot, and the scene that is made from them."""
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal, TypeAlias, get_args
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
+from annotated_types import Gt, Le
+
+from mmt.core.bounds import check_fields
 from mmt.core.errors import InputError
 from mmt.scene import Scene
 from mmt.scene.files import load_scene, scene_from_tables
@@ -38,16 +41,10 @@ class Settings:
     scene: str = "demo"
     follower: bool = True
     moved_by: MovedBy = "hand"
-    wait_s: float = 60.0
+    wait_s: Annotated[float, Gt(0), Le(_LONGEST_S)] = 60.0
 
     def __post_init__(self) -> None:
-        if self.moved_by not in get_args(MovedBy):
-            raise InputError(
-                f"moved_by {self.moved_by!r} is not known, allowed are "
-                f"{', '.join(get_args(MovedBy))}"
-            )
-        if not 0 < self.wait_s <= _LONGEST_S:
-            raise InputError(f"wait_s {self.wait_s:g}: it must be above 0 and at most a day")
+        check_fields(self)
 
 
 def session_scene(settings: Settings) -> Scene:
