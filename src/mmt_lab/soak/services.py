@@ -4,8 +4,8 @@ import asyncio
 import os
 import signal
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Coroutine
+from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -42,11 +42,12 @@ class SoakServices:
         self._leader: Child | None = None
         self._follower: Child | None = None
         self._killed: set[Child] = set()
-        self._children: list[Child] = []
+        self._stack = AsyncExitStack()
         self._watching: list[asyncio.Task[None]] = []
         self._ready = asyncio.Event()
         self._streaming = asyncio.Event()
-        self._proxy: Proxy | None = None
+        self.proxy: Proxy
+        """Proxy through which the follower connects."""
         self.ended = asyncio.Event()
         """Set when the leader has ended, or a follower has failed."""
         self.port = 0
@@ -58,33 +59,24 @@ class SoakServices:
         """Summary of the leader; empty until it has ended."""
         self.errors: list[str] = []
 
-    @property
-    def proxy(self) -> Proxy:
-        """Proxy through which the follower connects."""
-        assert self._proxy is not None  # noqa: S101 - entered
-        return self._proxy
-
     async def __aenter__(self) -> Self:
-        try:
-            arguments = [_SCENE, "--port", "0", "--duration", _LONGEST_SESSION_S]
-            self._leader = await self._start(
-                "leader", [*arguments, "--record", str(self._recording)]
-            )
-            self._watching.append(asyncio.create_task(self._watch_leader(self._leader)))
+        async with self._stack as stack:
+            stack.push_async_callback(self._end_watching)
+            arguments = ["--port", "0", "--duration", _LONGEST_SESSION_S]
+            arguments += ["--record", str(self._recording)]
+            self._leader = await self._start("leader", arguments, self._watch_leader)
             await self._until(self._ready, "the leader was not ready")
-            self._proxy = await Proxy(self.port).__aenter__()
+            self.proxy = await stack.enter_async_context(Proxy(self.port))
             await self._start_follower()
             await self._until(self._streaming, "the stream did not begin")
-        except BaseException:
-            await self.__aexit__()
-            raise
+            self._stack = stack.pop_all()
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        await asyncio.gather(*(child.kill() for child in self._children))
+        await self._stack.aclose()
+
+    async def _end_watching(self) -> None:
         await asyncio.gather(*self._watching, return_exceptions=True)
-        if self._proxy is not None:
-            await self._proxy.__aexit__()
 
     async def finish(self) -> None:
         """End the session by an interrupt, as a user would, and wait for the summary."""
@@ -116,15 +108,17 @@ class SoakServices:
         await self._start_follower()
 
     async def _start_follower(self) -> None:
-        url = f"http://127.0.0.1:{self.proxy.port}"
-        self._follower = await self._start("follower", [_SCENE, "--leader", url])
+        arguments = ["--leader", f"http://127.0.0.1:{self.proxy.port}"]
+        self._follower = await self._start("follower", arguments, self._watch_follower)
         self.births_s.append(time.monotonic())
-        self._watching.append(asyncio.create_task(self._watch_follower(self._follower)))
 
-    async def _start(self, name: str, arguments: list[str]) -> Child:
-        arguments = [name, *arguments, "--json-lines"]
+    async def _start(
+        self, name: str, arguments: list[str], watch: Callable[[Child], Coroutine[Any, Any, None]]
+    ) -> Child:
+        arguments = [name, _SCENE, *arguments, "--json-lines"]
         child = await Child.start(name, "mmt.cli.child", arguments, self._environment)
-        self._children.append(child)
+        self._stack.push_async_callback(child.kill)
+        self._watching.append(asyncio.create_task(watch(child)))
         return child
 
     async def _until(self, event: asyncio.Event, otherwise: str) -> None:
