@@ -12,7 +12,7 @@ from mmt.core.frames import empty_frames
 from mmt_lab.stability.cases import run_case
 from mmt_lab.stability.families import services
 from mmt_lab.stability.families.services import (
-    MemoryWatch,
+    growth,
     interrupted_cases,
     run_endless_modelling,
 )
@@ -90,8 +90,6 @@ def test_a_model_without_an_end_is_seen(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_growth_counts_from_the_quarter_that_is_asked_for() -> None:
-    watch = MemoryWatch()
-    watch.seconds = [0.0, 5.0, 6.0, 7.0, 8.5]
-    watch.blocks, watch.megabytes = [0, 9, 10, 11, 13], [0.0, 5.0, 6.0, 6.0, 6.5]
-    assert watch.growth() == (3, 0.5, 1.5)
-    assert not watch.flat()
+    blocks, megabytes = [0, 9, 10, 11, 13], [0.0, 5.0, 6.0, 6.0, 6.5]
+    seconds = [0.0, 5.0, 6.0, 7.0, 8.5]
+    assert growth(np.column_stack([blocks, megabytes, seconds])) == (3, 0.5, 1.5)

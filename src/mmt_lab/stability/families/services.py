@@ -7,7 +7,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -186,37 +185,26 @@ def judge_speed(fastest_mm_s: float, summary: dict[str, Any], frames: RecordArra
     )
 
 
-@dataclass
-class MemoryWatch:
-    """Memory of the process after each quarter of a run: interpreter blocks, resident memory."""
+def growth(seen: FloatArray) -> tuple[int, float, float]:
+    """Return the growth in blocks and MB over the second half of a run, and the slow-down.
 
-    blocks: list[int] = field(default_factory=list)
-    megabytes: list[float] = field(default_factory=list)
-    seconds: list[float] = field(default_factory=list)
+    The slow-down is the processor's time for the last quarter over that for the third one. The
+    rows of ``seen`` (5, 3) are those of `_seen`, at the start and after each quarter.
+    """
+    blocks, megabytes, seconds = seen.T
+    spans = np.diff(seconds)
+    return (
+        int(blocks[-1] - blocks[_SETTLED]),
+        float(megabytes[-1] - megabytes[_SETTLED]),
+        float(spans[-1] / spans[_SETTLED]),
+    )
 
-    def sample(self) -> None:
-        """Note the present state."""
-        gc.collect()
-        self.seconds.append(time.thread_time())
-        self.blocks.append(sys.getallocatedblocks())
-        self.megabytes.append(psutil.Process().memory_info().rss / 1e6)
 
-    def growth(self) -> tuple[int, float, float]:
-        """Return the growth in blocks and MB over the second half, and the slow-down.
-
-        The slow-down is the processor's time for the last quarter over that for the third one.
-        """
-        spans = np.diff(self.seconds)
-        return (
-            self.blocks[-1] - self.blocks[_SETTLED],
-            self.megabytes[-1] - self.megabytes[_SETTLED],
-            float(spans[-1] / spans[_SETTLED]),
-        )
-
-    def flat(self) -> bool:
-        """Return whether growth and slow-down are within their bounds."""
-        blocks, megabytes, slower = self.growth()
-        return blocks < MOST_BLOCKS and megabytes < MOST_MB and slower < MOST_SLOWER
+def _seen() -> tuple[int, float, float]:
+    """Return the process's interpreter blocks, resident memory in MB and processor time in s."""
+    gc.collect()
+    spent_s = time.thread_time()
+    return sys.getallocatedblocks(), psutil.Process().memory_info().rss / 1e6, spent_s
 
 
 def corner_strokes() -> RecordArray:
@@ -236,9 +224,8 @@ def corner_strokes() -> RecordArray:
 def run_endless_modelling(seconds: int) -> CaseResult:
     """Model a hand that stays in one corner, so that the criterion of distances is never met."""
     settings = ModellingSettings(method="published")  # an expected share would be met
-    modeller, watch = OnlineModeller(settings), MemoryWatch()
-    strokes = corner_strokes()
-    watch.sample()
+    modeller, strokes = OnlineModeller(settings), corner_strokes()
+    seen = [_seen()]
     updates_s = []
     for second in range(1, seconds + 1):
         number = np.arange(1000 * (second - 1), 1000 * second)
@@ -246,14 +233,17 @@ def run_endless_modelling(seconds: int) -> CaseResult:
         frames["sequence"], frames["time_ns"] = number, number * PERIOD_NS
         update = modeller.update(frames)
         updates_s.append(sum(update.durations_s.values()))
-        if 4 * second >= seconds * len(watch.seconds):
-            watch.sample()
+        if 4 * second >= seconds * len(seen):
+            seen.append(_seen())
     update_ms = 1e3 * float(np.median(updates_s[seconds // 2 :]))
-    blocks, megabytes, slower = watch.growth()
+    blocks, megabytes, slower = growth(np.array(seen))
     return CaseResult(
         f"{update.samples} samples, {blocks:+d} objects, {megabytes:+.1f} MB, {slower:.2f} x the "
         f"time, update {update_ms:.0f} ms",
-        held=watch.flat() and not update.started,
+        held=blocks < MOST_BLOCKS
+        and megabytes < MOST_MB
+        and slower < MOST_SLOWER
+        and not update.started,
         figures={
             "samples": update.samples,
             "growth_blocks": blocks,
