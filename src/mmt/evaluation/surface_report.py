@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mmt.core.palette import LIGHT, SERIES
-from mmt.evaluation.document import Block, Heading, Paragraph, ReportTable
+from mmt.evaluation.document import Block, Heading, Paragraph, ReportTable, table_of
 from mmt.evaluation.recorded_surfaces import SurfaceParts
 from mmt.evaluation.report_files import picture
 
@@ -38,20 +38,17 @@ def account(parts: SurfaceParts) -> str:
 
 def stay_table(parts: SurfaceParts) -> ReportTable:
     """Return a row for each stay."""
-    rows: list[tuple[str, ...]] = [
-        (
-            str(stay.surface),
-            f"{stay.from_s:.2f}",
-            f"{stay.to_s:.2f}",
-            "" if stay.found_s is None else f"{stay.found_s:.2f}",
-            stay.truth or "",
-        )
+    rows = [
+        {
+            "surface": str(stay.surface),
+            "from (s)": f"{stay.from_s:.2f}",
+            "to (s)": f"{stay.to_s:.2f}",
+            "found at (s)": "" if stay.found_s is None else f"{stay.found_s:.2f}",
+            **({} if parts.course is None else {"mostly on": stay.truth or ""}),
+        }
         for stay in parts.stays
     ]
-    columns = ["surface", "from (s)", "to (s)", "found at (s)", "mostly on"]
-    if parts.course is None:
-        columns, rows = columns[:-1], [row[:-1] for row in rows]
-    return ReportTable(columns, rows)
+    return table_of(rows)
 
 
 def surfaces_over_time(parts: SurfaceParts, duration_s: float) -> Figure:
