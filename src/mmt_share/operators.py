@@ -10,7 +10,7 @@ import socketio
 from mmt.core.logs import REPEAT_PERIOD_S, RepeatLimit
 from mmt.link.access import Access
 from mmt_share.control_messages import ASK, MOTION, MOTION_HZ, RELEASE
-from mmt_share.relay import ListenerFeed
+from mmt_share.relay import ConnectedListener
 
 _LONGEST_BYTES: Final = 4096
 """Longest message of motion that is accepted; one of a hundred records has 3704."""
@@ -39,10 +39,8 @@ class Operators:
         self.access = access
         self.messages_hz = MOTION_HZ
         self._tell = tell
-        self._numbers: dict[str, int] = {}
-        self._names: dict[str, str] = {}
+        self._joined: dict[str, ConnectedListener] = {}
         self._used: set[str] = set()
-        self._listeners: dict[int, ListenerFeed] = {}
         self._asks = RepeatLimit()
         self._waiting: dict[str, asyncio.TimerHandle] = {}  # asked again within a second
         self._admitted: int | None = None
@@ -58,22 +56,17 @@ class Operators:
         self._used.add(name)
         return name
 
-    def join(
-        self, sid: str, number: int, name: str, listener: ListenerFeed
-    ) -> dict[str, Callable[[bytes], None]]:
+    def join(self, sid: str, operator: ConnectedListener) -> dict[str, Callable[[bytes], None]]:
         """Add an operator; return the handlers of its frequent events."""
-        self._numbers[sid], self._names[sid] = number, name
-        self._listeners[number] = listener
-        return {MOTION: partial(self._on_motion, number)}
+        self._joined[sid] = operator
+        return {MOTION: partial(self._on_motion, operator.number)}
 
     def leave(self, sid: str) -> None:
         """Forget a closed connection; if it was an operator's, report that it is gone."""
-        number = self._numbers.pop(sid, None)
-        self._names.pop(sid, None)
+        operator = self._joined.pop(sid, None)
         self._forget_ask(sid)
-        if number is not None:
-            del self._listeners[number]
-            self._tell(control="gone", who=number)
+        if operator is not None:
+            self._tell(control="gone", who=operator.number)
 
     def admit_motion(self, number: int | None) -> None:
         """Pass on only the motion of this operator; None passes on none."""
@@ -81,15 +74,16 @@ class Operators:
 
     def send(self, number: int, message: bytes) -> None:
         """Send an operator a message, if it is still connected."""
-        listener = self._listeners.get(number)
-        if listener is not None:
-            listener.queue_message(message)
+        for operator in self._joined.values():
+            if operator.number == number:
+                operator.feed.queue_message(message)
 
     def _on_ask(self, sid: str, *_: object) -> None:
-        if sid not in self._numbers or sid in self._waiting:
+        operator = self._joined.get(sid)
+        if operator is None or sid in self._waiting:
             return
         if self._asks.allow(sid):
-            self._tell(control="ask", who=self._numbers[sid], name=self._names[sid])
+            self._tell(control="ask", who=operator.number, name=operator.name)
         else:
             loop = asyncio.get_running_loop()
             self._waiting[sid] = loop.call_later(REPEAT_PERIOD_S, self._ask_late, sid)
@@ -104,8 +98,8 @@ class Operators:
 
     def _on_release(self, sid: str, *_: object) -> None:
         self._forget_ask(sid)
-        if sid in self._numbers:
-            self._tell(control="release", who=self._numbers[sid])
+        if sid in self._joined:
+            self._tell(control="release", who=self._joined[sid].number)
 
     def _on_motion(self, number: int, data: object) -> None:
         if number != self._admitted or not isinstance(data, bytes) or len(data) > _LONGEST_BYTES:

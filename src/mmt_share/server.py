@@ -214,7 +214,7 @@ class SharingServer:
         messages_hz = _MESSAGES_HZ
         handlers: dict[str, Callable[[bytes], None]] = {HAVE: partial(self._on_have, sid)}
         if operators is not None:
-            handlers |= operators.join(sid, listener.number, name, listener.feed)
+            handlers |= operators.join(sid, listener)
             messages_hz += operators.messages_hz
         limit = RateLimit(messages_hz, listener.reject, on_exceeded)
         self._host.sockets.admit(environ, handlers, limit)

@@ -3,7 +3,6 @@
 import asyncio
 import hashlib
 import json
-import math
 import socket
 import threading
 from collections.abc import Callable
@@ -79,10 +78,10 @@ def test_only_hashes_name_files(tmp_path: Path, digest: str) -> None:
     [
         {},
         {"name": " "},
-        *({"name": "x", "error_db": error} for error in ("much", math.nan, -math.inf, 10**400)),
+        *({"name": "x", "error_db": error} for error in ("much", "nan", "-inf", "1" * 400)),
     ],
 )
-def test_who_pushes_must_give_a_name(said: dict[str, Any]) -> None:
+def test_who_pushes_must_give_a_name(said: dict[str, str]) -> None:
     with pytest.raises(InputError):
         Entry.from_description(said)
     assert Entry.from_description({"name": "\x1b[31m" + 999 * "x"}).name.startswith(

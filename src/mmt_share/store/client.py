@@ -3,8 +3,7 @@
 import hashlib
 import json
 import urllib.parse
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, suppress
 from http import HTTPStatus
 from pathlib import Path
 from typing import Final
@@ -130,10 +129,10 @@ class RemoteStore:
         with self._open(path, data=data) as answer:
             return answer.content(most_bytes)
 
-    @contextmanager
-    def _open(self, path: str, *, data: bytes | None = None, begun: int = 0) -> Iterator[Answer]:
+    def _open(
+        self, path: str, *, data: bytes | None = None, begun: int = 0
+    ) -> AbstractContextManager[Answer]:
         headers = {"Authorization": f"Bearer {self._token}"} if self._token else {}
         if begun:
             headers["Range"] = f"bytes={begun}-"
-        with open_answer(self._url, path, data=data, headers=headers, tls=self._tls) as answer:
-            yield answer
+        return open_answer(self._url, path, data=data, headers=headers, tls=self._tls)

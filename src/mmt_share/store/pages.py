@@ -1,12 +1,10 @@
 """HTTP pages of a store, at the port of the shared model; ``docs/reference/sharing.md``."""
 
 import asyncio
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from aiohttp import web
 
-from mmt.core.bounds import finite_number
 from mmt.core.errors import InputError, MmtError
 from mmt_share.store.store import DIGITS, LARGEST_BYTES, Entry, ModelStore
 
@@ -32,7 +30,7 @@ def store_pages(store: ModelStore, *, accepts: bool) -> "Page":
 
     async def pushed(request: web.Request) -> web.Response:
         try:
-            description = Entry.from_description(_description(request.query))
+            description = Entry.from_description(request.query)
             entry = await asyncio.to_thread(store.add, await request.read(), description)
         except InputError as error:
             return web.Response(status=400, text=f"{error}\n")
@@ -51,15 +49,3 @@ def store_pages(store: ModelStore, *, accepts: bool) -> "Page":
         application.add_subapp(MODELS, library)
 
     return add
-
-
-def _description(query: Mapping[str, str]) -> dict[str, Any]:
-    description: dict[str, Any] = dict(query)
-    if "error_db" in description:
-        try:
-            description["error_db"] = finite_number(description["error_db"])
-        except ValueError as error:
-            raise InputError(
-                f"error_db is {description['error_db']!r}: it must be a finite number"
-            ) from error
-    return description

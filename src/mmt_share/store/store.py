@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Self
 
-from mmt.core.bounds import check
+from mmt.core.bounds import check, finite_number
 from mmt.core.errors import InputError, MmtError, printable
 from mmt.core.existing_files import write_file
 from mmt.texture.model.file import unpack
@@ -89,7 +89,7 @@ class Entry:
         return replace(entry, **texts)
 
     @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> Self:
+    def from_description(cls, description: Mapping[str, str]) -> Self:
         """Parse a person's description of a model, which is not trusted; other fields stay empty.
 
         Raises
@@ -98,14 +98,17 @@ class Entry:
             There is no name, or ``error_db`` is not a number.
         """
         name, who, licence, note = (
-            printable(str(description.get(key, ""))[:LONGEST_TEXT])
+            printable(description.get(key, "")[:LONGEST_TEXT])
             for key in ("name", "who", "licence", "note")
         )
         if not name.strip():
             raise InputError("the model has no name: give it one")
-        error_db = description.get("error_db")
-        check("error_db", error_db, float | None)
-        return cls(name, who, licence, note, error_db=None if error_db is None else float(error_db))
+        text = description.get("error_db")
+        try:
+            error_db = None if text is None else finite_number(text)
+        except ValueError as error:
+            raise InputError(f"error_db is {text!r}: it must be a finite number") from error
+        return cls(name, who, licence, note, error_db=error_db)
 
 
 class ModelStore:
