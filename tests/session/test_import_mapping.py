@@ -7,6 +7,9 @@ from hypothesis import strategies as st
 from unit_samples import UNITS
 
 from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
+from mmt.session.data import axis_columns
+from mmt.session.files import import_session
 from mmt.session.importing.columns import SourceColumns
 from mmt.session.importing.mapping import to_samples
 from mmt.session.importing.options import ImportOptions
@@ -266,3 +269,22 @@ def test_messages_are_put_in_the_order_of_their_times():
     found = mapped({"/f": VECTORS[LATE]}, {"force": "/f"}, times={"/f": TIME_S[LATE]})
     np.testing.assert_array_equal(found.values["force"], VECTORS)
     assert found.notes == ("/f falls: the rows were put in the order of their times",)
+
+
+@pytest.mark.parametrize("periods", [(1, 4, 2), (2, 1, 8), (1, 1, 1)])
+def test_a_table_with_a_row_for_each_message_holds_channels_of_several_rates(tmp_path, periods):
+    """As plotting programs write topics: one column of times, blanks for the other topics."""
+    rows, arrays = [], {}
+    for place, (field, period) in enumerate(zip(FIELD_OF_CHANNEL.values(), periods, strict=False)):
+        time_s = np.round(np.arange(0.0, 2.0, period / 1000) + 1e-4 * place, 6)
+        values = np.round(np.random.default_rng(place).standard_normal((len(time_s), 3)), 6)
+        arrays |= {field: values, f"{field.split('_')[0]}_time_s": time_s}
+        blanks = [""] * 3
+        before, after = blanks * place, blanks * (2 - place)
+        rows += [(t, *before, *v, *after) for t, v in zip(time_s, values.tolist(), strict=True)]
+    np.savez(tmp_path / "apart.npz", **arrays)
+    head = ",".join(["time_s", *(n for c in CHANNELS for n in axis_columns(c))])
+    lines = [",".join(map(str, row)) for row in sorted(rows, key=lambda row: row[0])]
+    (tmp_path / "together.csv").write_text("\n".join([head, *lines]), "utf-8")
+    found = import_session(tmp_path / "together.csv", blanks_as_gaps=True)
+    np.testing.assert_array_equal(found.frames, import_session(tmp_path / "apart.npz").frames)

@@ -62,6 +62,8 @@ class SourceColumns:
     times: Mapping[str, FloatArray] = field(default_factory=dict)
     """Times (n,) in s of columns whose times are part of the file format, as in ROS messages."""
     row_name: Callable[[int], str] = ROW_NUMBER.format
+    ends_left_out: bool = False
+    """Whether the blanks at the end of a column were left out, as of tables."""
     scene: JsonObject | None = None
     annotations: bytes = b""
     events: Sequence[JsonObject] = ()

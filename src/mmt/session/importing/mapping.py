@@ -65,6 +65,9 @@ class _Mapping:
             if vectors is None:
                 continue
             name, time_s = self._time(channel, len(vectors))
+            if self._columns.ends_left_out and len(vectors) < len(time_s):
+                blanks = np.full((len(time_s) - len(vectors), *vectors.shape[1:]), np.nan)
+                vectors = np.concatenate([vectors, blanks])
             if len(time_s) != len(vectors):
                 raise InputError(
                     f"{self._origin}: {channel} has {len(vectors)} rows, its times "

@@ -81,6 +81,7 @@ def read_table(
         names=names,
         units=units | dict.fromkeys(dated, DATE),
         row_name=partial(name_of, "line {}".format, lines),
+        ends_left_out=True,
         notes=(*header.notes, *doubled, *remarks),
         began_utc_ns=parsed_date(columns.get(BEGAN), origin),
     )
