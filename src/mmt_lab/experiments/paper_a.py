@@ -14,10 +14,11 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.evaluation import figures
-from mmt.evaluation.document import Block, Heading, Picture, ReportTable
+from mmt.evaluation.document import Block, Heading, ReportTable
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.growth import model_growth
 from mmt.evaluation.held_out import HELD_OUT
+from mmt.evaluation.report_files import picture
 from mmt.evaluation.results import Evaluation
 from mmt.evaluation.run_verdict import median_of_known
 from mmt.evaluation.texts import number
@@ -285,15 +286,12 @@ def _goodness(runs: Sequence[Sequence[Evaluation]]) -> ReportTable:
 def _blocks(runs: Sequence[Sequence[Evaluation]]) -> list[Block]:
     """Return the tables, and the paper's figures drawn for the first seed."""
     blocks: list[Block] = [_distances(runs), _goodness(runs)]
-    drawn = figures.gfc_over_time(runs[0])
-    blocks.append(Picture("figures/fig-4.png", figures.to_png(drawn), "Fig. 4: GFC over time."))
+    blocks.append(picture("fig-4", "Fig. 4: GFC over time.", figures.gfc_over_time(runs[0])))
     for evaluation in runs[0]:
-        name = evaluation.name
-        growth = figures.to_png(model_growth(evaluation))
-        spectra = figures.to_png(figures.held_out_spectra(evaluation))
+        name, spectra = evaluation.name, figures.held_out_spectra(evaluation)
         blocks += [
             Heading(name.capitalize()),
-            Picture(f"figures/fig-3-{name}.png", growth, "Fig. 3: the model as it grows."),
-            Picture(f"figures/fig-5-{name}.png", spectra, "Fig. 5: spectra of held-out segments."),
+            picture(f"fig-3-{name}", "Fig. 3: the model as it grows.", model_growth(evaluation)),
+            picture(f"fig-5-{name}", "Fig. 5: spectra of held-out segments.", spectra),
         ]
     return blocks
