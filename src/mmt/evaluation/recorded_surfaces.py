@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -32,16 +31,6 @@ class SurfaceStay:
     to_s: float
     found_s: float | None
     truth: str | None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the stay for a program."""
-        return {
-            "surface": self.surface,
-            "from_s": round(self.from_s, 3),
-            "to_s": round(self.to_s, 3),
-            "found_s": None if self.found_s is None else round(self.found_s, 3),
-            "truth": self.truth,
-        }
 
 
 @dataclass(frozen=True, eq=False)
