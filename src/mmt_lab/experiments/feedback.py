@@ -221,6 +221,5 @@ def run(
                 for result in results
             ],
             "pooled": pooled(results),
-            "definitions": DEFINITIONS,
         },
     )

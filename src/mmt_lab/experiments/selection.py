@@ -153,6 +153,5 @@ def run(
             "overall": overall,
             "results": [asdict(result) for result in results],
             "targets": TARGETS,
-            "definitions": DEFINITIONS,
         },
     )

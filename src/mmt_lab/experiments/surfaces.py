@@ -205,6 +205,5 @@ def run(
             "rows": [row for rows in found.values() for row in rows],
             "sessions": [asdict(result) for result in results],
             "targets": TARGETS,
-            "definitions": DEFINITIONS,
         },
     )

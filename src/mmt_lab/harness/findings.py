@@ -235,6 +235,8 @@ class Findings:
         }
         if self.data is not None:
             content = {**self.data, **({"judged": targets} if targets else {})}
+        if self.definitions:
+            content["definitions"] = self.definitions
         plain: dict[str, Any] = json_value(content)
         return plain
 

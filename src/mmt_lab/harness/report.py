@@ -67,8 +67,6 @@ def write_report(directory: Path, result: Findings) -> Path:
     blocks += result.settings
     blocks += [Heading("Made with"), ReportTable(("part", "version"), list(versions.items()))]
     data = {**result.as_dict(), "environment": versions}
-    if result.definitions:
-        data["definitions"] = dict(result.definitions)
     return write_report_files(directory, result.title, blocks, "summary.json", data)
 
 
