@@ -7,18 +7,17 @@ Sources: Universal Robots, "Real-Time Data Exchange (RTDE) guide" and "Dashboard
 the source of ur_rtde 1.6 (MIT) for what the library sends.
 """
 
+import asyncio
 import random
-import selectors
-import socket
-import struct
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Coroutine
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import MmtError
+from mmt.core.ticking import Ticker
 from mmt_devices.universal_robots.emulated.arm import (
     EMERGENCY_STOP,
     PLAYING,
@@ -50,7 +49,8 @@ _ORIGIN_MM: Final[Vector] = (-120.0, -430.0, 150.0)
 _ROTATION_RAD: Final[Vector] = (0.0, 0.0, 0.5)
 """The tip's frame in the frame of the base, see `SceneFrame`."""
 _TRIES: Final = 50
-_MOST_WAITING: Final = 1 << 16
+_MOST_CYCLES: Final = 10
+"""Cycles that are made up for after a hold-up."""
 
 
 _PORTS: Final[dict[int, type[PortConnection]]] = {
@@ -82,11 +82,11 @@ class EmulatedUrController:
         self.silent = False
         """Whether no data is sent, as if the network cable were unplugged."""
         self._began_ns = time.monotonic_ns()
-        self._selector = selectors.DefaultSelector()
-        self._listeners: list[socket.socket] = []
+        self._cycles = 0
+        self._servers: list[asyncio.Server] = []
         self.connections: list[PortConnection] = []
-        self._plugged = True
-        self._ended = threading.Event()
+        self._loop = asyncio.new_event_loop()
+        self._ready, self._ended = threading.Event(), asyncio.Event()
         self._thread = threading.Thread(target=self._run, name="UR controller", daemon=True)
 
     # --- life
@@ -99,27 +99,15 @@ class EmulatedUrController:
         MmtError
             No such address was found.
         """
-        chance = random.SystemRandom()
-        for _ in range(_TRIES):
-            host = (
-                f"127.{chance.randint(64, 127)}.{chance.randint(0, 255)}.{chance.randint(1, 254)}"
-            )
-            try:
-                self._listen(host)
-            except OSError:
-                self._close_all()
-                continue
-            self.host = host
-            self._thread.start()
-            return
-        raise MmtError("no loopback address has the ports of a UR controller free")
+        self._thread.start()
+        self._ready.wait()
+        if not self.host:
+            raise MmtError("no loopback address has the ports of a UR controller free")
 
     def stop(self) -> None:
         """Stop, and free the ports."""
-        self._ended.set()
+        self._loop.call_soon_threadsafe(self._ended.set)
         self._thread.join()
-        self._close_all()
-        self._selector.close()
 
     @property
     def options(self) -> dict[str, Any]:
@@ -129,16 +117,12 @@ class EmulatedUrController:
 
     def unplug(self) -> None:
         """Close every connection and refuse new ones."""
-        self._plugged = False
-        while self._listeners:
-            time.sleep(0.001)
+        self._await(self._close_all())
 
     def plug(self) -> None:
         """Listen again at the same address, as after a restart: no program runs."""
         self.arm.end_program()
-        self._plugged = True
-        while not self._listeners:
-            time.sleep(0.001)
+        self._await(self._listen(self.host))
 
     def switch_to_local(self) -> None:
         """Switch to local control, as a person does at the pendant; the program ends."""
@@ -173,81 +157,61 @@ class EmulatedUrController:
         }
         return answers.get(line, f'could not understand: "{line}"')
 
-    def drop(self, connection: PortConnection) -> None:
-        """Forget a client."""
-        if connection in self.connections:
-            self.connections.remove(connection)
-            self._selector.unregister(connection.link)
-            connection.link.close()
-
     # --- its thread
 
     def _time_s(self, now_ns: int) -> float:
         return (now_ns - self._began_ns) / 1e9
 
     def _run(self) -> None:
-        period_ns, due_ns, tick = 1_000_000_000 // RATE_HZ, time.monotonic_ns(), 0
-        while not self._ended.is_set():
-            due_ns = max(due_ns + period_ns, time.monotonic_ns() - 10 * period_ns)
-            self._serve_until(due_ns)
-            if self._plugged != bool(self._listeners):
-                self._listen(self.host) if self._plugged else self._close_all()
-            tick += 1
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            runner.run(self._serve())
+
+    def _await(self, work: Coroutine[Any, Any, None]) -> None:
+        asyncio.run_coroutine_threadsafe(work, self._loop).result()
+
+    async def _serve(self) -> None:
+        chance = random.SystemRandom()
+        for _ in range(_TRIES):
+            host = (
+                f"127.{chance.randint(64, 127)}.{chance.randint(0, 255)}.{chance.randint(1, 254)}"
+            )
+            try:
+                await self._listen(host)
+            except OSError:
+                await self._close_all()
+                continue
+            self.host = host
+            break
+        self._ready.set()
+        if self.host:
+            ticker = Ticker(1_000_000_000 // RATE_HZ, self._run_cycles, statistics=False)
+            ticker.start()
+            await self._ended.wait()
+            ticker.stop()
+            await self._close_all()
+
+    def _run_cycles(self, elapsed: int) -> None:
+        for _ in range(min(elapsed, _MOST_CYCLES)):
+            self._cycles += 1
             now_ns = time.monotonic_ns()
-            self.arm.step(self._time_s(now_ns), now_ns, period_ns / 1e9)
+            self.arm.step(self._time_s(now_ns), now_ns, 1.0 / RATE_HZ)
             if not self.silent:
                 fields = self.arm.fields(self._time_s(now_ns))
                 for connection in tuple(self.connections):
-                    connection.send_state(fields, tick)
+                    connection.send_state(fields, self._cycles)
 
-    def _serve_until(self, due_ns: int) -> None:
-        """Serve the sockets until a time; `select` waits whole milliseconds, `sleep` the rest."""
-        left_s = 1.0
-        while left_s > 0.0:
-            left_s = max(0, due_ns - time.monotonic_ns()) / 1e9 - 0.001
-            if left_s <= 0.0:
-                time.sleep(left_s + 0.001)
-            for key, _ in self._selector.select(max(0.0, left_s)):
-                act: Callable[[], None] = key.data
-                act()
-
-    def _listen(self, host: str) -> None:
+    async def _listen(self, host: str) -> None:
         for port, kind in _PORTS.items():
-            listener = socket.create_server((host, port))
-            self._listeners.append(listener)
-            self._selector.register(
-                listener,
-                selectors.EVENT_READ,
-                lambda at=listener, kind=kind: self._accept(at, kind),
-            )
+            made = partial(kind, self)
+            self._servers.append(await self._loop.create_server(made, host, port))
 
-    def _accept(self, listener: socket.socket, kind: type[PortConnection]) -> None:
-        link, _ = listener.accept()
-        link.setblocking(False)
-        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection = kind(self, link)
-        self.connections.append(connection)
-        self._selector.register(link, selectors.EVENT_READ, partial(self._receive, connection))
-        connection.greet()
-
-    def _receive(self, connection: PortConnection) -> None:
-        try:
-            data = connection.link.recv(_MOST_WAITING)
-            connection.received += data
-            if data:
-                connection.handle_data()
-        except (OSError, ValueError, struct.error, LookupError):
-            data = b""
-        if not data:
-            self.drop(connection)
-
-    def _close_all(self) -> None:
-        for connection in tuple(self.connections):
-            self.drop(connection)
-        for listener in self._listeners:
-            self._selector.unregister(listener)
-            listener.close()
-        self._listeners.clear()
+    async def _close_all(self) -> None:
+        for server in self._servers:
+            server.close()
+        self._servers.clear()
+        for connection in self.connections:
+            connection.transport.abort()
+        await asyncio.sleep(0.0)  # in which the connections are closed
 
 
 def in_lab(world: "World", seed: int, _clockwork: "Clockwork") -> EmulatedUrController:

@@ -1,6 +1,6 @@
 """Connections of clients to the ports of an emulated controller."""
 
-import socket
+import asyncio
 import struct
 from typing import Any, Final, Protocol
 
@@ -17,6 +17,7 @@ class Controller(Protocol):
 
     refuses_version: bool
     """Whether the controller speaks only the first version of RTDE."""
+    connections: "list[PortConnection]"
 
     def answer(self, line: str) -> str:
         """Return the dashboard server's answer to a line."""
@@ -27,32 +28,45 @@ class Controller(Protocol):
     def set_registers(self, values: dict[str, Any]) -> None:
         """Take input registers."""
 
-    def drop(self, connection: "PortConnection") -> None:
-        """Forget a client."""
 
-
-class PortConnection:
+class PortConnection(asyncio.Protocol):
     """One client at one port.
 
     Parameters
     ----------
     controller
         Whose port it is.
-    link
-        The accepted socket.
     """
 
-    def __init__(self, controller: Controller, link: socket.socket) -> None:
+    transport: asyncio.Transport
+
+    def __init__(self, controller: Controller) -> None:
         self.controller = controller
-        self.link = link
         self.received = bytearray()
+
+    def connection_made(self, transport: Any) -> None:
+        """Note the client, and greet it."""
+        self.transport = transport
+        self.controller.connections.append(self)
+        self.greet()
+
+    def data_received(self, data: bytes) -> None:
+        """Handle data; a client that sends what makes no sense is dropped."""
+        self.received += data
+        try:
+            self.handle_data()
+        except (ValueError, struct.error, LookupError):
+            self.transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - whatever ended it
+        """Forget the client."""
+        self.controller.connections.remove(self)
 
     def send(self, data: bytes) -> None:
         """Send data; a client that does not read is dropped, as by a real controller."""
-        try:
-            self.link.sendall(data)
-        except OSError:
-            self.controller.drop(self)
+        self.transport.write(data)
+        if self.transport.get_write_buffer_size():
+            self.transport.abort()
 
     def greet(self) -> None:
         """Send the greeting of the port; none by default."""
@@ -92,8 +106,8 @@ class ScriptConnection(PortConnection):
 class RtdeConnection(PortConnection):
     """A session of RTDE."""
 
-    def __init__(self, controller: Controller, link: socket.socket) -> None:
-        super().__init__(controller, link)
+    def __init__(self, controller: Controller) -> None:
+        super().__init__(controller)
         self._outputs: Recipe | None = None
         self._inputs: list[Recipe] = []
         self._every = 1
