@@ -19,6 +19,7 @@ from mmt.devices.drivers import load_device
 from mmt.testing.emulated import drivers as lab_drivers
 from mmt_devices.universal_robots.emulated.arm import PLAYING, POWER_OFF, STOPPED
 from mmt_devices.universal_robots.emulated.controller import EmulatedUrController
+from mmt_devices.universal_robots.link import ArmLink
 
 if find_spec("rtde_control") is None:
     pytest.skip("ur-rtde is not installed (pip install ur-rtde)", allow_module_level=True)
@@ -290,6 +291,22 @@ def test_without_an_origin_the_scene_begins_where_the_tip_is(lab: Lab) -> None:
     lab.robot.close()
     lab.robot.connect()  # its zero is not taken anew
     assert lab.robot.read() == pytest.approx((3.0, 0.0, 2.0), abs=0.2)
+
+
+def test_an_arm_that_is_lost_while_the_origin_is_read_is_connected_again(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = lab.robot = lab.make("robot", origin_mm=None)
+
+    def lose(_: ArmLink) -> None:
+        raise DeviceLost("gone")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(ArmLink, "read", lose)
+        with pytest.raises(DeviceLost, match="gone"):
+            robot.connect()
+    robot.connect()
+    assert robot.read() == pytest.approx((0.0, 0.0, 0.0), abs=0.1)
 
 
 def test_what_is_not_connected_is_lost_and_what_is_not_installed_is_told(lab: Lab) -> None:

@@ -73,13 +73,13 @@ class UrRobot:
             raise MmtError(f"the arm at {host} {reason}")
         link = ArmLink(self._options, self._servo, self._counts)
         link.start()
+        self._link = link
         if self._frame is None:  # a new connection keeps the zero of the scene
             origin_mm = self._options.origin_mm
             if origin_mm is None:
                 x, y, z = (M_TO_MM * part for part in link.read().position_m)
                 origin_mm = (x, y, z)
             self._frame = SceneFrame(origin_mm, self._options.rotation_rad)
-        self._link = link
 
     def calibrate(self) -> None:
         """Do nothing: the arm is calibrated."""
