@@ -3,15 +3,14 @@
 import select
 import socket
 import struct
-import threading
 import time
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
+from mmt.testing.emulated.clockwork import Clockwork
 
 if TYPE_CHECKING:
-    from mmt.testing.emulated.clockwork import Clockwork
     from mmt.testing.emulated.world import World
 
 PACKET: Final = struct.Struct("<3d")
@@ -33,15 +32,15 @@ class Tip(Protocol):
 class RobotLink:
     """The robot's end of the datagrams."""
 
-    def __init__(self, tip: Tip) -> None:
+    def __init__(self, tip: Tip, clockwork: Clockwork | None = None) -> None:
         self._tip = tip
+        self._clockwork = clockwork or Clockwork()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.setblocking(False)
         self.port: int = self._socket.getsockname()[1]
         self._peer: Any = None
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
+        self._due_ns = 0
 
     @property
     def options(self) -> dict[str, Any]:
@@ -50,26 +49,23 @@ class RobotLink:
 
     def start(self) -> None:
         """Begin to listen."""
-        self._thread.start()
+        self._clockwork.add(self._turn)
 
     def stop(self) -> None:
         """Stop, and close the port."""
-        self._ended.set()
-        self._thread.join()
+        self._clockwork.remove(self._turn)
         self._socket.close()
 
-    def _run(self) -> None:
-        due_ns = time.monotonic_ns()
-        while not self._ended.is_set():
-            due_ns = max(due_ns + _PERIOD_NS, time.monotonic_ns() - 10 * _PERIOD_NS)
-            time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
-            self._take()
-            if self._peer is not None:
-                position = self._tip.position_mm(time.monotonic_ns())
-                try:
-                    self._socket.sendto(PACKET.pack(*position), self._peer)
-                except OSError:
-                    self._peer = None  # it is gone
+    def _turn(self, now_ns: int) -> int:
+        self._take()
+        if self._peer is not None:
+            position = self._tip.position_mm(time.monotonic_ns())
+            try:
+                self._socket.sendto(PACKET.pack(*position), self._peer)
+            except OSError:
+                self._peer = None  # it is gone
+        self._due_ns = max(self._due_ns + _PERIOD_NS, now_ns - 10 * _PERIOD_NS)
+        return self._due_ns
 
     def _take(self) -> None:
         while True:
@@ -162,7 +158,7 @@ class DatagramRobot:
             raise DeviceLost(f"the virtual robot is gone: {error}") from error
 
 
-def in_lab(world: "World", _seed: int, _clockwork: "Clockwork") -> RobotLink:
+def in_lab(world: "World", _seed: int, clockwork: Clockwork) -> RobotLink:
     """Return the robot of the virtual lab."""
     world.take_robot()
-    return RobotLink(world)
+    return RobotLink(world, clockwork)
