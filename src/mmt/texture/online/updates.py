@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.texture_model import TextureModel
@@ -12,11 +12,23 @@ from mmt.texture.signals.faults import SignalFaults
 if TYPE_CHECKING:
     from mmt.texture.field.blocks import Blocks
     from mmt.texture.model.fits import Fit
-    from mmt.texture.online.modeller import OnlineModeller
     from mmt.texture.online.surface_changes import SurfaceChange
     from mmt.texture.segmentation.segments import SampleRange, Segment
     from mmt.texture.signals.aligned import AlignedBlock
     from mmt.texture.touch_down.fitting import TouchDown
+
+
+class UpdateSteps(Protocol):
+    """The steps of one update; see `mmt.texture.online.modeller.OnlineModeller`."""
+
+    def fit(self, work: "UpdateWork") -> None:
+        """Fit the new segments."""
+
+    def build(self, work: "UpdateWork") -> None:
+        """Build the model of the fits."""
+
+    def judge(self, work: "UpdateWork") -> "ModelUpdate":
+        """Judge the model; set and return ``work.update``."""
 
 
 ModelSource = Callable[[], TextureModel | None]
@@ -120,7 +132,7 @@ class UpdateWork:
         Set by ``judge``: the result.
     """
 
-    modeller: "OnlineModeller"
+    modeller: UpdateSteps
     time_s: float
     observed: "list[AlignedBlock]"
     added: "list[Segment]"
@@ -145,7 +157,7 @@ class UpdateWork:
     session_time_s: float | None = None
     update: ModelUpdate | None = None
 
-    def copy_for(self, modeller: "OnlineModeller") -> "UpdateWork":
+    def copy_for(self, modeller: UpdateSteps) -> "UpdateWork":
         """Return a copy of new work for another modeller."""
         return replace(self, modeller=modeller, durations_s=self.durations_s.copy())
 
