@@ -120,16 +120,16 @@ def answers(monkeypatch: pytest.MonkeyPatch) -> Answers:
             raise told.problem
         told.running = True
 
-    def answer(_: SharedSession, request: dict[str, Any]) -> list[float]:
+    def answer(_: SharedSession, what: str, action_mm: Any = None) -> list[float]:
         if told.problem is not None:
             raise told.problem
-        if request["ask"] == "follow":
-            told.command = request["mm"]
-        return STATE if request["ask"] == "observe" else list(told.command)
+        if what == "follow":
+            told.command = action_mm
+        return STATE if what == "observe" else list(told.command)
 
     monkeypatch.setattr(sessions, "_SESSIONS", {})
     monkeypatch.setattr(SharedSession, "_start", start)
-    monkeypatch.setattr(SharedSession, "_ask", answer)
+    monkeypatch.setattr(SharedSession, "ask", answer)
     monkeypatch.setattr(SharedSession, "_close", lambda _: setattr(told, "running", False))
     monkeypatch.setattr(SharedSession, "running", property(lambda _: told.running))
     return told

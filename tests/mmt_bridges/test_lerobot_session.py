@@ -49,7 +49,7 @@ session = SharedSession(Settings(sys.argv[1]))
 session.acquire("test")
 session.release("test")
 session.acquire("test")
-session.observe()
+session.ask("observe")
 print(*(child.pid for child in psutil.Process().children()))
 """
 """Uses a session twice, and ends without a word."""
@@ -105,15 +105,15 @@ def test_two_users_see_one_session_whose_hand_presses_until_the_last_leaves(scen
         shared_session(scene, Settings(scene, moved_by="actions"))
     names = state_names(session.scene.channels())
     force, level = names.index("force_z_n"), names.index("vibration_rms_m_s2")
-    wait_until(lambda: session.observe()[force] > 0.5)
-    wait_until(lambda: session.observe()[level] > 0.1)
-    x, y, z = session.command()
+    wait_until(lambda: session.ask("observe")[force] > 0.5)
+    wait_until(lambda: session.ask("observe")[level] > 0.1)
+    x, y, z = session.ask("command")
     assert z < 0.0  # below the surface, as the hand presses
-    assert math.dist((x, y), session.observe()[:2]) < 50.0
+    assert math.dist((x, y), session.ask("observe")[:2]) < 50.0
     session.release("teleoperator")
-    wait_until(lambda: session.command() != (x, y, z))
+    wait_until(lambda: session.ask("command") != [x, y, z])
     with pytest.raises(MmtError, match="hand moves the robot, it follows no actions"):
-        session.follow((0.0, 0.0, 0.0))
+        session.ask("follow", (0.0, 0.0, 0.0))
     children = process.children(recursive=True)
     assert children
     session.release("robot")
@@ -126,22 +126,22 @@ def test_actions_move_the_robot_within_its_workspace_until_the_process_dies(
     scene: str, started: Callable[[Settings], SharedSession]
 ) -> None:
     session = started(Settings(scene, moved_by="actions"))
-    start = session.observe()[:3]
+    start = session.ask("observe")[:3]
     assert math.dist(start, (0.0, 0.0, 5.0)) < 1.0
     with pytest.raises(MmtError, match="no action has come yet"):
-        session.command()
-    assert session.follow((2.0, -1.0, 6.0)) == (2.0, -1.0, 6.0)
-    wait_until(lambda: math.dist(session.observe()[:3], (2.0, -1.0, 6.0)) < 0.5)
-    assert session.command() == (2.0, -1.0, 6.0)
-    assert session.follow((2.0, -1.0, -30.0)) == (2.0, -1.0, -10.0)
-    wait_until(lambda: session.observe()[5] > 1.0)  # it presses
+        session.ask("command")
+    assert session.ask("follow", (2.0, -1.0, 6.0)) == [2.0, -1.0, 6.0]
+    wait_until(lambda: math.dist(session.ask("observe")[:3], (2.0, -1.0, 6.0)) < 0.5)
+    assert session.ask("command") == [2.0, -1.0, 6.0]
+    assert session.ask("follow", (2.0, -1.0, -30.0)) == [2.0, -1.0, -10.0]
+    wait_until(lambda: session.ask("observe")[5] > 1.0)  # it presses
     process = beside(session)
     children = process.children()
     process.kill()
     wait_until(lambda: not session.running)
     for _ in range(2):
         with pytest.raises(DeviceLost, match="ended unexpectedly"):
-            session.observe()
+            session.ask("observe")
     assert not psutil.wait_procs(children, LONGEST_S)[1]  # without a leader they end
 
 
@@ -154,7 +154,7 @@ def test_a_follower_that_is_lost_is_told(
 
     def lost() -> bool:
         try:
-            session.observe()
+            session.ask("observe")
         except DeviceLost:
             return True
         return False
@@ -162,7 +162,7 @@ def test_a_follower_that_is_lost_is_told(
     wait_until(lost)
     wait_until(lambda: not session.running)
     with pytest.raises(DeviceLost, match="follower"):
-        session.observe()
+        session.ask("observe")
 
 
 def test_a_program_that_ends_ends_its_second_session_too(scene: str) -> None:
@@ -209,11 +209,11 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(
     )
     lines = session._lines
     with pytest.raises(DeviceLost, match="no answer within"):
-        session.observe()
+        session.ask("observe")
     lines.put({"values": [1.0]})
     for _ in range(2):
         with pytest.raises(DeviceLost, match="no answer within"):
-            session.observe()
+            session.ask("observe")
     assert process.wait(LONGEST_S) != 0
     assert process.stdin is not None
     with suppress(OSError):  # what was asked last cannot be sent any more

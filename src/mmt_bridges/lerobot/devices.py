@@ -4,7 +4,7 @@ Names and units are those of an exported data set, see `mmt_bridges.lerobot.data
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from typing import Any, Final, cast
@@ -202,7 +202,7 @@ class MmtRobot(_SessionDevice, Robot):
         """
         self._require()
         with _told_to_lerobot():
-            state = dict(zip(self._names, self._session.observe(), strict=True))
+            state = dict(zip(self._names, self._session.ask("observe"), strict=True))
         return state | {name: camera.async_read() for name, camera in self.cameras.items()}
 
     def send_action(self, action: Mapping[str, Any]) -> dict[str, float]:
@@ -219,14 +219,14 @@ class MmtRobot(_SessionDevice, Robot):
         session, wanted = self._session, _position(action)
         with _told_to_lerobot():
             if session.settings.moved_by == "actions":
-                return _action(session.follow(wanted))
+                return _action(session.ask("follow", wanted))
             if session.given is None or math.dist(wanted, session.given) > _SAME_MM:
                 raise ValueError(
                     "this action is not one of mmt's teleoperator, and the scene's hand moves the "
                     "robot: set --robot.moved_by=actions for a policy, a replay or another "
                     "teleoperator"
                 )
-            return _action(session.command())
+            return _action(session.ask("command"))
 
 
 class MmtTeleoperator(_SessionDevice, Teleoperator):
@@ -284,7 +284,7 @@ class MmtTeleoperator(_SessionDevice, Teleoperator):
         """
         self._require()
         with _told_to_lerobot():
-            given = self._session.given = self._session.command()
+            given = self._session.given = self._session.ask("command")
         return _action(given)
 
     def send_feedback(self, feedback: Mapping[str, Any]) -> None:
@@ -315,5 +315,5 @@ def _position(action: Mapping[str, Any]) -> Vector:
     return (x, y, z)
 
 
-def _action(position_mm: Vector) -> dict[str, float]:
+def _action(position_mm: Sequence[float]) -> dict[str, float]:
     return dict(zip(ACTION_NAMES, position_mm, strict=True))

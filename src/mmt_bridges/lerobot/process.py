@@ -1,10 +1,10 @@
 """The process beside LeRobot that runs the leader and, if wanted, the follower.
 
 ``python -m mmt_bridges.lerobot.process SETTINGS`` takes `Settings` as JSON. Standard input takes
-requests as JSON lines: ``{"ask": "observe"}``, ``{"ask": "command"}`` or ``{"ask": "follow", "mm":
-[x, y, z]}``. Each is answered by one line on standard output, ``{"values": [...]}`` or ``{"error":
-"why"}``. The process writes ``{"ready": true}`` before the answers, ``{"event": "..."}`` at any
-time, and ``{"ended": "why"}`` last. The session ends when standard input is closed.
+requests as JSON lines: ``{"ask": "follow", "mm": [x, y, z]}``, or "observe" or "command" with null.
+Each is answered by one line on standard output, ``{"values": [...]}`` or ``{"error": "why"}``. The
+process writes ``{"ready": true}`` before the answers, ``{"event": "..."}`` at any time, and
+``{"ended": "why"}`` last. The session ends when standard input is closed.
 """
 
 import asyncio
@@ -142,12 +142,8 @@ async def _answer(leader: "Leader", part: "ObservingPart", ready: asyncio.Event)
 
 def _reply(part: "ObservingPart", request: dict[str, Any]) -> dict[str, Any]:
     try:
-        if request["ask"] == "observe":
-            return {"values": part.observe()}
-        if request["ask"] == "command":
-            return {"values": part.command()}
-        x, y, z = request["mm"]
-        return {"values": part.follow((x, y, z))}
+        given = () if request["mm"] is None else (tuple(request["mm"]),)
+        return {"values": getattr(part, request["ask"])(*given)}
     except MmtError as error:
         return {"error": str(error)}
 

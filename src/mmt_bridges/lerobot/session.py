@@ -7,11 +7,10 @@ import os
 import queue
 import subprocess
 import threading
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, InputError, MmtError
@@ -44,7 +43,7 @@ class SharedSession:
         self._process: subprocess.Popen[bytes] | None = None
         self._reading: threading.Thread | None = None
         self._lines: queue.Queue[dict[str, Any]] = queue.Queue()
-        self.given: Vector | None = None
+        self.given: list[float] | None = None
         """Last action of the teleoperator."""
 
     @property
@@ -99,35 +98,44 @@ class SharedSession:
         if not self._users:
             self._close()
 
-    def observe(self) -> list[float]:
-        """Return the newest state, in the order of `mmt_bridges.lerobot.dataset.state_names`.
+    def ask(
+        self, what: Literal["observe", "command", "follow"], action_mm: Vector | None = None
+    ) -> list[float]:
+        """Return the answer to a request; see the methods of `ObservingPart` for each.
+
+        Parameters
+        ----------
+        what
+            Name of the method.
+        action_mm
+            Position for the robot to follow.
 
         Raises
         ------
         DeviceLost
             The follower is lost, or the session has ended.
         """
-        return self._ask({"ask": "observe"})
-
-    def command(self) -> Vector:
-        """Return the position (mm) that the follower was commanded last.
-
-        Raises
-        ------
-        DeviceLost
-            The follower is lost, or the session has ended.
-        """
-        return _vector(self._ask({"ask": "command"}))
-
-    def follow(self, action_mm: Vector) -> Vector:
-        """Move the robot to a position (mm), and return it as clipped to the workspace.
-
-        Raises
-        ------
-        DeviceLost
-            The follower is lost, or the session has ended.
-        """
-        return _vector(self._ask({"ask": "follow", "mm": action_mm}))
+        request = json.dumps({"ask": what, "mm": action_mm}).encode() + b"\n"
+        with self._asking:
+            process = self._process
+            if process is None or process.stdin is None:
+                raise DeviceLost("the session of mmt has ended")
+            with suppress(OSError):  # it has ended, and has written why
+                process.stdin.write(request)
+                process.stdin.flush()
+            try:
+                reply = self._lines.get(timeout=_REPLY_S)
+            except queue.Empty:
+                process.kill()
+                reply = {_ENDED: f"no answer within {_REPLY_S:g} s: the session is ended"}
+                self._lines = queue.Queue()  # a late answer must not answer the next request
+        if _ENDED in reply:
+            self._lines.put(reply)  # for the next request
+            raise DeviceLost(reply[_ENDED])
+        if "error" in reply:
+            raise DeviceLost(reply["error"])
+        values: list[float] = reply["values"]
+        return values
 
     # --- the process
 
@@ -154,28 +162,6 @@ class SharedSession:
         if _ENDED in begun:
             self._close()
             raise MmtError(begun[_ENDED])
-
-    def _ask(self, request: dict[str, Any]) -> list[float]:
-        with self._asking:
-            process = self._process
-            if process is None or process.stdin is None:
-                raise DeviceLost("the session of mmt has ended")
-            with suppress(OSError):  # it has ended, and has written why
-                process.stdin.write(json.dumps(request).encode() + b"\n")
-                process.stdin.flush()
-            try:
-                reply = self._lines.get(timeout=_REPLY_S)
-            except queue.Empty:
-                process.kill()
-                reply = {_ENDED: f"no answer within {_REPLY_S:g} s: the session is ended"}
-                self._lines = queue.Queue()  # a late answer must not answer the next request
-        if _ENDED in reply:
-            self._lines.put(reply)  # for the next request
-            raise DeviceLost(reply[_ENDED])
-        if "error" in reply:
-            raise DeviceLost(reply["error"])
-        values: list[float] = reply["values"]
-        return values
 
     def _read(self, process: "subprocess.Popen[bytes]") -> None:
         """Queue the answers of the process; log its events, and what drivers print."""
@@ -215,11 +201,6 @@ def _parsed(raw: bytes) -> dict[str, Any]:
     except ValueError:
         line = None
     return line if isinstance(line, dict) else {"event": raw.decode(errors="replace").strip()}
-
-
-def _vector(values: Sequence[float]) -> Vector:
-    x, y, z = values
-    return (x, y, z)
 
 
 _SESSIONS: Final[dict[Path, SharedSession]] = {}
