@@ -13,7 +13,7 @@ import pytest
 import scipy.io
 import scipy.io.wavfile
 import scipy.sparse
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from unit_samples import FOREIGN, UNITS
 
@@ -511,23 +511,6 @@ def test_cells_without_a_value_are_gaps(holes, word):
             np.testing.assert_array_equal(frames["sequence"], there - there[0])
 
 
-@given(
-    start=st.integers(0, 2**32 - 1),
-    unit=st.sampled_from(["us", "ms"]),
-    count=st.sampled_from([2**8, 2**16, 2**24, 2**32, None]),
-)
-@settings(max_examples=20, deadline=None)
-def test_a_counter_that_wraps_goes_on(start, unit, count):
-    per_s = 1_000_000 if unit == "us" else 1000
-    assume(count is None or count > per_s / 5)  # more often than once in 16 rows it has no sense
-    counts = (start + np.rint(TIME_S * per_s).astype(np.int64)) % (count or per_s)
-    with TemporaryDirectory() as folder:
-        path = rows_of(Path(folder) / "a.csv", [f"n ({unit})", "Fz"], [counts, FORCE_N[:, 2]])
-        frames = import_session(path, columns={"time": "n", "force": "Fz"}).frames
-    np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-4)
-    assert len(frames) == ROWS
-
-
 @pytest.mark.parametrize("again", [True, False])
 def test_a_recorder_that_began_anew_gives_both_parts(tmp_path, again):
     lines, others = (
@@ -542,35 +525,6 @@ def test_a_recorder_that_began_anew_gives_both_parts(tmp_path, again):
     np.testing.assert_allclose(session.frames["force_n"][:, 2], both_n, rtol=1e-6)
     assert any("begins anew" in warning for warning in report.warnings)
     assert any("1 lines of text were left out" in warning for warning in report.warnings) == again
-
-
-@given(
-    cuts=st.lists(st.integers(0, ROWS), min_size=3, max_size=3, unique=True).map(sorted),
-    twice=st.booleans(),
-    map_speed=st.booleans(),
-)
-@settings(max_examples=30, deadline=None)
-def test_rows_written_late_or_twice_are_put_in_order(cuts, twice, map_speed):
-    first, second, third = cuts
-    assume(third > second + 1 if twice else first > 0 or third < ROWS)
-    rows = np.arange(ROWS)
-    if twice:  # those from the second cut to the third
-        rows = np.concatenate([rows[:third], rows[second:]])
-    else:
-        rows = np.concatenate([rows[:first], rows[second:third], rows[first:second], rows[third:]])
-    columns = {"time": "t", "force": "Fz"} | ({"speed": "v"} if map_speed else {})
-    with TemporaryDirectory() as folder:
-        paths = [
-            rows_of(Path(folder, f"{number}.csv"), ["t", "Fz", "v"], each)
-            for number, each in enumerate(
-                [c[chosen] for c in (TIME_S, FORCE_N[:, 2], POSITION_MM[:, 0])]
-                for chosen in (rows, np.arange(ROWS))
-            )
-        ]
-        found, expected = (import_recording(each, ImportOptions(columns)) for each in paths)
-    np.testing.assert_array_equal(found[0].frames, expected[0].frames)
-    said = f", and {third - second} that were written twice were left out" if twice else ""
-    assert f"t falls: the rows were put in the order of their times{said}" in found[1].warnings
 
 
 @pytest.mark.parametrize("names", ["t,Fz", "Frame,X", "note,left"])
@@ -930,15 +884,6 @@ def test_a_workbook_is_read_whole_whatever_size_it_states(tmp_path, stated):
             target.writestr(name, re.sub(rb'ref="A1:B\d+"', f'ref="{stated}"'.encode(), content))
     frames = import_session(tmp_path / "a.xlsx", columns={"time": "t", "force": "Fz"}).frames
     np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
-
-
-@pytest.mark.parametrize("shift_s", [-3600, 3600])
-def test_an_hour_of_summer_time_is_no_gap(tmp_path, shift_s):
-    when = MOMENTS + np.where(np.arange(ROWS) < 100, 0, shift_s).astype("m8[s]")
-    path = table_of(tmp_path / "a.csv", when)
-    session, report = import_recording(path, ImportOptions({"time": "t", "force": "Fz"}))
-    np.testing.assert_array_equal(session.frames["sequence"], np.arange(ROWS))
-    assert re.search("hour|wraps", " ".join(report.warnings))
 
 
 @settings(max_examples=20, deadline=None)
