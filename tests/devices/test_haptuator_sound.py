@@ -3,7 +3,6 @@
 import builtins
 import math
 import sys
-import time
 import types
 from importlib.machinery import ModuleSpec
 
@@ -14,11 +13,6 @@ from driver_fixtures import Keep, closed_devices, connected_devices  # noqa: F40
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.drivers import load_device
 from mmt.devices.haptuator.sound import SoundHaptuator, SoundOptions, load_sounddevice
-from mmt.devices.reconnection import ReconnectingActuator
-from mmt.leader.part import Session
-from mmt.leader.parts import build_parts
-from mmt.scene.files import scene_from_tables
-from mmt.testing.emulated.haptuator import EmulatedHaptuator
 from mmt.testing.emulated.sound_card import EmulatedSoundCard
 
 OPTIONS = {"volts_per_m_s2": 0.1, "full_scale_v": 6.0}
@@ -182,44 +176,3 @@ def test_the_driver_is_found_by_its_name_and_imports_no_library_before_it_is_con
     assert isinstance(device, SoundHaptuator)
     with pytest.raises(InputError, match="full_scale_v"):
         load_device("haptuator-sound", {"volts_per_m_s2": 0.1})
-
-
-# --- in the leader
-
-
-def test_a_lost_actuator_comes_back_while_the_leader_goes_on() -> None:
-    scene = scene_from_tables(
-        {
-            "link": {},
-            "devices": {"robot": "lab:Robot", "accelerometer": "lab:A"},
-            "playout": {},
-            "actuator": {"driver": "mmt.testing.emulated.haptuator:emulated_haptuator", **OPTIONS},
-        }
-    )
-    told: list[str] = []
-    parts = build_parts(Session(scene, told.append))
-    mended = parts.vibration.reconnecting
-    assert isinstance(mended, ReconnectingActuator)
-    device = mended.device
-    assert isinstance(device, EmulatedHaptuator)
-    parts.connect()
-    mended.write([1.0, -1.0])
-    device.card.unplug()
-    mended.write([1.0])
-    mended.write([1.0, 2.0])
-    summary = mended.losses_summary
-    assert (summary["losses"], summary["lost_samples"]) == (1, 3)
-    assert "until it is back" in told[0]
-    assert "the actuator (EmulatedHaptuator) is lost" in str(mended.problem)
-    device.card.plug()
-    give_up = time.monotonic() + 30.0
-    while mended.lost:
-        assert time.monotonic() < give_up
-        mended.write([1.0])
-        time.sleep(0.005)
-    assert told[-1].startswith("the actuator is back after ")
-    samples = mended.statistics.samples
-    mended.write([1.0])
-    assert mended.statistics.samples == samples + 1
-    assert mended.losses_summary["losses"] == 1
-    assert parts.close() == []
