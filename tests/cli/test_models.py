@@ -137,6 +137,7 @@ def test_info_says_what_the_file_holds(session_file: Path, tmp_path: Path) -> No
     assert figures["speed_mm_s"]["most"] == pytest.approx(samples.speed_mm_s.max(), abs=0.05)
     assert figures["rms_m_s2"]["least"] == pytest.approx(samples.power.min() ** 0.5, abs=1e-4)
     assert str(len(samples)) in result.output
+    assert "m.npz/n.npz" in refusal(*BUILD, session_file, target / "n.npz")
 
 
 def test_a_hand_that_never_strokes_gives_no_model(tmp_path: Path) -> None:
@@ -149,24 +150,6 @@ def test_a_hand_that_never_strokes_gives_no_model(tmp_path: Path) -> None:
     assert error.exit_code == 1
     assert "never stroked" in str(error)
     assert not (tmp_path / "m.npz").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        ((*BUILD, "missing.npz", "m.npz"), "missing.npz"),
-        ((*BUILD, "missing.npz", "m.txt"), "must end in .npz"),
-        ((*BUILD, "{session}", "{folder}/file/m.npz"), "m.npz"),
-        ((*INFO, "missing.npz"), "missing.npz"),
-        ((*INFO, "{session}"), "format version"),
-    ],
-)
-def test_a_mistake_is_explained(
-    session_file: Path, tmp_path: Path, arguments: tuple[str, ...], sentence: str
-) -> None:
-    (tmp_path / "file").write_text("in the way")
-    given = (each.format(session=session_file, folder=tmp_path) for each in arguments)
-    assert sentence in refusal(*given)
 
 
 def test_the_shipped_model_can_be_rendered() -> None:

@@ -20,7 +20,7 @@ from mmt.cli.scene import runs as scene_runs
 from mmt.cli.scene.costs import SceneRun
 from mmt.cli.scene.runs import SceneRunner
 from mmt.cli.scene_services import DemoRun
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import MmtError
 from mmt.core.queued_output import is_queued
 from mmt.scene import Scene
 from mmt.scene.files import example_scenes, load_scene
@@ -113,11 +113,6 @@ def test_devices_move_only_when_asked(explain: Callable[..., str], tmp_path: Pat
     assert "--devices measures it" in said.replace("\n", " ")
     assert "start (s)" not in said
     assert "start (s)" in explain(scene, "--devices")
-
-
-def test_a_scene_that_does_not_exist_is_explained(explain: Callable[..., str]) -> None:
-    with pytest.raises(InputError, match="nowhere: no such file"):
-        explain("nowhere")
 
 
 # --- running

@@ -1,11 +1,9 @@
 """``mmt session view``: what it says where nothing can be shown."""
 
 import socket
-from pathlib import Path
 
 import aiohttp
 import pytest
-from command_runs import refusal
 from frame_samples import made_frames
 from recording_server import serving
 
@@ -18,10 +16,6 @@ from mmt.web.viewing.server import RecordingServer
 
 def recording() -> ViewedRecording:
     return ViewedRecording(MemoryWindows(RecordedSession(made_frames(0, 500))))
-
-
-def test_a_file_that_is_not_there(tmp_path: Path) -> None:
-    assert "none.mcap: No such file" in refusal("session", "view", tmp_path / "none.mcap")
 
 
 async def test_a_port_that_is_taken() -> None:

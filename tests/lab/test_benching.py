@@ -5,16 +5,11 @@ from pathlib import Path
 import pytest
 from command_runs import refusal
 
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import MmtError
 from mmt_lab.bench.command import run_benches
 from mmt_lab.experiments import evaluate
 from mmt_lab.harness import command
 from mmt_lab.harness.findings import Findings, Target
-
-
-def test_an_unknown_stage_is_explained() -> None:
-    with pytest.raises(InputError, match=r"allowed are burg, devices, .*, link, pipeline"):
-        run_benches(["speed"])
 
 
 def test_the_evaluation_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:

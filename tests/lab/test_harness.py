@@ -10,7 +10,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 import pytest
-from command_runs import refusal, run
+from command_runs import run
 from lab_runs import run_lab
 
 from mmt.core.errors import InputError, MmtError
@@ -102,12 +102,6 @@ def test_the_list_needs_no_numerics() -> None:
         timeout=150,
     )
     assert ended.stderr.strip() == ""
-
-
-def test_an_unknown_experiment_is_explained() -> None:
-    with pytest.raises(InputError, match=r"allowed are .*felt"):
-        load("nothing")
-    assert "lab nothing: allowed are ablations, burg, compare" in refusal("lab", "nothing")
 
 
 def test_textures_are_names_between_commas() -> None:

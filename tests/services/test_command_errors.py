@@ -127,19 +127,23 @@ CASES = [
     ("mmt session recover none.mcap x.mcap", "session none.mcap: No such file"),
     ("mmt session recover text.mcap x.mcap", "session text.mcap: this is not an MCAP file"),
     ("mmt session recover whole.mcap whole.mcap", "name another file to write to"),
+    ("mmt session view none.mcap", "session none.mcap: No such file"),
     ("mmt session", "Usage: mmt session"),
     ("mmt session burn x", "No such command 'burn'"),
     # the rest
+    ("mmt scene explain none.toml", "scene none.toml: no such file"),
     ("mmt evaluate none.mcap", "session none.mcap: No such file"),
     ("mmt evaluate cut.mcap", CUT_OFF),
     ("mmt evaluate whole.mcap --step 0", "step_s is 0.0"),
     ("mmt evaluate whole.mcap --scene wrong-key.toml", "session.nmae is not a key"),
     ("mmt model info none.npz", "model none.npz: No such file"),
     ("mmt model info text.npz", "model text.npz: not a texture model"),
+    ("mmt model info whole.npz", "format version"),
+    ("mmt model build none.npz x.npz", "import none.npz: No such file"),
     ("mmt model build whole.mcap x.pdf", "the name of a model file must end in .npz"),
     ("mmt model build cut.mcap x.npz", CUT_OFF),
     ("mmt bench nothing", "bench nothing: allowed are burg, devices"),
-    ("mmt lab nothing", "lab nothing: allowed are "),
+    ("mmt lab nothing", "lab nothing: allowed are ablations, burg, compare"),
     ("mmt burn", "No such command 'burn'"),
     ("mmt", "Usage: mmt"),
 ]
@@ -154,6 +158,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (directory / "usb_handle.py").write_text(USB_HANDLE)
     frames = made_frames(0, 200)
     write_session(directory / "whole.mcap", frames)
+    write_session(directory / "whole.npz", frames)
     export_session(RecordedSession(frames), directory / "whole.csv")
     write_session(directory / "bare.mcap", made_frames(0, 200, ("position", "force")))
     whole = (directory / "whole.mcap").read_bytes()
