@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from frame_samples import PERIOD_NS, made_frames
+from frame_samples import made_frames
 from service_processes import Service
 from service_runs import Together, small_scene
 from wire_relay import relay
@@ -301,30 +301,6 @@ async def test_where_a_followers_numbers_wrap_the_model_and_the_recording_are_th
     expected = offline(frames).model_at(time_s)
     assert expected is not None
     assert model == expected.to_bytes()
-
-
-async def test_a_counter_that_starts_again_on_the_same_connection_goes_on_behind_a_gap(
-    tmp_path: Path,
-) -> None:
-    together = await Together.listening(small_scene(tmp_path, playout=None, actuator=None))
-    client = client_of(together, "reset")
-    await client.connect(5.0)
-    client.send_frames(made_frames(5000, 300))
-    await together.until(lambda: together.leader.time_s == 0.3)
-    again = made_frames(0, 300)
-    again["time_ns"] += 5300 * PERIOD_NS
-    client.send_frames(again)
-    await together.until(lambda: together.leader.time_s > 0.6)
-    await client.end("done")
-    await client.disconnect()
-    leader = await together.end()
-    assert any("started anew" in said for said in together.said)
-    assert leader.backfill["missing"] == leader.backfill["lost"] > 0
-    recorded = read_session(tmp_path / "session.mcap").frames
-    steps = np.diff(recorded["sequence"].astype(np.int64))
-    assert steps[299] == leader.backfill["missing"] + 1
-    assert (np.delete(steps, 299) == 1).all()
-    assert len(recorded) == 600
 
 
 async def test_a_follower_that_is_stopped_in_an_outage_of_the_network_delivers_the_rest(
