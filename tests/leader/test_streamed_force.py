@@ -5,19 +5,10 @@ import pytest
 from frame_samples import made_frames
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from test_slew import Display
 
-from mmt.core.arrays import RecordArray, Vector
+from mmt.core.arrays import RecordArray
 from mmt.leader.motion.feedback import StreamedForce
-
-
-class Handle:
-    """A display, which is not read, that notes what it is given."""
-
-    def __init__(self) -> None:
-        self.forces: list[Vector] = []
-
-    def write(self, force_n: Vector) -> None:
-        self.forces.append(force_n)
 
 
 def forced(*force_n: float) -> RecordArray:
@@ -27,7 +18,7 @@ def forced(*force_n: float) -> RecordArray:
 
 
 def test_the_newest_force_is_displayed_within_the_limit_in_its_direction() -> None:
-    handle = Handle()
+    handle = Display()
     force = StreamedForce(handle, limit_n=3.0)
     force.tick(1, None)
     assert force.summary == {"method": "streamed", "largest_n": 0.0}
@@ -44,7 +35,7 @@ def test_the_newest_force_is_displayed_within_the_limit_in_its_direction() -> No
 
 
 def test_after_a_pause_the_force_comes_back_from_zero() -> None:
-    handle = Handle()
+    handle = Display()
     force = StreamedForce(handle, limit_n=3.0, silence_ticks=40)
     for tick in range(180):
         force.on_frames(forced(0.0, 0.0, 2.0))
@@ -60,7 +51,7 @@ def test_after_a_pause_the_force_comes_back_from_zero() -> None:
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(st.integers(1, 200), st.floats(0.0, 3.0)), min_size=1, max_size=12))
 def test_a_force_that_comes_and_goes_never_steps(stretches: list[tuple[int, float]]) -> None:
-    handle = Handle()
+    handle = Display()
     force = StreamedForce(handle, limit_n=3.0)
     for _ in range(60):  # as before a session: nothing has been heard yet
         force.tick(1, None)
@@ -74,7 +65,7 @@ def test_a_force_that_comes_and_goes_never_steps(stretches: list[tuple[int, floa
     assert np.abs(np.diff(normal)).max() <= 3.0 / 50 + 1e-12
 
 
-def written(force: StreamedForce, handle: Handle, ticks: list[int], *, stream: bool) -> np.ndarray:
+def written(force: StreamedForce, handle: Display, ticks: list[int], *, stream: bool) -> np.ndarray:
     """Display once for each number of elapsed ticks; return the steps of the force written."""
     before = len(handle.forces)
     for elapsed in ticks:
@@ -88,7 +79,7 @@ def written(force: StreamedForce, handle: Handle, ticks: list[int], *, stream: b
 @pytest.mark.parametrize("held_up", [2, 49, 75, 1000])
 def test_a_held_up_tick_makes_no_step_of_the_force(held_up: int) -> None:
     """The ramps advance by what was written, out in a silence and in when frames come again."""
-    handle = Handle()
+    handle = Display()
     force = StreamedForce(handle, limit_n=3.0, silence_ticks=40)
     written(force, handle, [1] * 3, stream=True)
     out = written(force, handle, [held_up, *[1] * 150], stream=False)

@@ -11,6 +11,7 @@ import pytest
 from running_source import RunningSource
 from scipy.spatial.transform import Rotation
 from sensor_reading import until_turned
+from test_ur_parts import Spring
 from waiting import children, until, until_lost
 
 from mmt.core.arrays import Vector
@@ -27,18 +28,6 @@ if sys.platform != "linux":
     pytest.skip("loopback addresses of one's own are for Linux", allow_module_level=True)
 
 TOOL_DOWN = (2.2, 2.2, 0.0)
-
-
-class Spring:
-    """A tip that is where it is told, on a surface of 2 N/mm."""
-
-    command_mm: Vector | None = None
-
-    def position_mm(self, time_ns: int) -> Vector:
-        return self.command_mm or (0.0, 0.0, 5.0)
-
-    def force_n(self, time_ns: int) -> Vector:
-        return (0.0, 0.0, max(0.0, -2.0 * self.position_mm(time_ns)[2]))
 
 
 class Lab:

@@ -2,15 +2,14 @@
 
 import asyncio
 import math
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
+from emulated_arm import emulated_arm  # noqa: F401 - a fixture
 from service_runs import Together, small_scene
 
-from mmt.core.errors import MmtError
 from mmt.scene import Scene
 from mmt.session.files import read_session
 from mmt.testing.emulated.haptuator import EmulatedHaptuator
@@ -18,17 +17,6 @@ from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
 from mmt.testing.emulated.hd import EmulatedHd
 
 RECOVERY_MM_S = 50.0
-
-
-@pytest.fixture
-def emulated() -> Iterator[EmulatedHd]:
-    try:
-        device = EmulatedHd()
-    except MmtError as error:
-        pytest.skip(str(error))
-    device.start()
-    yield device
-    device.stop()
 
 
 def with_handle(directory: Path, emulated: EmulatedHd, **handle: Any) -> Scene:

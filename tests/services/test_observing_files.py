@@ -10,12 +10,12 @@ from typing import Any
 
 import aiohttp
 import pytest
+from emulated_arm import emulated_arm  # noqa: F401 - a fixture
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
 from service_runs import Together, small_scene
 
-from mmt.core.errors import MmtError
 from mmt.testing.emulated.hd import EmulatedHd
 
 OBSERVING = Path(__file__).parents[2] / "configs" / "observing"
@@ -60,18 +60,12 @@ async def test_what_is_asked_for_is_what_a_run_gives(tmp_path: Path, unused_tcp_
     assert topics_of_the_layout() <= fields_of(tmp_path / "session.mcap")
 
 
-async def test_a_handle_says_whether_it_is_lost(tmp_path: Path) -> None:
-    try:
-        device = EmulatedHd()
-    except MmtError as error:
-        pytest.skip(str(error))
-    device.start()
-    handle = {"driver": "openhaptics", "library": device.address}
+async def test_a_handle_says_whether_it_is_lost(tmp_path: Path, emulated: EmulatedHd) -> None:
+    handle = {"driver": "openhaptics", "library": emulated.address}
     together = await Together.listening(small_scene(tmp_path, metrics={}, hand=None, handle=handle))
     async with aiohttp.ClientSession() as http:
         assert "mmt_handle_lost" in await names_of(http, together.leader.port)
     await together.stop()
-    device.stop()
 
 
 @pytest.mark.skipif(shutil.which("promtool") is None, reason="needs promtool, of prometheus")
