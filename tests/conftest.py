@@ -7,9 +7,7 @@ import re
 import signal
 import socket
 import sys
-from collections.abc import Iterator
 from contextlib import suppress
-from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, Phase, settings
@@ -95,18 +93,18 @@ settings.register_profile(
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "mmt"))
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
+def pytest_addoption(parser):
     parser.addoption("--lane", choices=("fast", "usual", "all"), default="all", help="files to run")
 
 
 @pytest.hookimpl(optionalhook=True)
-def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+def pytest_xdist_auto_num_workers(config):
     """Run three processes for two cores: a third of its time, a test waits for a clock."""
     cores = os.cpu_count() or 1
     return min(cores if config.getoption("lane") == "fast" else 3 * cores // 2, 8)
 
 
-def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+def pytest_ignore_collect(collection_path, config):
     """Leave out the files of slower lanes before they are read: that takes a fifth of a minute."""
     lane = config.getoption("lane")
     if lane == "all" or not collection_path.name.startswith("test_"):
@@ -118,7 +116,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_collection() -> Iterator[None]:
+def pytest_collection():
     """Keep what is imported and collected from the collector, which would go through it anew.
 
     It stays until the end: half a million objects, a fifth of a second each time.
@@ -133,7 +131,7 @@ def pytest_collection() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _heap_that_is_collected() -> Iterator[None]:
+def _heap_that_is_collected():
     """Let no service freeze what its test made: that would last for the tests that follow.
 
     To thaw it afterwards would thaw what was collected, too.
@@ -143,7 +141,7 @@ def _heap_that_is_collected() -> Iterator[None]:
         yield
 
 
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config, items):
     """Begin with what takes longest, in every process alike."""
     if hasattr(config, "workerinput"):
         places = {name: place for place, name in enumerate(SLOW)}
@@ -151,7 +149,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 @pytest.fixture
-def unused_tcp_port() -> int:
+def unused_tcp_port():
     """A port that the system does not give away meanwhile, to another process of the tests."""
     while True:
         port = random.randrange(20_000, 32_000)  # below those that port 0 stands for
@@ -161,7 +159,7 @@ def unused_tcp_port() -> int:
 
 
 @pytest.fixture(scope="module")
-def read_here() -> Iterator[None]:
+def read_here():
     """Read files of foreign formats in this process: each child takes a second to start."""
     from mmt.session.importing.reading_child import reads_here
 
@@ -171,7 +169,7 @@ def read_here() -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True)
-def _ordinary_process() -> Iterator[None]:
+def _ordinary_process():
     """Put back what a service asks of its process: it would last, and children would inherit it."""
     yield
     finish_output()

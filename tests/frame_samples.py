@@ -2,15 +2,12 @@
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, channels_of, frame_dtype
 
 PERIOD_NS = 1_000_000
 
 
-def made_frames(
-    first: int, count: int, channels: tuple[str, ...] = CHANNELS, samples_per_frame: int = 1
-) -> RecordArray:
+def made_frames(first, count, channels=CHANNELS, samples_per_frame=1):
     """Frames whose numbers tell which they are."""
     frames = np.zeros(count, frame_dtype(channels, samples_per_frame))
     frames["sequence"] = np.arange(first, first + count)

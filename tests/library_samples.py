@@ -1,7 +1,5 @@
 """Models and HaTT files made for tests, with nothing of any real one."""
 
-from pathlib import Path
-
 import numpy as np
 
 from mmt.texture.autoregression.forms import (
@@ -11,13 +9,10 @@ from mmt.texture.autoregression.forms import (
     reflection_to_lsf,
 )
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
-from mmt.texture.settings import Method
-from mmt.texture.space import ANISOTROPIC, ISOTROPIC, InputSpace
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC
 
 
-def model(
-    space: InputSpace = ISOTROPIC, *, seed: int = 0, order: int = 8, rate_hz: float = 1000.0
-) -> TextureModel:
+def model(space=ISOTROPIC, *, seed=0, order=8, rate_hz=1000.0):
     generator = np.random.default_rng(seed)
     count = 12
     if space.directed:
@@ -32,7 +27,7 @@ def model(
     return TextureModel(samples, method="published", rate_hz=rate_hz)
 
 
-def stiff(seed: int, method: Method = "published", scale: float = 1.0) -> TextureModel:
+def stiff(seed, method="published", scale=1.0):
     """Return a model with poles at the unit circle; each sample's order of them is another."""
     generator = np.random.default_rng(seed)
     poles = np.array([0.9999999, -0.9999999, 0.99, -0.99, 0.9, -0.9, 0.5, 0.1])
@@ -48,11 +43,11 @@ def stiff(seed: int, method: Method = "published", scale: float = 1.0) -> Textur
     return TextureModel(samples, method=method)
 
 
-def directed(seed: int = 0) -> TextureModel:
+def directed(seed=0):
     return model(ANISOTROPIC, seed=seed)
 
 
-def write_hatt(path: Path, *, zeros: bool = False, change: tuple[str, str] = ("", "")) -> Path:
+def write_hatt(path, *, zeros=False, change=("", "")):
     """Write four vertices and two triangles in HaTT's schema, as the toolkit would."""
     lsf = np.array(
         [[0.4, 0.9, 1.6, 2.4], [0.5, 1.0, 1.5, 2.2], [0.3, 1.1, 1.9, 2.6], [0.4, 1, 2, 2.5]]

@@ -1,7 +1,5 @@
 """The modelling's stages in a thread, where a test looks into the modeller."""
 
-from typing import Any
-
 from mmt.leader.modelling.process import ModellingProcess
 from mmt.leader.modelling.stages import Stages
 
@@ -11,9 +9,9 @@ class InThread(ModellingProcess):
 
     _stages: Stages
 
-    def _start(self) -> None:
+    def _start(self):
         self._stages = Stages(*self._setup)
 
-    def _exchange(self, message: Any) -> Any:
+    def _exchange(self, message):
         name, arguments, named = message
         return getattr(self._stages, name)(*arguments, **named)

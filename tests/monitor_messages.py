@@ -2,15 +2,14 @@
 
 import json
 import struct
-from typing import Any
 
 import numpy as np
 
 
-def unpack(message: bytes) -> dict[str, Any]:
+def unpack(message):
     """Return the header of a message; "arrays" holds the arrays by name."""
     (length,) = struct.unpack_from("<I", message)
-    header: dict[str, Any] = json.loads(message[4 : 4 + length])
+    header = json.loads(message[4 : 4 + length])
     offset, arrays = 4 + length, {}
     assert offset % 4 == 0
     for name, shape in header["arrays"]:

@@ -5,10 +5,8 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
 from aiohttp import web
@@ -18,9 +16,6 @@ MODULES = Path(sys.prefix) / "node" / "node_modules"
 NODE = shutil.which("node")
 LONGEST_S = 60.0
 TOKEN = "sixteen-characters"
-
-Show = Callable[[str, str], Awaitable[tuple[Any, list[str]]]]
-"""Gives a page, and what it writes to its console."""
 
 NEEDS_NODE = [
     pytest.mark.skipif(NODE is None, reason="Node is not installed"),
@@ -32,7 +27,7 @@ NEEDS_NODE = [
 """Marks of the modules whose tests run these programs."""
 
 
-async def run_node(program: Path, *arguments: object) -> tuple[int, str, str]:
+async def run_node(program, *arguments):
     """Run a program; return its exit code, and what it prints and complains of."""
     process = await asyncio.create_subprocess_exec(
         *(str(NODE), str(program), *map(str, arguments)),
@@ -47,15 +42,14 @@ async def run_node(program: Path, *arguments: object) -> tuple[int, str, str]:
 PAGE = Path(__file__).parents[1] / "docs/how-to/javascript.md"
 
 
-def documented(heading: str) -> str:
+def documented(heading):
     """The program that the documentation has under a heading; "" for what Node begins with."""
     text = PAGE.read_text(encoding="utf-8").partition(f"## {heading}" if heading else "# ")[2]
     found = re.search(r"```js\n(.*?)```", text, re.DOTALL)
-    assert found is not None
     return found.group(1)
 
 
-def under_node(folder: Path, heading: str, url: str, last: str) -> Path:
+def under_node(folder, heading, url, last):
     """That program as a file for Node, for a leader at this address, with a last line."""
     begin = re.sub(r'address = ".*?"', f'address = "{url}"', documented(""))
     program = folder / "program.cjs"
@@ -64,7 +58,7 @@ def under_node(folder: Path, heading: str, url: str, last: str) -> Path:
 
 
 @asynccontextmanager
-async def another_site(folder: Path) -> AsyncIterator[tuple[dict[str, object], Show]]:
+async def another_site(folder):
     """What lets pages of another site connect, and what shows such a page in Chromium.
 
     It runs the program of that heading, with the token, for the leader at an address.
@@ -79,7 +73,7 @@ async def another_site(folder: Path) -> AsyncIterator[tuple[dict[str, object], S
     bundle = MODULES / "socket.io-client/dist/socket.io.msgpack.min.js"
     text = ""
 
-    async def answer(_: web.Request) -> web.Response:
+    async def answer(_):
         return web.Response(text=text, content_type="text/html")
 
     app = web.Application()
@@ -87,14 +81,14 @@ async def another_site(folder: Path) -> AsyncIterator[tuple[dict[str, object], S
     async with TestServer(app) as site, api.async_playwright() as playwright:
         browser = await playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
 
-        async def show(address: str, heading: str) -> tuple[Any, list[str]]:
+        async def show(address, heading):
             nonlocal text
             begin = f"const options = {{}}, address = '{address}';"
             program = documented(heading).replace("auth: {", f"auth: {{ token: '{TOKEN}',")
             scripts = (bundle.read_text(encoding="utf-8"), begin, program)
             text = "<!doctype html>" + "".join(f"<script>{script}</script>" for script in scripts)
             page = await browser.new_page()
-            said: list[str] = []
+            said = []
             page.on(
                 "console",
                 lambda message: said.append(message.text) if message.type == "log" else None,

@@ -1,18 +1,7 @@
 """A package that offers something by entry points, installed by its files alone."""
 
-from collections.abc import Mapping
-from pathlib import Path
 
-import pytest
-
-
-def install_package(
-    folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    name: str,
-    entries: Mapping[str, Mapping[str, str]],
-    version: str = "1.0",
-) -> None:
+def install_package(folder, monkeypatch, name, entries, version="1.0"):
     """Make entry points (group, then name to target) as if a package had been installed."""
     information = folder / f"{name.replace('-', '_')}-{version}.dist-info"
     information.mkdir()

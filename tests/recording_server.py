@@ -1,15 +1,13 @@
 """A recording that is served while a test looks at it."""
 
 import asyncio
-from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from mmt.web.viewing.recording import ViewedRecording
 from mmt.web.viewing.server import RecordingServer
 
 
 @asynccontextmanager
-async def serving(recording: ViewedRecording) -> AsyncIterator[str]:
+async def serving(recording):
     """Serve a recording; give the page's address."""
     server, address = RecordingServer(recording), asyncio.Queue[str]()
     running = asyncio.create_task(server.run(address.put_nowait))

@@ -1,12 +1,10 @@
 """Sessions that are made stroke by stroke, so that their segments are known beforehand."""
 
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from mmt.core.arrays import RecordArray
 from mmt.core.frames import empty_frames
 from mmt.session.data import RecordedSession
 
@@ -17,7 +15,7 @@ POLES = 0.9 * np.exp(2j * np.pi * np.array([0.08, -0.08]))
 Stroke = tuple[float, float]
 
 
-def resonant_noise(count: int, generator: np.random.Generator) -> np.ndarray:
+def resonant_noise(count, generator):
     """Return AR(2) noise with a resonance at 80 Hz and unit power."""
     b, c = float(POLES.sum().real), float(np.prod(POLES).real)
     power = (1 + c) / ((1 - c) * ((1 + c) ** 2 - b**2))
@@ -28,7 +26,7 @@ def resonant_noise(count: int, generator: np.random.Generator) -> np.ndarray:
     return values[200:]
 
 
-def strokes_over_plane() -> list[Stroke]:
+def strokes_over_plane():
     """Return (mm/s, N) of strokes that cover the plane twice, in a scattered order."""
     grid = [(speed, force) for speed in (50, 150, 250) for force in (0.5, 1.5, 2.5)]
     order = np.random.default_rng(7).permutation(len(grid))
@@ -36,10 +34,10 @@ def strokes_over_plane() -> list[Stroke]:
     return once + [(1.08 * speed, 0.93 * force) for speed, force in once] + once
 
 
-def stroked_frames(strokes: Sequence[Stroke], level: float = 1.0, seed: int = 0) -> RecordArray:
+def stroked_frames(strokes, level=1.0, seed=0):
     """Return frames of straight strokes of constant speed and force, lifted in between."""
-    speed_mm_s: list[np.ndarray] = []
-    force_n: list[np.ndarray] = []
+    speed_mm_s = []
+    force_n = []
     for speed, force in strokes:
         speed_mm_s += [np.full(STROKE_SAMPLES, speed), np.zeros(LIFT_SAMPLES)]
         force_n += [np.full(STROKE_SAMPLES, force), np.zeros(LIFT_SAMPLES)]
@@ -55,16 +53,16 @@ def stroked_frames(strokes: Sequence[Stroke], level: float = 1.0, seed: int = 0)
 
 
 @pytest.fixture(scope="session")
-def stroked_session() -> RecordedSession:
+def stroked_session():
     """Return a session of 27 strokes on a texture that is the same at all speeds and forces."""
     return RecordedSession(stroked_frames(strokes_over_plane()), path=Path("even.mcap"))
 
 
 @pytest.fixture(scope="session")
-def make_session() -> Callable[..., RecordedSession]:
+def make_session():
     """Return a maker of sessions from strokes."""
 
-    def make(strokes: Sequence[Stroke], **options: float) -> RecordedSession:
+    def make(strokes, **options):
         return RecordedSession(stroked_frames(strokes, **options), path=Path("made.mcap"))
 
     return make

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import fields, replace
-from typing import Any, get_type_hints
+from typing import get_type_hints
 
 import numpy as np
 import pytest
@@ -26,22 +26,22 @@ OTHERS = ["auto", "delaunay", "no such thing", None, True, []]
 
 
 @pytest.mark.parametrize("values", ["a", ["a"], 1j, [None], [True], [[1.0], [1.0, 2.0]]])
-def test_what_are_no_real_numbers_is_refused(values: Any) -> None:
+def test_what_are_no_real_numbers_is_refused(values):
     with pytest.raises(InputError, match=r"^lsf is "):
         real_numbers("lsf", values)
 
 
 @pytest.mark.parametrize("values", [1, [1, 2], np.float32([[0.5]]), np.uint8([3]), [math.nan]])
-def test_real_numbers_are_taken_in_their_shape(values: Any) -> None:
+def test_real_numbers_are_taken_in_their_shape(values):
     found = real_numbers("lsf", values)
     np.testing.assert_array_equal(found, values)
     assert found.dtype == np.float64
 
 
 @pytest.mark.parametrize("owner", [TextureSettings, SurfaceSettings])
-def test_a_value_is_allowed_exactly_where_pydantic_allows_it(owner: type[Any]) -> None:
+def test_a_value_is_allowed_exactly_where_pydantic_allows_it(owner):
     for name, hint in get_type_hints(owner, include_extras=True).items():
-        adapter: TypeAdapter[Any] = TypeAdapter(hint)
+        adapter = TypeAdapter(hint)
         for value in [*NUMBERS, *OTHERS]:
             try:
                 adapter.validate_python(value, strict=True)
@@ -71,50 +71,50 @@ def test_a_value_is_allowed_exactly_where_pydantic_allows_it(owner: type[Any]) -
         ({"longest_samples": 130}, "at least twice"),
     ],
 )
-def test_settings_of_the_library_are_checked(keys: dict[str, Any], told: str) -> None:
+def test_settings_of_the_library_are_checked(keys, told):
     with pytest.raises(InputError) as caught:
         ModellingSettings(**keys)
     assert told in str(caught.value)
 
 
 @pytest.mark.parametrize("text", ["nan", "-inf", "1e999", "", "one"])
-def test_a_text_of_no_finite_number_is_refused(text: str) -> None:
+def test_a_text_of_no_finite_number_is_refused(text):
     assert finite_number("-2.5e3") == -2500.0
     with pytest.raises(ValueError, match=r"not finite|could not convert"):
         finite_number(text)
 
 
-def test_a_whole_number_above_all_floats_is_refused() -> None:
+def test_a_whole_number_above_all_floats_is_refused():
     with pytest.raises(InputError, match=r"^x is 10+, allowed is a finite number$"):
         check("x", 10**400, float)
 
 
-def test_numbers_of_numpy_are_numbers() -> None:
-    keys: dict[str, Any] = {"order": np.int64(5), "rate_hz": np.float32(500.0)}
+def test_numbers_of_numpy_are_numbers():
+    keys = {"order": np.int64(5), "rate_hz": np.float32(500.0)}
     settings = ModellingSettings(**keys)
     assert (settings.order, settings.rate_hz) == (5, 500.0)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf, "wide"])
-def test_the_end_of_a_space_is_checked(value: Any) -> None:
+def test_the_end_of_a_space_is_checked(value):
     with pytest.raises(InputError, match=r"maximum_force_n is .*, allowed is a finite"):
         InputSpace(maximum_force_n=value)
 
 
-def test_a_scene_names_every_value_that_is_not_allowed() -> None:
+def test_a_scene_names_every_value_that_is_not_allowed():
     with pytest.raises(ValidationError) as caught:
         TEXTURE_TABLE.validate_python({"order": 65, "least_force_n": 0.0})
     assert {problem["loc"][0] for problem in caught.value.errors()} == {"order", "least_force_n"}
     assert {field.name for field in fields(TextureSettings)} >= {"order", "least_force_n"}
 
 
-def samples(power: float) -> TextureSamples:
+def samples(power):
     speed, force = np.array([50.0, 200.0, 120.0]), np.array([0.5, 0.7, 2.0])
     lsf = np.tile([0.4, 0.9, 1.5, 2.5], (3, 1))
     return TextureSamples.isotropic(speed, force, lsf, np.full(3, 0.1 * power), np.full(3, power))
 
 
-def test_a_model_of_the_largest_power_is_finite() -> None:
+def test_a_model_of_the_largest_power_is_finite():
     model = TextureModel(samples(LARGEST_POWER))
     assert np.isfinite(model.level_db([0.0, 100.0, 300.0], [0.0, 1.0, 3.0])).all()
     assert np.isfinite(model.spectrum(100.0, 1.0, frequencies_hz=np.arange(0.0, 500.0))).all()
@@ -122,7 +122,7 @@ def test_a_model_of_the_largest_power_is_finite() -> None:
 
 @pytest.mark.parametrize("power", [1.1e12, 1e300, math.inf, math.nan])
 @pytest.mark.parametrize("name", ["power", "variance"])
-def test_a_file_with_a_power_that_nothing_has_is_refused(name: str, power: float) -> None:
+def test_a_file_with_a_power_that_nothing_has_is_refused(name, power):
     contents = TextureModel(samples(1e12)).contents
     assert TextureModel.from_bytes(pack_arrays(arrays_of(contents))).samples.power[1] == 1e12
     broken = replace(contents.samples, **{name: np.array([1.0, power, 1.0])})
@@ -131,7 +131,7 @@ def test_a_file_with_a_power_that_nothing_has_is_refused(name: str, power: float
 
 
 @pytest.mark.parametrize("rate_hz", [math.nan, 0.0, -5.0, math.inf])
-def test_the_rate_of_a_model_is_checked(rate_hz: float) -> None:
+def test_the_rate_of_a_model_is_checked(rate_hz):
     with pytest.raises(InputError, match=r"rate_hz is .*, allowed is a finite number at least 1"):
         TextureModel(samples(1.0), rate_hz=rate_hz)
 
@@ -150,7 +150,7 @@ def test_the_rate_of_a_model_is_checked(rate_hz: float) -> None:
         ("inputs", "none"),
     ],
 )
-def test_a_model_file_is_checked_by_the_same_rules(name: str, value: Any) -> None:
+def test_a_model_file_is_checked_by_the_same_rules(name, value):
     arrays = arrays_of(TextureModel(samples(1.0)).contents)
     assert TextureModel.from_bytes(pack_arrays(arrays)).rate_hz == 1000.0
     with pytest.raises(InputError) as caught:

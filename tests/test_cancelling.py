@@ -5,10 +5,10 @@ import asyncio
 from mmt.core.ending import cancel_until_ended
 
 
-async def test_a_task_that_swallows_a_cancellation_is_asked_again() -> None:
+async def test_a_task_that_swallows_a_cancellation_is_asked_again():
     swallowed = 0
 
-    async def stubborn() -> None:
+    async def stubborn():
         nonlocal swallowed
         while True:
             try:
@@ -18,7 +18,7 @@ async def test_a_task_that_swallows_a_cancellation_is_asked_again() -> None:
                 if swallowed == 2:
                     raise
 
-    async def failed() -> None:
+    async def failed():
         raise ValueError("its own")
 
     tasks = [asyncio.ensure_future(stubborn()), asyncio.ensure_future(failed())]

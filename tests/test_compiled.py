@@ -89,12 +89,12 @@ print(was_cached, len(halved.signatures), quartered(3.0), halved(3.0))
 """
 
 
-def test_a_kernel_needs_a_signature() -> None:
+def test_a_kernel_needs_a_signature():
     with pytest.raises(ValueError, match="signature"):
         kernel()
 
 
-def test_kernels_are_dropped_when_any_source_of_their_folder_changes(tmp_path: Path) -> None:
+def test_kernels_are_dropped_when_any_source_of_their_folder_changes(tmp_path):
     source = tmp_path / "numerics.py"
     source.write_text("one")
     assert drop_stale_kernels(tmp_path)
@@ -107,9 +107,7 @@ def test_kernels_are_dropped_when_any_source_of_their_folder_changes(tmp_path: P
     assert not compiled.exists()
 
 
-def test_kernels_that_are_collected_are_compiled_when_they_are_asked_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_kernels_that_are_collected_are_compiled_when_they_are_asked_for(tmp_path, monkeypatch):
     (tmp_path / "doubled_numerics.py").write_text(DOUBLED)
     monkeypatch.syspath_prepend(tmp_path)
     kernels = collect_kernels(["doubled_numerics"])
@@ -122,7 +120,7 @@ def test_kernels_that_are_collected_are_compiled_when_they_are_asked_for(
     assert collect_kernels(["doubled_numerics"]) == {}
 
 
-def test_an_inner_kernel_is_loaded_for_callers_that_are_not_cached(tmp_path: Path) -> None:
+def test_an_inner_kernel_is_loaded_for_callers_that_are_not_cached(tmp_path):
     (tmp_path / "inner_numerics.py").write_text(INNER)
     (tmp_path / "run.py").write_text(INNER_FROM_CACHE)
     found = [
@@ -138,12 +136,12 @@ def test_an_inner_kernel_is_loaded_for_callers_that_are_not_cached(tmp_path: Pat
     assert found == [["False", "1", "0.75", "1.5"], ["True", "0", "0.75", "1.5"]]
 
 
-def _kernels_and_callers() -> tuple[dict[str, bool], set[str]]:
+def _kernels_and_callers():
     """Return the kernels of the sources, and whether inner, and all names that Python reads."""
-    kernels: dict[str, bool] = {}
-    read: set[str] = set()
+    kernels = {}
+    read = set()
 
-    def visit(node: ast.AST) -> None:
+    def visit(node):
         for child in ast.iter_child_nodes(node):
             decorators = getattr(child, "decorator_list", [])
             calls = [each for each in decorators if isinstance(each, ast.Call)]
@@ -161,14 +159,14 @@ def _kernels_and_callers() -> tuple[dict[str, bool], set[str]]:
     return kernels, read
 
 
-def test_kernels_that_only_kernels_call_are_inner() -> None:
+def test_kernels_that_only_kernels_call_are_inner():
     kernels, read = _kernels_and_callers()
     assert len(kernels) > 50
     assert {name for name, inner in kernels.items() if inner} == kernels.keys() - read
 
 
 @pytest.mark.parametrize("scene", [SAVED_MODEL, MODELLING], ids=["saved model", "modelling"])
-def test_a_scene_asks_for_every_kernel_that_it_uses(tmp_path: Path, scene: str) -> None:
+def test_a_scene_asks_for_every_kernel_that_it_uses(tmp_path, scene):
     (tmp_path / "scene.toml").write_text(scene)
     ended = subprocess.run(
         [sys.executable, "-c", ASKED_FOR, tmp_path / "scene.toml"],
@@ -182,18 +180,16 @@ def test_a_scene_asks_for_every_kernel_that_it_uses(tmp_path: Path, scene: str) 
     assert loaded_later == []
 
 
-def test_kernels_are_compiled_in_the_program_where_the_processes_fail(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_kernels_are_compiled_in_the_program_where_the_processes_fail(tmp_path, monkeypatch):
     (tmp_path / "failing_numerics.py").write_text(DOUBLED)
     monkeypatch.syspath_prepend(tmp_path)  # where the processes do not look
-    told: list[str] = []
+    told = []
     compile_kernels(["failing_numerics"], told.append)
     assert len(told) == 1
     assert sys.modules["failing_numerics"].doubled(3.0) == 6.0
 
 
-def test_a_report_imports_no_kernels_of_the_selection_which_it_does_not_show() -> None:
+def test_a_report_imports_no_kernels_of_the_selection_which_it_does_not_show():
     program = "import sys, mmt.cli.reporting, mmt.evaluation.figures; print(*sys.modules)"
     ended = subprocess.run(
         [sys.executable, "-c", program], check=True, capture_output=True, text=True, timeout=150

@@ -2,7 +2,6 @@
 
 import re
 import shlex
-from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib import import_module
@@ -37,10 +36,7 @@ PAGES = [
 RUNNABLE = [ROOT / "README.md", *sorted((DOCS / "how-to").glob("*.md"))]
 LARGEST_IMAGE_BYTES = 150_000
 
-Command = Any
-"""A click command; typer brings a click of its own, so that its classes have no public name."""
-
-PROGRAMS: dict[str, Command] = {
+PROGRAMS = {
     "mmt": typer.main.get_command(main.app),
     "mmt-leader": typer.main.get_command(leader.app),
     "mmt-follower": typer.main.get_command(follower.app),
@@ -48,31 +44,31 @@ PROGRAMS: dict[str, Command] = {
 }
 
 
-def name_of(page: Path) -> str:
+def name_of(page):
     return str(page.relative_to(ROOT))
 
 
 # --- reading Markdown
 
 
-def fenced(text: str, *languages: str) -> Iterator[tuple[int, str]]:
+def fenced(text, *languages):
     """Yield (line, content) of the fenced blocks in these languages."""
     for match in re.finditer(r"^```(\w*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
         if match[1] in languages:
             yield text.count("\n", 0, match.start()) + 2, match[2]
 
 
-def without_fences(text: str) -> str:
+def without_fences(text):
     return re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
 
 
-def anchors(text: str) -> set[str]:
+def anchors(text):
     """Return the anchors that GitHub gives to the headings."""
     headings = re.findall(r"^#+ +(.+?) *$", without_fences(text), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in headings}
 
 
-def sections(text: str) -> dict[str, str]:
+def sections(text):
     """Return the text below each second-level heading, by the heading without backticks."""
     parts = re.split(r"^## +(.+?) *$", text, flags=re.MULTILINE)[1:]
     return {parts[i].replace("`", ""): parts[i + 1] for i in range(0, len(parts), 2)}
@@ -82,7 +78,7 @@ def sections(text: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_every_relative_link_resolves(page: Path) -> None:
+def test_every_relative_link_resolves(page):
     text = page.read_text(encoding="utf-8")
     broken = []
     for target in re.findall(r"\]\(([^)\s]+)\)", without_fences(text)):
@@ -98,7 +94,7 @@ def test_every_relative_link_resolves(page: Path) -> None:
     assert broken == []
 
 
-def test_the_index_leads_to_every_page() -> None:
+def test_the_index_leads_to_every_page():
     targets = re.findall(r"\]\(([^)#\s]+)", INDEX.read_text(encoding="utf-8"))
     reached = {(DOCS / target).resolve() for target in targets}
     assert sorted(name_of(page) for page in DOCS.rglob("*.md") if page not in reached) == [
@@ -106,7 +102,7 @@ def test_the_index_leads_to_every_page() -> None:
     ]
 
 
-def test_every_decision_has_a_number_of_its_own_in_file_title_and_index() -> None:
+def test_every_decision_has_a_number_of_its_own_in_file_title_and_index():
     pages = sorted((DOCS / "decisions").glob("*.md"))
     numbers = [page.name[:4] for page in pages]
     titles = [re.match(r"# (\d+)\. ", page.read_text(encoding="utf-8")) for page in pages]
@@ -118,7 +114,7 @@ def test_every_decision_has_a_number_of_its_own_in_file_title_and_index() -> Non
     assert [(f"{int(shown):04}", number) for shown, number in listed] == [(n, n) for n in numbers]
 
 
-def test_pictures_are_small_and_used() -> None:
+def test_pictures_are_small_and_used():
     text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
     pictures = list((DOCS / "images").iterdir())
     assert pictures
@@ -135,10 +131,10 @@ def test_pictures_are_small_and_used() -> None:
     [page for page in RUNNABLE if "```python" in page.read_text(encoding="utf-8")],
     ids=name_of,
 )
-def test_the_python_code_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_python_code_runs(page, tmp_path, monkeypatch):
     """The blocks of a page are one program, run in an empty folder; what they register goes."""
     monkeypatch.chdir(tmp_path)
-    names: dict[str, object] = {"__name__": "__main__"}
+    names = {"__name__": "__main__"}
     for line, block in fenced(page.read_text(encoding="utf-8"), "python"):
         padded = "\n" * (line - 1) + block  # so that a traceback names the page's own line
         exec(compile(padded, str(page), "exec"), names)
@@ -147,7 +143,7 @@ def test_the_python_code_runs(page: Path, tmp_path: Path, monkeypatch: pytest.Mo
 # --- commands
 
 
-def written_commands(text: str) -> Iterator[list[str]]:
+def written_commands(text):
     """Yield the words of every command that names one of the programs."""
     lines = [line for _, block in fenced(text, "sh") for line in block.splitlines()]
     lines += re.findall(r"`([^`\n]+)`", without_fences(text))
@@ -157,7 +153,7 @@ def written_commands(text: str) -> Iterator[list[str]]:
             yield shlex.split(command[1], comments=True)
 
 
-def find(words: list[str]) -> tuple[Command, list[str]]:
+def find(words):
     """Return the command that the words name, and what is left of them."""
     command, rest = PROGRAMS[words[0]], words[1:]
     while rest and re.match(r"[a-z]", rest[0]) and subcommands(command):
@@ -167,17 +163,17 @@ def find(words: list[str]) -> tuple[Command, list[str]]:
 
 
 @cache
-def subcommands(command: Command) -> list[str]:
+def subcommands(command):
     """Return the names of a group's commands, some of which it loads when they are asked for."""
     return list(command.list_commands(None)) if hasattr(command, "commands") else []
 
 
 @cache
-def subcommand(command: Command, name: str) -> Command:
+def subcommand(command, name):
     return command.get_command(None, name)
 
 
-def options(command: Command) -> set[str]:
+def options(command):
     return {
         name
         for parameter in command.params
@@ -186,7 +182,7 @@ def options(command: Command) -> set[str]:
     }
 
 
-def leaves(words: tuple[str, ...], command: Command) -> Iterator[tuple[str, Command]]:
+def leaves(words, command):
     """Yield the commands of the reference; experiments come and go, and tell their own options."""
     if words == ("mmt", "lab") or not subcommands(command):
         yield " ".join(words), command
@@ -195,7 +191,7 @@ def leaves(words: tuple[str, ...], command: Command) -> Iterator[tuple[str, Comm
         yield from leaves((*words, name), subcommand(command, name))
 
 
-def test_a_command_that_does_not_exist_would_be_found() -> None:
+def test_a_command_that_does_not_exist_would_be_found():
     text = "`mmt nothing`\n\n```sh\nMMT_LINK__PORT=1 mmt session info FILE --none  # comment\n```\n"
     first, second = written_commands(text)
     assert first == ["mmt", "session", "info", "FILE", "--none"]
@@ -205,7 +201,7 @@ def test_a_command_that_does_not_exist_would_be_found() -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_every_command_that_is_named_exists(page: Path) -> None:
+def test_every_command_that_is_named_exists(page):
     for words in written_commands(page.read_text(encoding="utf-8")):
         command, rest = find(words)
         given = {word.partition("=")[0] for word in rest if word.startswith("--")}
@@ -218,19 +214,19 @@ def test_every_command_that_is_named_exists(page: Path) -> None:
     [leaf for program, top in PROGRAMS.items() for leaf in leaves((program,), top)],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_the_reference_has_every_command_with_every_option(name: str, command: Command) -> None:
+def test_the_reference_has_every_command_with_every_option(name, command):
     text = sections(COMMANDS_PAGE.read_text(encoding="utf-8"))[name]
     lacking = [option for option in sorted(options(command)) if f"`{option}" not in text]
     assert lacking == []
 
 
-def test_the_reference_lists_every_command() -> None:
+def test_the_reference_lists_every_command():
     text = sections(COMMANDS_PAGE.read_text(encoding="utf-8"))["All of them"]
     names = [name for program, top in PROGRAMS.items() for name, _ in leaves((program,), top)]
     assert [name for name in names if f"`{name}" not in text] == []
 
 
-def test_the_reference_has_the_arguments_and_seeds_of_every_experiment() -> None:
+def test_the_reference_has_the_arguments_and_seeds_of_every_experiment():
     text = sections(COMMANDS_PAGE.read_text(encoding="utf-8"))["mmt lab"]
     rows = re.findall(r"^\| `([\w-]+)` \|.*\|([^|]*)\|([^|]*)\|$", text, re.MULTILINE)
     assert {name for name, *_ in rows} == {one.name for one in listed("lab")} - {"stability"}
@@ -242,7 +238,7 @@ def test_the_reference_has_the_arguments_and_seeds_of_every_experiment() -> None
         assert bool(arguments.strip()) == bool(taken), name
 
 
-def test_the_page_of_devices_names_every_emulated_driver() -> None:
+def test_the_page_of_devices_names_every_emulated_driver():
     page = (DOCS / "how-to" / "devices.md").read_text(encoding="utf-8")
     drivers = {one.name.partition(".")[0] for one in entry_points(group="mmt.devices")}
     emulated = {name for name in drivers if name.startswith("virtual-")}
@@ -250,7 +246,7 @@ def test_the_page_of_devices_names_every_emulated_driver() -> None:
     assert {name for name in emulated if f"`{name}`" not in page} == set()
 
 
-def test_the_stages_of_the_bench_that_are_named_exist() -> None:
+def test_the_stages_of_the_bench_that_are_named_exist():
     stages = {one.name for one in listed("bench")}
     script = (ROOT / "scripts" / "measure_bench").read_text(encoding="utf-8")
     measured = {name for line in re.findall(r"mmt bench ([\w ]+)", script) for name in line.split()}
@@ -264,14 +260,13 @@ def test_the_stages_of_the_bench_that_are_named_exist() -> None:
     assert judged <= stages
 
 
-def test_the_readme_is_short() -> None:
+def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 900
 
 
-def test_there_is_a_row_for_every_example_scene() -> None:
+def test_there_is_a_row_for_every_example_scene():
     text = (DOCS / "reference" / "example-scenes.md").read_text(encoding="utf-8")
     table = re.search(r"<!-- scenes: begin -->(.*?)<!-- scenes: end -->", text, re.DOTALL)
-    assert table is not None
     rows = re.findall(
         r"^\| \[`([\w-]+)`\]\(../../configs/([\w-]+)\.toml\) \|", table[1], re.MULTILINE
     )
@@ -284,16 +279,16 @@ WALKS = re.findall(r"`(mmt[\w.]+):([\w.]+)`", (DOCS / "architecture.md").read_te
 
 
 @pytest.mark.parametrize(("module", "name"), WALKS)
-def test_what_the_walks_name_is_there(module: str, name: str) -> None:
+def test_what_the_walks_name_is_there(module, name):
     assert callable(attrgetter(name)(import_module(module)))
 
 
 # --- scene keys
 
 
-def table_rows(text: str) -> dict[str, list[str]]:
+def table_rows(text):
     """Return the cells of a table of keys by the key in the first one."""
-    rows: dict[str, list[str]] = {}
+    rows = {}
     columns = 0
     for line in text.splitlines():
         cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
@@ -305,14 +300,14 @@ def table_rows(text: str) -> dict[str, list[str]]:
     return rows
 
 
-def text_of_table(name: str) -> str:
+def text_of_table(name):
     """Return what the page says of a table, without the tables inside it."""
     parts = re.split(r"^#{2,3} +(.+?) *$", SCENE_PAGE.read_text(encoding="utf-8"), flags=re.M)
     titles = [title.replace("`", "") for title in parts[1::2]]
     return parts[2 + 2 * titles.index(f"[{name}]")]
 
 
-def keys_of(table: object) -> dict[str, FieldInfo]:
+def keys_of(table):
     """Return the keys of a table, be it a pydantic model or a dataclass."""
     if isinstance(table, type) and issubclass(table, BaseModel):
         return dict(table.model_fields)
@@ -326,7 +321,7 @@ def keys_of(table: object) -> dict[str, FieldInfo]:
     return {}
 
 
-def tables_in(keys: dict[str, FieldInfo], prefix: str = "") -> Iterator[tuple[str, object]]:
+def tables_in(keys, prefix=""):
     """Give each table among keys, and those inside it, by its name in a scene."""
     for name, field in keys.items():
         for part in (field.annotation, *get_args(field.annotation)):
@@ -336,10 +331,10 @@ def tables_in(keys: dict[str, FieldInfo], prefix: str = "") -> Iterator[tuple[st
                     yield from tables_in(keys_of(part), f"{name}.")
 
 
-TABLES: dict[str, object] = dict(tables_in(dict(Scene.model_fields)))
+TABLES = dict(tables_in(dict(Scene.model_fields)))
 
 
-def expected_default(field: FieldInfo) -> str:
+def expected_default(field):
     if field.is_required():
         return "required"
     default = field.default
@@ -352,7 +347,7 @@ def expected_default(field: FieldInfo) -> str:
     return f"`{default:g}`" if isinstance(default, float) else f"`{default}`"
 
 
-def expected_in_range(field: FieldInfo) -> set[str]:
+def expected_in_range(field):
     """Return the bounds and the words that the range must name."""
     bounds = {
         f"{getattr(limit, kind):g}" if getattr(limit, kind) < 2**53 else "2^63"
@@ -366,7 +361,7 @@ def expected_in_range(field: FieldInfo) -> set[str]:
 
 
 @pytest.mark.parametrize("table", TABLES)
-def test_every_key_is_documented_with_its_default_and_range(table: str) -> None:
+def test_every_key_is_documented_with_its_default_and_range(table):
     rows = table_rows(text_of_table(table))
     keys = keys_of(TABLES[table])
     assert set(rows) == set(keys)
@@ -381,5 +376,5 @@ def test_every_key_is_documented_with_its_default_and_range(table: str) -> None:
 
 
 @pytest.mark.parametrize("table", TABLES)
-def test_every_table_says_what_leaving_it_out_does(table: str) -> None:
+def test_every_table_says_what_leaving_it_out_does(table):
     assert "Left out" in text_of_table(table)

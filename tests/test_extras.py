@@ -9,7 +9,7 @@ from mmt.core.errors import InputError
 from mmt.core.extras import install_command, optional_import, require
 
 
-def installed_from(monkeypatch: pytest.MonkeyPatch, origin: object) -> None:
+def installed_from(monkeypatch, origin):
     """Have the installation say that it came from there."""
     text = None if origin is None else json.dumps(origin)
     found = SimpleNamespace(read_text=lambda _: text)
@@ -32,21 +32,19 @@ def installed_from(monkeypatch: pytest.MonkeyPatch, origin: object) -> None:
         (None, "'mmt-haptics[leader]'"),
     ],
 )
-def test_an_extra_is_added_from_where_the_installation_came_from(
-    monkeypatch: pytest.MonkeyPatch, origin: object, target: str
-) -> None:
+def test_an_extra_is_added_from_where_the_installation_came_from(monkeypatch, origin, target):
     installed_from(monkeypatch, origin)
     assert install_command("leader") == f"{sys.executable} -m pip install {target}"
 
 
-def test_a_package_that_is_there_is_not_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_package_that_is_there_is_not_imported(monkeypatch):
     for name in [name for name in sys.modules if name.partition(".")[0] == "serial"]:
         monkeypatch.delitem(sys.modules, name)
     require("serial")
     assert "serial" not in sys.modules
 
 
-def test_only_a_missing_optional_package_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_a_missing_optional_package_is_explained(monkeypatch):
     with pytest.raises(ModuleNotFoundError, match="nowhere"), optional_import():
         import nowhere  # noqa: F401
     with pytest.raises(ImportError, match="no_such_name"), optional_import():

@@ -1,7 +1,5 @@
 """The layout of frames, and which frames, rates and channels fit."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,7 +12,7 @@ FRAMES = f.empty_frames(4)
 
 
 @given(st.lists(st.sampled_from(f.ALL_CHANNELS), min_size=1), st.integers(1, 10))
-def test_a_frame_is_packed_in_its_layout(channels: list[Any], count: int) -> None:
+def test_a_frame_is_packed_in_its_layout(channels, count):
     frames = f.empty_frames(2, channels, count)
     wanted = tuple(channel for channel in f.ALL_CHANNELS if channel in channels)
     assert f.channels_of(frames.dtype) == f.ordered_channels(channels) == wanted
@@ -31,27 +29,27 @@ def test_a_frame_is_packed_in_its_layout(channels: list[Any], count: int) -> Non
     assert not sampled or f.acceleration_samples(frames).shape == (2 * count, 3)
 
 
-def test_a_usual_frame_has_one_sample_and_axes_have_names() -> None:
+def test_a_usual_frame_has_one_sample_and_axes_have_names():
     assert f.samples_per_frame(FRAMES.dtype) == f.samples_per_frame(f.frame_dtype()) == 1
     assert [f.axes_of(channel) for channel in ("force", "orientation")] == ["xyz", "wxyz"]
 
 
 @given(st.integers(0, f.SEQUENCES - 1), st.integers(-(2**31), 2**31 - 1))
-def test_numbers_wrap_and_the_shorter_way_counts(newest: int, steps: int) -> None:
+def test_numbers_wrap_and_the_shorter_way_counts(newest, steps):
     assert str(f.steps_ahead((newest + steps) % f.SEQUENCES, newest)) == str(steps)
 
 
 @pytest.mark.parametrize(
     "frames", [None, [1], np.zeros(3), FRAMES[0], FRAMES.reshape(2, 2), FRAMES[["time_ns"]]]
 )
-def test_what_are_no_frames_or_lack_a_channel_is_refused(frames: Any) -> None:
+def test_what_are_no_frames_or_lack_a_channel_is_refused(frames):
     with pytest.raises(InputError, match="is needed"):
         f.check_frames(frames)
     with pytest.raises(InputError, match=r"^frames without force, acceleration: position, f"):
         f.check_frames(f.empty_frames(0, ["position"]))
 
 
-def test_what_is_no_channel_or_no_rate_of_samples_is_refused() -> None:
+def test_what_is_no_channel_or_no_rate_of_samples_is_refused():
     for channels, told in ((["taste", "force", "smell"], "smell, taste"), ([], "none")):
         with pytest.raises(InputError, match=f"^channels: {told} given, allowed are position, f"):
             f.ordered_channels(channels)
@@ -65,7 +63,7 @@ def test_what_is_no_channel_or_no_rate_of_samples_is_refused() -> None:
 @pytest.mark.parametrize(
     ("rate_hz", "fits"), [(890, False), (910, True), (1090, True), (1120, False)]
 )
-def test_frames_fit_that_are_a_period_apart_whatever_is_lost(rate_hz: int, fits: bool) -> None:
+def test_frames_fit_that_are_a_period_apart_whatever_is_lost(rate_hz, fits):
     frames = f.empty_frames(9)
     frames["sequence"] = [0, 1, 2, 100, 200, 300, 400, 500, 501]
     frames["time_ns"] = frames["sequence"] * (1e9 / rate_hz)
@@ -82,6 +80,6 @@ def test_frames_fit_that_are_a_period_apart_whatever_is_lost(rate_hz: int, fits:
     ("rate_hz", "samples_hz", "lacks"),
     [(2000.0, 5000.0, True), (1900.0, 2000.0, False), (4000.0, 2000.0, False)],
 )
-def test_what_a_slow_sensor_lacks_is_said(rate_hz: float, samples_hz: float, lacks: bool) -> None:
+def test_what_a_slow_sensor_lacks_is_said(rate_hz, samples_hz, lacks):
     assert ("nothing above 1000 Hz" in f.missing_band(rate_hz, samples_hz)) == lacks
     assert bool(f.missing_band(rate_hz, samples_hz)) == lacks

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.core.arrays import Vector
 from mmt.core.guards import ForceGuard, SampleGuard
 
 BROKEN = st.sampled_from([math.nan, math.inf, -math.inf])
@@ -16,7 +15,7 @@ SAMPLES = st.one_of(BROKEN, st.floats(-4.0, 4.0), st.sampled_from([3.0, -3.0, 1e
 
 
 @given(st.lists(st.lists(SAMPLES, max_size=4), max_size=20))
-def test_blocks_are_guarded_as_single_samples_are(blocks: list[list[float]]) -> None:
+def test_blocks_are_guarded_as_single_samples_are(blocks):
     guard, single = SampleGuard(3.0), SampleGuard(3.0, 10)
     for block in blocks:
         samples = np.array(block, dtype=float)
@@ -28,9 +27,7 @@ def test_blocks_are_guarded_as_single_samples_are(blocks: list[list[float]]) -> 
 
 
 @given(st.floats(-3.0, 3.0), st.integers(1, 30), st.floats(-3.0, 3.0))
-def test_what_is_no_number_fades_out_and_in_and_is_counted(
-    before: float, count: int, after: float
-) -> None:
+def test_what_is_no_number_fades_out_and_in_and_is_counted(before, count, after):
     guard = SampleGuard(3.0, 10)
     assert SampleGuard(3.0).step(math.nan) == 0.0
     signal = [*[before] * 3, *[math.nan] * count, *[after] * 20]
@@ -47,11 +44,9 @@ def test_what_is_no_number_fades_out_and_in_and_is_counted(
 
 
 @given(st.permutations([0.5, 2.0, math.nan]), BROKEN, st.integers(1, 15))
-def test_a_force_that_is_no_number_fades_as_a_whole(
-    force_n: list[float], broken: float, count: int
-) -> None:
+def test_a_force_that_is_no_number_fades_as_a_whole(force_n, broken, count):
     guard = ForceGuard(2.0, (1.0, 5.0, 1.0))
-    good: Vector = (-3.0, 5e-3, 0.25)
+    good = (-3.0, 5e-3, 0.25)
     x, y, z = guard.step((-3.0, 4.0, 3.0))
     assert (x, y, z) == pytest.approx((-1.0 * 2 / 18**0.5, 4.0 * 2 / 18**0.5, 2 / 18**0.5))
     a, b, c = (value if value < 3.0 else broken for value in force_n)

@@ -7,12 +7,12 @@ from pathlib import Path
 SOURCE = Path(__file__).parents[1] / "src"
 
 
-def module_name(path: Path) -> str:
+def module_name(path):
     parts = path.relative_to(SOURCE).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def imports(path: Path, modules: set[str]) -> set[str]:
+def imports(path, modules):
     """Return the modules of this project that a file imports anywhere, by whatever condition."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -24,14 +24,14 @@ def imports(path: Path, modules: set[str]) -> set[str]:
     return (found & modules) - {module_name(path)}
 
 
-def test_imports_form_no_circle() -> None:
+def test_imports_form_no_circle():
     paths = {module_name(path): path for path in SOURCE.rglob("*.py")}
     graph = {name: imports(path, set(paths)) for name, path in paths.items()}
     assert len(graph) > 100
     TopologicalSorter(graph).prepare()  # raises CycleError, which names the modules
 
 
-def test_no_module_needs_what_only_some_systems_have() -> None:
+def test_no_module_needs_what_only_some_systems_have():
     lacking_on_windows = {"fcntl", "grp", "pty", "pwd", "resource", "termios", "tty"}
     found = [
         (module_name(path), name.name)
@@ -44,7 +44,7 @@ def test_no_module_needs_what_only_some_systems_have() -> None:
     assert found == []
 
 
-def test_other_packages_use_public_modules_of_the_core_only() -> None:
+def test_other_packages_use_public_modules_of_the_core_only():
     listed = (SOURCE / "mmt" / "public_modules.txt").read_text(encoding="utf-8").splitlines()
     public = {line for line in listed if not line.startswith("#")}
     modules = {module_name(path) for path in SOURCE.rglob("*.py")}
@@ -61,7 +61,7 @@ def test_other_packages_use_public_modules_of_the_core_only() -> None:
     assert [n for _, n in used if any(part.startswith("_") for part in n.split("."))] == []
 
 
-def packages(name: str) -> list[str]:
+def packages(name):
     """Return a module and the packages that it is in."""
     parts = name.split(".")
     return [".".join(parts[:end]) for end in range(1, len(parts) + 1)]

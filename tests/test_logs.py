@@ -6,7 +6,6 @@ import logging
 import os
 import threading
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,11 +16,11 @@ from mmt.core.logs import Logs, RepeatLimit, details, details_for_log
 LOG = logging.getLogger("mmt.test")
 
 
-def lines(path: Path) -> list[dict[str, Any]]:
+def lines(path):
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
-def test_every_line_has_time_level_service_session_and_event(tmp_path: Path) -> None:
+def test_every_line_has_time_level_service_session_and_event(tmp_path):
     path = tmp_path / "deep" / "log.jsonl"
     with Logs("leader", path) as logs:
         LOG.info("before")
@@ -44,7 +43,7 @@ def test_every_line_has_time_level_service_session_and_event(tmp_path: Path) -> 
     }
 
 
-def test_a_line_stays_one_line_and_no_detail_hides_another_key(tmp_path: Path) -> None:
+def test_a_line_stays_one_line_and_no_detail_hides_another_key(tmp_path):
     path = tmp_path / "log.jsonl"
     with Logs("leader", path) as logs:
         logs.session_id = 'a"\n{"level": "forged"}'
@@ -56,9 +55,7 @@ def test_a_line_stays_one_line_and_no_detail_hides_another_key(tmp_path: Path) -
     assert len(second["event"]) == 4000
 
 
-def test_what_ends_a_service_is_logged_and_a_mistake_has_its_trace(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_ends_a_service_is_logged_and_a_mistake_has_its_trace(tmp_path, capsys):
     path = tmp_path / "log.jsonl"
     for error in (ZeroDivisionError("oops"), MmtError("the port is taken")):
         with pytest.raises(type(error)), Logs("leader", path):
@@ -71,9 +68,7 @@ def test_what_ends_a_service_is_logged_and_a_mistake_has_its_trace(
     assert capsys.readouterr().err == ""  # the command line says it itself
 
 
-def test_without_a_file_the_command_line_alone_says_what_ends_a_service(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_file_the_command_line_alone_says_what_ends_a_service(capsys, monkeypatch):
     monkeypatch.setattr(logging.getLogger(), "handlers", [])  # pytest's, which a program has not
     with pytest.raises(MmtError), Logs("leader"):
         raise MmtError("the port is taken")
@@ -91,12 +86,8 @@ def test_without_a_file_the_command_line_alone_says_what_ends_a_service(
     ],
 )
 def test_the_terminal_shows_warnings_unless_told_otherwise(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    file: bool,
-    level: str | None,
-    shown: list[str],
-) -> None:
+    tmp_path, monkeypatch, file, level, shown
+):
     stream = io.StringIO()
     monkeypatch.setattr("sys.stderr", stream)
     path = tmp_path / "log.jsonl"
@@ -110,7 +101,7 @@ def test_the_terminal_shows_warnings_unless_told_otherwise(
         assert [line["event"] for line in lines(path)] == wanted
 
 
-def test_nothing_from_elsewhere_steers_the_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_from_elsewhere_steers_the_terminal(monkeypatch):
     stream = io.StringIO()
     monkeypatch.setattr("sys.stderr", stream)
     with Logs("leader"):
@@ -120,7 +111,7 @@ def test_nothing_from_elsewhere_steers_the_terminal(monkeypatch: pytest.MonkeyPa
     )
 
 
-def test_logging_is_as_before_afterwards(tmp_path: Path) -> None:
+def test_logging_is_as_before_afterwards(tmp_path):
     root, own = logging.getLogger(), logging.getLogger("mmt")
     before = (list(root.handlers), own.level, threading.active_count())
     with Logs("leader", tmp_path / "log.jsonl", "debug"):
@@ -128,7 +119,7 @@ def test_logging_is_as_before_afterwards(tmp_path: Path) -> None:
     assert (list(root.handlers), own.level, threading.active_count()) == before
 
 
-def test_a_level_or_a_file_that_cannot_be_is_explained(tmp_path: Path) -> None:
+def test_a_level_or_a_file_that_cannot_be_is_explained(tmp_path):
     with pytest.raises(InputError, match="--log-level loud: allowed are debug, info, warning, er"):
         Logs("leader", None, "loud")
     with pytest.raises(InputError, match=r"--log .*: Is a directory"):
@@ -136,7 +127,7 @@ def test_a_level_or_a_file_that_cannot_be_is_explained(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
-def test_a_full_disk_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_said_once(monkeypatch):
     stream = io.StringIO()
     monkeypatch.setattr("sys.stderr", stream)
     with Logs("leader", Path("/dev/full")):
@@ -145,15 +136,13 @@ def test_a_full_disk_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert stream.getvalue().count("No space left on device") == 1
 
 
-def test_a_stalled_disk_holds_up_nothing_and_the_loss_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stalled_disk_holds_up_nothing_and_the_loss_is_written(tmp_path, monkeypatch):
     monkeypatch.setattr("mmt.core.queued_output.MOST_WAITING", 100)
     path = tmp_path / "log.jsonl"
     flowing = threading.Event()
     write = os.write
 
-    def stalled(descriptor: int, data: bytes) -> int:
+    def stalled(descriptor, data):
         flowing.wait(30)
         return write(descriptor, data)
 
@@ -169,7 +158,7 @@ def test_a_stalled_disk_holds_up_nothing_and_the_loss_is_written(
     assert sum(losses) + len(written) - len(losses) == 301
 
 
-def test_after_the_clock_jumped_back_lines_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_after_the_clock_jumped_back_lines_go_on(monkeypatch):
     limit, now_s = RepeatLimit(), 1000.0
     monkeypatch.setattr(mmt.core.logs.time, "monotonic", lambda: now_s)
     assert [limit.allow("kind"), limit.allow("kind")] == [1, 0]
@@ -177,16 +166,14 @@ def test_after_the_clock_jumped_back_lines_go_on(monkeypatch: pytest.MonkeyPatch
     assert [limit.allow("kind"), limit.allow("kind")] == [2, 0]
 
 
-def test_a_traceback_on_the_terminal_holds_no_escapes(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_traceback_on_the_terminal_holds_no_escapes(capsys):
     with Logs("leader"):
         LOG.error("it failed", exc_info=ValueError("\x1b[2J\x07\u202eforged"))
     text = capsys.readouterr().err
     assert "ValueError: \ufffd[2J\ufffd\ufffdforged" in text
 
 
-def test_what_a_person_is_told_already_is_in_the_file_alone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_a_person_is_told_already_is_in_the_file_alone(tmp_path, capsys):
     with Logs("leader", level="info"):
         LOG.info("told", extra=details_for_log(time_s=1.0))
         LOG.info("not told")

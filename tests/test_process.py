@@ -4,7 +4,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -24,14 +23,14 @@ from mmt.core.process import (
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's scheduler is asked")
-def test_asking_for_short_turns_changes_neither_policy_nor_niceness() -> None:
+def test_asking_for_short_turns_changes_neither_policy_nor_niceness():
     before = os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)
     assert ask_for_short_turns() in {True, False}
     assert (os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)) == before
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's scheduler is asked")
-def test_a_process_that_steps_back_gives_up_the_short_turns_of_its_parent() -> None:
+def test_a_process_that_steps_back_gives_up_the_short_turns_of_its_parent():
     number = {"x86_64": 315, "aarch64": 275}.get(platform.machine())
     if number is None:
         pytest.skip("the number of sched_getattr is known for x86_64 and aarch64")
@@ -59,7 +58,7 @@ print(asked, kernels, short, turn_ns())
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="glibc's allocator is asked")
-def test_memory_that_was_freed_between_blocks_that_live_goes_back_to_the_system() -> None:
+def test_memory_that_was_freed_between_blocks_that_live_goes_back_to_the_system():
     script = """
 import psutil
 from mmt.core.process import release_freed_memory
@@ -80,7 +79,7 @@ print(release_freed_memory(), before - held_mb())
     assert float(given_mb) > 10.0
 
 
-def test_the_meter_sees_work() -> None:
+def test_the_meter_sees_work():
     meter, used_s, begun_s = ProcessMeter(), time.process_time(), time.monotonic()
     while time.process_time() - used_s < 0.5:
         sum(range(10_000))
@@ -90,11 +89,11 @@ def test_the_meter_sees_work() -> None:
     assert cost.memory_mb > 5
 
 
-def test_sleeps_that_end_when_they_are_due_are_asked_of_the_system() -> None:
+def test_sleeps_that_end_when_they_are_due_are_asked_of_the_system():
     """In a thread of its own: others of this process keep their slack."""
-    slack_ns: list[int] = []
+    slack_ns = []
 
-    def ask() -> None:
+    def ask():
         if not wake_on_time():
             return
         own = Path(f"/proc/{threading.get_native_id()}/timerslack_ns")
@@ -108,7 +107,7 @@ def test_sleeps_that_end_when_they_are_due_are_asked_of_the_system() -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_the_code_of_the_compiler_is_released_and_runs_again() -> None:
+def test_the_code_of_the_compiler_is_released_and_runs_again():
     program = (
         "import numba, psutil\n"
         "from mmt.core.process import release_file\n"
@@ -126,7 +125,7 @@ def test_the_code_of_the_compiler_is_released_and_runs_again() -> None:
     assert ended.returncode == 0, ended.stderr
 
 
-def permitted() -> bool:
+def permitted():
     try:
         require_real_time()
     except MmtError:
@@ -134,16 +133,16 @@ def permitted() -> bool:
     return True
 
 
-def in_a_thread(function: Callable[[], object]) -> object:
+def in_a_thread(function):
     with ThreadPoolExecutor(1) as pool:
         return pool.submit(function).result(60.0)
 
 
 @pytest.mark.skipif(not permitted(), reason="this user may not schedule in real time")
-def test_the_thread_that_asks_is_real_time_and_what_it_starts_is_not() -> None:
-    def ask() -> tuple[int, int, list[int]]:
+def test_the_thread_that_asks_is_real_time_and_what_it_starts_is_not():
+    def ask():
         be_real_time()
-        found: list[int] = []
+        found = []
         child = threading.Thread(target=lambda: found.append(os.sched_getscheduler(0)))
         child.start()
         child.join(60.0)
@@ -160,10 +159,10 @@ def test_the_thread_that_asks_is_real_time_and_what_it_starts_is_not() -> None:
 
 
 @pytest.mark.skipif(not permitted(), reason="this user may not schedule in real time")
-def test_a_thread_may_follow_the_one_that_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_thread_may_follow_the_one_that_ticks(monkeypatch):
     monkeypatch.setattr(process, "_TICKS", threading.Event())
 
-    def follow() -> int:
+    def follow():
         follow_real_time()
         return os.sched_getscheduler(0)
 
@@ -173,10 +172,8 @@ def test_a_thread_may_follow_the_one_that_ticks(monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux's scheduler is asked")
-def test_a_thread_that_may_not_follow_stays_an_ordinary_one(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def refuse(*_: object) -> None:
+def test_a_thread_that_may_not_follow_stays_an_ordinary_one(monkeypatch):
+    def refuse(*_):
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
@@ -189,8 +186,8 @@ def test_a_thread_that_may_not_follow_stays_an_ordinary_one(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux's scheduler is asked")
-def test_where_it_is_not_permitted_a_sentence_says_how_to(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:
+def test_where_it_is_not_permitted_a_sentence_says_how_to(monkeypatch):
+    def refuse(*_):
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
@@ -200,7 +197,7 @@ def test_where_it_is_not_permitted_a_sentence_says_how_to(monkeypatch: pytest.Mo
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux's scheduler is asked")
-def test_other_systems_have_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_systems_have_none(monkeypatch):
     monkeypatch.setattr(sys, "platform", "darwin")
     with pytest.raises(MmtError, match="on Linux alone"):
         be_real_time()

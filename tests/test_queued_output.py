@@ -4,7 +4,6 @@ import os
 import pty
 import sys
 import threading
-from collections.abc import Iterator
 from contextlib import closing, suppress
 from pathlib import Path
 
@@ -27,7 +26,7 @@ PIPE_BYTES = 1 << 16
 
 
 @pytest.fixture
-def pipe() -> Iterator[tuple[int, int]]:
+def pipe():
     ends = os.pipe()
     yield ends
     for end in ends:
@@ -35,13 +34,13 @@ def pipe() -> Iterator[tuple[int, int]]:
             os.close(end)
 
 
-def everything(reader: int) -> bytes:
+def everything(reader):
     """What comes until the writer's end is closed."""
     return b"".join(iter(lambda: os.read(reader, PIPE_BYTES), b""))
 
 
 @given(st.lists(st.text(max_size=100), max_size=50))
-def test_what_is_read_is_what_was_written(texts: list[str]) -> None:
+def test_what_is_read_is_what_was_written(texts):
     reader, writer = os.pipe()
     stream = QueuedStream(writer)
     for text in texts:
@@ -52,9 +51,7 @@ def test_what_is_read_is_what_was_written(texts: list[str]) -> None:
     os.close(reader)
 
 
-def test_a_reader_that_takes_nothing_holds_up_nobody(
-    pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_reader_that_takes_nothing_holds_up_nobody(pipe, monkeypatch):
     monkeypatch.setattr(queued_output, "MOST_WAITING", 100)
     reader, writer = pipe
     stream = QueuedStream(writer, told_of_loss=lambda count: f"lost {count}\n")
@@ -62,7 +59,7 @@ def test_a_reader_that_takes_nothing_holds_up_nobody(
     for line in lines:
         stream.write(line)
     assert is_behind(stream)
-    read: list[bytes] = []
+    read = []
     reading = threading.Thread(target=lambda: read.append(everything(reader)))
     reading.start()
     stream.end()
@@ -77,7 +74,7 @@ def test_a_reader_that_takes_nothing_holds_up_nobody(
 
 
 @pytest.mark.parametrize("while_it_waits", [False, True])
-def test_a_reader_that_has_gone_is_no_problem(pipe: tuple[int, int], while_it_waits: bool) -> None:
+def test_a_reader_that_has_gone_is_no_problem(pipe, while_it_waits):
     reader, writer = pipe
     stream = QueuedStream(writer)
     if while_it_waits:
@@ -90,7 +87,7 @@ def test_a_reader_that_has_gone_is_no_problem(pipe: tuple[int, int], while_it_wa
     assert stream.problem is None
 
 
-def test_a_terminal_that_has_gone_is_no_problem() -> None:
+def test_a_terminal_that_has_gone_is_no_problem():
     master, slave = pty.openpty()
     stream = QueuedStream(slave)
     assert stream.isatty()
@@ -102,8 +99,8 @@ def test_a_terminal_that_has_gone_is_no_problem() -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_is_said_once() -> None:
-    problems: list[OSError] = []
+def test_a_full_disk_is_said_once():
+    problems = []
     with Path("/dev/full").open("w") as full:
         stream = QueuedStream(full.fileno(), on_problem=problems.append)
         for _ in range(5):
@@ -113,9 +110,7 @@ def test_a_full_disk_is_said_once() -> None:
     assert "No space left" in str(problems[0])
 
 
-def test_the_end_waits_a_moment_for_a_reader_that_takes_nothing(
-    pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_end_waits_a_moment_for_a_reader_that_takes_nothing(pipe, monkeypatch):
     monkeypatch.setattr(queued_output, "_PATIENCE_S", 0.05)
     reader, writer = pipe
     monkeypatch.setattr(QueuedStream, "patience_s", None)
@@ -131,9 +126,7 @@ def test_the_end_waits_a_moment_for_a_reader_that_takes_nothing(
     stream.end()  # before another test has a file of this number
 
 
-def test_both_outputs_that_lead_to_one_file_keep_their_order(
-    pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_both_outputs_that_lead_to_one_file_keep_their_order(pipe, monkeypatch):
     reader, writer = pipe
     with closing(os.fdopen(writer, "w")) as out, os.fdopen(os.dup(writer), "w") as err:
         monkeypatch.setattr(sys, "stdout", out)

@@ -1,5 +1,4 @@
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -7,25 +6,25 @@ from mmt.core.errors import InputError
 from mmt.scene import PART_TABLES, Scene
 from mmt.scene.files import environment_overrides, load_scene, scene_from_tables, scene_of_recording
 from mmt.scene.leader_tables import TEXTURE_TABLE, Texture
-from mmt.texture.settings import CriterionScale, Inputs, ModellingSettings
+from mmt.texture.settings import CriterionScale, ModellingSettings
 
 CONFIGS = sorted((Path(__file__).parents[1] / "configs").glob("*.toml"))
-SIMULATED: dict[str, Any] = {"link": {}, "simulated": {}, "hand": {}, "recording": {}}
+SIMULATED = {"link": {}, "simulated": {}, "hand": {}, "recording": {}}
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
-def test_every_example_scene_is_valid(path: Path) -> None:
+def test_every_example_scene_is_valid(path):
     scene = load_scene(path)
     assert scene_from_tables(scene.dump()) == scene
 
 
-def test_every_part_concerns_a_service() -> None:
+def test_every_part_concerns_a_service():
     scene = Scene()
     assert set(PART_TABLES) == {*scene.parts("leader"), *scene.parts("follower")}
     assert set(scene.parts()) == set(PART_TABLES) == set(Scene.model_fields) - {"session"}
 
 
-def test_a_part_runs_in_the_services_that_its_values_ask_for() -> None:
+def test_a_part_runs_in_the_services_that_its_values_ask_for():
     tables = {**SIMULATED, "force_feedback": {"method": "streamed"}}
     assert "force_feedback" not in scene_from_tables(tables).parts("follower")
     tables["force_feedback"] = {"method": "passive"}
@@ -106,9 +105,7 @@ def test_a_part_runs_in_the_services_that_its_values_ask_for() -> None:
         ),
     ],
 )
-def test_a_wrong_scene_names_key_value_and_what_is_allowed(
-    tables: dict[str, Any], words: list[str]
-) -> None:
+def test_a_wrong_scene_names_key_value_and_what_is_allowed(tables, words):
     with pytest.raises(InputError) as caught:
         scene_from_tables(tables, origin="my.toml")
     message = str(caught.value)
@@ -117,7 +114,7 @@ def test_a_wrong_scene_names_key_value_and_what_is_allowed(
         assert word in message
 
 
-def test_files_that_are_no_scene(tmp_path: Path) -> None:
+def test_files_that_are_no_scene(tmp_path):
     with pytest.raises(InputError, match=r"no such file; the examples are anisotropic, demo"):
         load_scene(tmp_path / "none.toml")
     bad = tmp_path / "bad.toml"
@@ -129,8 +126,8 @@ def test_files_that_are_no_scene(tmp_path: Path) -> None:
         load_scene(bad)
 
 
-def test_only_the_channels_that_the_scene_needs() -> None:
-    def channels(tables: dict[str, Any]) -> tuple[str, ...]:
+def test_only_the_channels_that_the_scene_needs():
+    def channels(tables):
         return scene_from_tables({"link": {}, "simulated": {}, "hand": {}, **tables}).channels()
 
     assert channels({"playout": {}, "actuator": {}}) == ("acceleration",)
@@ -143,15 +140,12 @@ def test_only_the_channels_that_the_scene_needs() -> None:
     assert Scene().channels() == ()
 
 
-def test_flags_override_the_environment_which_overrides_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_flags_override_the_environment_which_overrides_the_file(tmp_path, monkeypatch):
     path = tmp_path / "scene.toml"
     path.write_text("[link]\nport = 1\n[simulated]\n[hand]\n[recording]\n[session]\nseed = 5\n")
     monkeypatch.setenv("MMT_LINK__PORT", "2")
     monkeypatch.setenv("MMT_SESSION__NAME", "from-environment")
     scene = load_scene(path, {"link.port": 3, "session.duration_s": None})
-    assert scene.link is not None
     assert scene.link.port == 3
     assert scene.session.name == "from-environment"
     assert scene.session.seed == 5
@@ -160,10 +154,9 @@ def test_flags_override_the_environment_which_overrides_the_file(
     }
 
 
-def test_lists_come_from_the_environment_as_toml(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lists_come_from_the_environment_as_toml(monkeypatch):
     monkeypatch.setenv("MMT_SIMULATED__WORKSPACE_MM", "[[-1, -2, -3], [1, 2, 3]]")
     scene = load_scene(Path("demo"))
-    assert scene.simulated is not None
     assert scene.simulated.workspace_mm == ((-1, -2, -3), (1, 2, 3))
     for text in ("[::1]", "[1, 2", "[" * 100_000):  # a host, and what is no list
         assert environment_overrides({"MMT_LINK__HOST": text}) == {"link.host": text}
@@ -172,25 +165,22 @@ def test_lists_come_from_the_environment_as_toml(monkeypatch: pytest.MonkeyPatch
         load_scene(Path("demo"))
 
 
-def test_replay_takes_the_place_of_follower_and_hand() -> None:
+def test_replay_takes_the_place_of_follower_and_hand():
     scene = load_scene(CONFIGS[0].with_name("demo.toml"), replay=Path("x.mcap"))
     assert scene.source == "replay"
     assert scene.hand is None
     assert scene.force_feedback is None
-    assert scene.replay is not None
     assert scene.replay.file == Path("x.mcap")
 
 
-def test_examples_are_found_by_name_and_files_beside_the_scene(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_examples_are_found_by_name_and_files_beside_the_scene(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert load_scene(Path("demo")).session.name == "demo"
     scene_file = tmp_path / "scenes" / "mine.toml"
     scene_file.parent.mkdir()
     scene_file.write_text('[hand]\n[actuator]\n[rendering]\nmodel = "m.npz"\n')
 
-    def model() -> Path | None:
+    def model():
         rendering = load_scene(scene_file).rendering
         return rendering.model if rendering else None
 
@@ -201,26 +191,23 @@ def test_examples_are_found_by_name_and_files_beside_the_scene(
     assert model() == Path("m.npz")
 
 
-def test_to_record_a_run_does_not_change_its_wire(tmp_path: Path) -> None:
+def test_to_record_a_run_does_not_change_its_wire(tmp_path):
     plain = load_scene(Path("stream-only"))
     recorded = load_scene(Path("stream-only"), record=tmp_path / "a.mcap")
-    assert recorded.recording is not None
     assert recorded.recording.file == tmp_path / "a.mcap"
     assert recorded.channels() == plain.channels() == ("force", "acceleration")
     demo = load_scene(Path("demo"), record=tmp_path / "a.mcap").recording
-    assert demo is not None
     assert demo.channels == "all"
 
 
-def test_a_network_without_a_link_is_refused() -> None:
+def test_a_network_without_a_link_is_refused():
     with pytest.raises(InputError, match=r"\[network\] needs a follower: add \[link\]"):
         scene_from_tables({"network": {}, "hand": {}})
 
 
-def test_a_variable_emulates_a_network_in_any_scene() -> None:
+def test_a_variable_emulates_a_network_in_any_scene():
     variables = environment_overrides({"MMT_NETWORK__PROFILE": "wan", "MMT_NETWORK__LOSS": "0.5"})
     scene = scene_from_tables(SIMULATED, variables)
-    assert scene.network is not None
     assert (scene.network.delay_ms, scene.network.loss) == (40.0, 0.5)
     assert scene_from_tables(scene.dump()) == scene
 
@@ -236,8 +223,8 @@ def test_a_variable_emulates_a_network_in_any_scene() -> None:
     ],
 )
 def test_gaps_are_concealed_from_a_model_where_the_numerics_are_there_anyway(
-    name: str, conceal: str | None, expected: str
-) -> None:
+    name, conceal, expected
+):
     scene = load_scene(Path(name), {"playout.conceal": conceal})
     assert scene.concealment == expected
 
@@ -250,9 +237,7 @@ def test_gaps_are_concealed_from_a_model_where_the_numerics_are_there_anyway(
         ("passive", "largest_stiffness_n_mm", 5.0),
     ],
 )
-def test_a_key_of_another_method_of_force_feedback_is_an_error(
-    method: str, key: str, value: float
-) -> None:
+def test_a_key_of_another_method_of_force_feedback_is_an_error(method, key, value):
     with pytest.raises(InputError, match=f"{key} has no meaning with method"):
         scene_from_tables(
             {
@@ -265,7 +250,7 @@ def test_a_key_of_another_method_of_force_feedback_is_an_error(
 
 
 @pytest.mark.parametrize("method", ["streamed", "passive", "model"])
-def test_a_resolved_scene_of_each_method_is_read_again(method: str) -> None:
+def test_a_resolved_scene_of_each_method_is_read_again(method):
     tables = {"link": {}, "simulated": {}, "hand": {}, "force_feedback": {"method": method}}
     scene = scene_from_tables(tables)
     assert scene_from_tables(scene.dump()) == scene
@@ -273,10 +258,9 @@ def test_a_resolved_scene_of_each_method_is_read_again(method: str) -> None:
 
 
 @pytest.mark.parametrize("inputs", ["isotropic", "anisotropic"])
-def test_one_key_models_as_published(inputs: Inputs) -> None:
+def test_one_key_models_as_published(inputs):
     texture = {"method": "published", "inputs": inputs}
     made = scene_from_tables({**SIMULATED, "texture": texture}, origin="test").texture
-    assert made is not None
     assert made.settings() == ModellingSettings(method="published", inputs=inputs)
     assert made.scale == CriterionScale("distance", "completion sum", *made.distances, rises=False)
     again = scene_from_tables(
@@ -306,9 +290,7 @@ FORMER = {"start_distance": "auto", "stop_distance": 4.0, "start_share": 0.5, "s
     ],
 )
 @pytest.mark.parametrize("method", [{}, {"method": "custom"}])
-def test_the_scene_of_an_earlier_recording_is_read_by_the_nearest_method(
-    parts: dict[str, str], expected: dict[str, Any], method: dict[str, str]
-) -> None:
+def test_the_scene_of_an_earlier_recording_is_read_by_the_nearest_method(parts, expected, method):
     tables = {**SIMULATED, "texture": {**FORMER, **method, **parts, "order": 7}}
     scene = scene_of_recording(tables, "a recording")
     assert scene.texture == Texture(**expected, order=7)
@@ -317,21 +299,19 @@ def test_the_scene_of_an_earlier_recording_is_read_by_the_nearest_method(
         scene_from_tables(tables)
 
 
-def test_a_recorded_scene_that_selected_samples_is_read_without() -> None:
+def test_a_recorded_scene_that_selected_samples_is_read_without():
     tables = {**SIMULATED, "texture": {"order": "auto", "selection": {"largest": 50}}}
     assert scene_of_recording(tables, "a recording").texture == Texture()
 
 
-def test_a_recorded_scene_that_is_wrong_is_named() -> None:
+def test_a_recorded_scene_that_is_wrong_is_named():
     with pytest.raises(InputError, match=r"^a recording: texture.order"):
         scene_of_recording({**SIMULATED, "texture": {"order": "some"}}, "a recording")
     with pytest.raises(InputError, match=r"^a recording: texture"):
         scene_of_recording({**SIMULATED, "texture": 3}, "a recording")
 
 
-def test_a_variable_that_is_wrong_is_named_and_not_the_file(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_variable_that_is_wrong_is_named_and_not_the_file(monkeypatch):
     monkeypatch.setenv("MMT_LINK__PORTT", "3")
     with pytest.raises(InputError, match=r"^environment variable MMT_LINK__PORTT: link.portt is"):
         load_scene(Path("demo"))
@@ -342,9 +322,7 @@ def test_a_variable_that_is_wrong_is_named_and_not_the_file(
     assert load_scene(Path("demo"), {"link.port": 9000}).link.port == 9000, "a flag overrides it"
 
 
-def test_an_option_that_is_wrong_is_named_and_not_the_file(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_an_option_that_is_wrong_is_named_and_not_the_file(monkeypatch, tmp_path):
     wrong = {"session.duration_s": -3.0}
     with pytest.raises(InputError, match=r"^--duration: session.duration_s is -3.0"):
         load_scene(Path("demo"), wrong, options={"session.duration_s": "--duration"})
@@ -359,9 +337,8 @@ def test_an_option_that_is_wrong_is_named_and_not_the_file(
     assert str(caught.value).startswith(origin), "and not the option, which is right"
 
 
-def test_the_robots_limits_are_off_only_where_the_scene_says_so() -> None:
+def test_the_robots_limits_are_off_only_where_the_scene_says_so():
     limits = scene_from_tables(SIMULATED).describe_motion_limits()
-    assert limits is not None
     assert limits.startswith("x -200 to 200, y -200 to 200, z -200 to 200 mm; 1000 mm/s; 300000 ")
     off = {"workspace_mm": "off", "acceleration_limit_mm_s2": "off"}
     scene = scene_from_tables({**SIMULATED, "simulated": off})

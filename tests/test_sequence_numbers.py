@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from mmt.core.sequence_numbers import (
     JumpBound,
-    Range,
     RangeSet,
     largest_advance,
     ranges_of,
@@ -21,9 +20,7 @@ operations = st.lists(st.tuples(st.sampled_from(["add", "remove"]), bounds, boun
 
 @settings(max_examples=300, deadline=None)
 @given(operations, bounds, bounds)
-def test_ranges_are_the_sets_that_they_stand_for(
-    changes: list[tuple[str, int, int]], first: int, stop: int
-) -> None:
+def test_ranges_are_the_sets_that_they_stand_for(changes, first, stop):
     ranges, oracle = RangeSet(), set[int]()
     for name, low, high in changes:
         numbers = set(range(low, high))
@@ -49,13 +46,13 @@ def test_ranges_are_the_sets_that_they_stand_for(
 
 
 @given(st.sets(st.integers(0, 100)))
-def test_ascending_numbers_form_ranges(numbers: set[int]) -> None:
-    ranges: list[Range] = ranges_of(np.array(sorted(numbers), dtype=np.int64))
+def test_ascending_numbers_form_ranges(numbers):
+    ranges = ranges_of(np.array(sorted(numbers), dtype=np.int64))
     assert [number for r in ranges for number in range(*r)] == sorted(numbers)
     assert all(before[1] < after[0] for before, after in pairwise(ranges))
 
 
-def test_an_empty_set_is_cleared_and_filled_anew() -> None:
+def test_an_empty_set_is_cleared_and_filled_anew():
     ranges = RangeSet([(3, 5), (7, 9)])
     ranges.clear()
     assert (ranges.first, ranges.count, list(ranges)) == (None, 0, [])
@@ -65,7 +62,7 @@ def test_an_empty_set_is_cleared_and_filled_anew() -> None:
     assert list(ranges) == [(4, 6)]
 
 
-def test_a_sender_may_be_twice_as_fast_as_its_rate_and_two_seconds_ahead() -> None:
+def test_a_sender_may_be_twice_as_fast_as_its_rate_and_two_seconds_ahead():
     assert shortest_period_ns(1000.0, 1.0) == 500_000
     assert shortest_period_ns(1.0, 100.0) == 5_000_000
     assert shortest_period_ns(1e6, 1e6) == 1
@@ -73,7 +70,7 @@ def test_a_sender_may_be_twice_as_fast_as_its_rate_and_two_seconds_ahead() -> No
     assert largest_advance(1_000_000_000, 1_300_000) == 2307
 
 
-def test_what_a_silence_adds_drains_by_two_periods_a_number() -> None:
+def test_what_a_silence_adds_drains_by_two_periods_a_number():
     bound = JumpBound(1_000_000)
     bound.restart(0)
     assert bound.allows(1, 1_000_000_000)
@@ -85,7 +82,7 @@ def test_what_a_silence_adds_drains_by_two_periods_a_number() -> None:
     assert not bound.permits(2001, 2_000_000)
 
 
-def test_a_clock_that_jumps_back_takes_the_bound_with_it() -> None:
+def test_a_clock_that_jumps_back_takes_the_bound_with_it():
     bound = JumpBound(1_000_000)
     bound.restart(5_000_000_000)
     assert bound.permits(2000, 4_000_000_000)

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("build") / "site"
     options = ("--fail-on-warning", "--keep-going", "--quiet")
     built = subprocess.run(
@@ -33,7 +33,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_the_sidebar_leads_to_every_page(site: Path) -> None:
+def test_the_sidebar_leads_to_every_page(site):
     text = (site / "index.html").read_text(encoding="utf-8")
     (sidebar,) = re.findall(r'<div class="sidebar-tree">(.*?)</div>', text, re.DOTALL)
     pages = {path.relative_to(DOCS) for kind in ("md", "ipynb") for path in DOCS.rglob(f"*.{kind}")}
@@ -41,7 +41,7 @@ def test_the_sidebar_leads_to_every_page(site: Path) -> None:
     assert set(re.findall(r'href="([^"#]+)"', sidebar)) == expected
 
 
-def test_every_name_of_the_library_is_described(site: Path) -> None:
+def test_every_name_of_the_library_is_described(site):
     text = (site / "reference/library.html").read_text(encoding="utf-8")
     described = re.findall(r'<dt [^>]*id="mmt\.(\w+)"', text)
     assert sorted(described) == sorted(mmt.__all__)
@@ -50,7 +50,7 @@ def test_every_name_of_the_library_is_described(site: Path) -> None:
     assert "vibration in m/s2" in text
 
 
-def test_the_notebook_is_shown_with_its_pictures(site: Path) -> None:
+def test_the_notebook_is_shown_with_its_pictures(site):
     text = (site / "how-to/first-model.html").read_text(encoding="utf-8")
     pictures = re.findall(r'<img [^>]*src="\.\./(_images/[^"]+)"', text)
     assert pictures
@@ -58,7 +58,7 @@ def test_the_notebook_is_shown_with_its_pictures(site: Path) -> None:
         assert (site / picture).stat().st_size > 1000
 
 
-def test_links_lead_to_headings_and_to_files_beside_the_pages(site: Path) -> None:
+def test_links_lead_to_headings_and_to_files_beside_the_pages(site):
     text = (site / "explanation/link-loss.html").read_text(encoding="utf-8")
     assert 'href="../reference/scene.html#link"' in text
     assert 'id="link"' in (site / "reference/scene.html").read_text(encoding="utf-8")

@@ -22,5 +22,5 @@ from mmt.core.tables import label
         ("stations", "stations"),
     ],
 )
-def test_a_key_becomes_words_with_its_unit_as_it_is_written(key: str, words: str) -> None:
+def test_a_key_becomes_words_with_its_unit_as_it_is_written(key, words):
     assert label(key) == words

@@ -50,7 +50,7 @@ facts = st.builds(
 
 
 @given(facts)
-def test_a_verdict_says_why_it_is_not_well_and_only_then(known: Facts) -> None:
+def test_a_verdict_says_why_it_is_not_well_and_only_then(known):
     found = verdict(known)
     assert found.now
     assert (found.state in ("degraded", "failed")) == bool(found.faults)
@@ -66,13 +66,13 @@ def test_a_verdict_says_why_it_is_not_well_and_only_then(known: Facts) -> None:
 
 
 @given(facts)
-def test_a_fault_makes_no_run_better(known: Facts) -> None:
+def test_a_fault_makes_no_run_better(known):
     order = ["running", "waiting", "degraded", "failed"]
     worse = verdict(replace(known, faults=[*known.faults, "another fault"]))
     assert order.index(worse.state) >= order.index(verdict(known).state)
 
 
-def test_a_good_run_is_told_in_four_words() -> None:
+def test_a_good_run_is_told_in_four_words():
     found = verdict(READY)
     assert found.state == "running"
     assert found.parts == (
@@ -84,7 +84,7 @@ def test_a_good_run_is_told_in_four_words() -> None:
     assert found.noticeable == "less than the 1.4 dB that are just noticeable"
 
 
-def test_what_the_actuator_leaves_is_told_beside_the_models_error() -> None:
+def test_what_the_actuator_leaves_is_told_beside_the_models_error():
     found = verdict(replace(READY, skin_error_db=4.26, played_share=0.38))
     assert found.error == "1.1 dB, 4.3 at the skin"
     assert found.readiness == "84 % should feel right, the actuator plays 38 % of the power"
@@ -93,17 +93,17 @@ def test_what_the_actuator_leaves_is_told_beside_the_models_error() -> None:
 
 
 @pytest.mark.parametrize("outcome", ENDED)
-def test_a_run_that_ended_as_it_should_is_well(outcome: str) -> None:
+def test_a_run_that_ended_as_it_should_is_well(outcome):
     assert verdict(replace(READY, outcome=outcome)).state == "running"
 
 
-def test_a_model_that_never_took_over_is_told() -> None:
+def test_a_model_that_never_took_over_is_told():
     found = verdict(Facts(mode="streamed", models=True, readiness=0.4, outcome="completed"))
     assert (found.state, found.now) == ("degraded", "streamed")
     assert found.health == "the model was never ready"
 
 
-def test_a_lost_follower_is_told_once_and_at_once() -> None:
+def test_a_lost_follower_is_told_once_and_at_once():
     waits = "follower lost: waiting 10 s for its return"
     found = verdict(replace(READY, waits=waits, faults=["follower lost"]))
     assert (found.state, found.sentence) == ("degraded", waits)

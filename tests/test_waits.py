@@ -1,14 +1,13 @@
 """No test waits for ever for a process or a thread."""
 
 import ast
-from collections.abc import Iterator
 from pathlib import Path
 
 WAITS = {"wait", "join", "communicate"}
 RUNS = {"run", "call", "check_call", "check_output"}
 
 
-def unbounded(tree: ast.AST) -> Iterator[ast.Call]:
+def unbounded(tree):
     """Waits without a bound; coroutines, which are awaited or given to asyncio, are none."""
     calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
     coroutines = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Await)}
@@ -24,7 +23,7 @@ def unbounded(tree: ast.AST) -> Iterator[ast.Call]:
             yield call
 
 
-def test_every_wait_for_a_process_or_a_thread_has_a_bound() -> None:
+def test_every_wait_for_a_process_or_a_thread_has_a_bound():
     here = Path(__file__).parent
     found = [
         f"{file.relative_to(here)}:{call.lineno}: {ast.unparse(call)[:60]}"
@@ -34,7 +33,7 @@ def test_every_wait_for_a_process_or_a_thread_has_a_bound() -> None:
     assert not found
 
 
-def test_a_wait_without_a_bound_is_found() -> None:
+def test_a_wait_without_a_bound_is_found():
     for text, expected in (
         ("process.wait()", 1),
         ("process.wait(3)", 0),

@@ -4,7 +4,6 @@ import ast
 import resource
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +27,7 @@ from mmt_share.player.results import COLUMNS, ResultsFile
 SESSION = RecordedSession(made_frames(0, 4000))
 VIBRATION = np.random.default_rng(1).standard_normal(40_000)
 
-KINDS: dict[str, Callable[[Path], object]] = {
+KINDS = {
     **{
         f"a{suffix}": lambda path: export_session(SESSION, path)
         for suffix in (".mcap", ".npz", ".csv", ".parquet", ".h5")
@@ -60,9 +59,7 @@ NOT_PRODUCTS = {
 @pytest.mark.skipif(sys.platform == "win32", reason="has no limit of file sizes")
 @pytest.mark.parametrize("name", KINDS)
 @pytest.mark.parametrize("room_bytes", [0, 1000])
-def test_what_finds_no_room_leaves_the_folder_as_it_was(
-    name: str, room_bytes: int, tmp_path: Path
-) -> None:
+def test_what_finds_no_room_leaves_the_folder_as_it_was(name, room_bytes, tmp_path):
     path, write = tmp_path / name, KINDS[name]
     (tmp_path / "before").mkdir()
     write(tmp_path / "before" / name)  # imports all, as cached code would be cut off too
@@ -89,7 +86,7 @@ def test_what_finds_no_room_leaves_the_folder_as_it_was(
     assert path.stat().st_size > 1000
 
 
-def test_a_link_and_a_device_stay_what_they_are(tmp_path: Path) -> None:
+def test_a_link_and_a_device_stay_what_they_are(tmp_path):
     kept, link = tmp_path / "kept.json", tmp_path / "link.json"
     kept.write_text("before")
     kept.chmod(0o640)
@@ -103,14 +100,14 @@ def test_a_link_and_a_device_stay_what_they_are(tmp_path: Path) -> None:
         model_of(10).save(tmp_path / "nowhere" / "oak.npz")
 
 
-def test_lines_at_the_end_are_there_with_one_header(tmp_path: Path) -> None:
+def test_lines_at_the_end_are_there_with_one_header(tmp_path):
     path = tmp_path / "new" / "lines.txt"
     for line in ("a\n", "ü\n"):
         append_lines(path, line, header="head\n")
     assert path.read_text(encoding="utf-8") == "head\na\nü\n"
 
 
-def test_no_module_writes_a_file_by_itself() -> None:
+def test_no_module_writes_a_file_by_itself():
     """A file opened for writing is one that `replacing` gave, which is called ``part``."""
     source, found = Path(mmt.__file__).parents[1], []
     for path in sorted(source.glob("mmt*/**/*.py")):
@@ -129,7 +126,7 @@ def test_no_module_writes_a_file_by_itself() -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no such limit")
-def test_too_few_descriptors_end_in_a_sentence() -> None:
+def test_too_few_descriptors_end_in_a_sentence():
     limited = (
         "import resource, sys; resource.setrlimit(resource.RLIMIT_NOFILE, (12, 12)); "
         "sys.argv[1:] = ['scene', 'explain', 'demo', '--measure']; "

@@ -1,7 +1,6 @@
 """Wait for what goes on beside a test: in threads, processes and emulated devices."""
 
 import time
-from collections.abc import Callable
 
 import psutil
 import pytest
@@ -11,7 +10,7 @@ from mmt.core.errors import DeviceLost
 PATIENCE_S = 30.0
 
 
-def until(condition: Callable[[], object], act: Callable[[], object] = lambda: None) -> None:
+def until(condition, act=lambda: None):
     """Act every millisecond until the condition holds."""
     deadline_s = time.monotonic() + PATIENCE_S
     while not condition():
@@ -20,13 +19,13 @@ def until(condition: Callable[[], object], act: Callable[[], object] = lambda: N
         time.sleep(0.001)
 
 
-def until_lost(act: Callable[[], object], words: str) -> None:
+def until_lost(act, words):
     """Act every millisecond until the device is lost, and says these words."""
     with pytest.raises(DeviceLost, match=words):
         until(lambda: False, act)
 
 
-def children(word: str, parent: int | None = None) -> list[psutil.Process]:
+def children(word, parent=None):
     """Return the child processes, of this one by default, that have a word in their command."""
     return [
         child for child in psutil.Process(parent).children() if word in " ".join(child.cmdline())

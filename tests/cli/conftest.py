@@ -1,13 +1,11 @@
 """What several tests of commands share."""
 
-from pathlib import Path
-
 import pytest
 from device_drivers import DRIVERS
 
 
 @pytest.fixture
-def drivers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def drivers(tmp_path, monkeypatch):
     name = f"cli_drivers_{tmp_path.name}".replace("-", "_")
     (tmp_path / f"{name}.py").write_text(DRIVERS)
     monkeypatch.syspath_prepend(str(tmp_path))

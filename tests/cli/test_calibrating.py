@@ -3,7 +3,6 @@
 import itertools
 import json
 import sys
-from pathlib import Path
 
 import pytest
 import typer
@@ -17,7 +16,7 @@ TRUE = GravityCalibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325))
 
 
 @pytest.fixture(autouse=True)
-def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def own_calibrations(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
 
 
@@ -25,12 +24,12 @@ CALIBRATE = ("device", "calibrate")
 RECORDED = (*CALIBRATE, "adxl335-serial", "--set", "port=none")
 
 
-def felt(up: str) -> tuple[float, float, float]:
+def felt(up):
     x, y, z = (GRAVITY_M_S2 * (up[1] == a) * (1 if up[0] == "+" else -1) for a in "xyz")
     return x, y, z
 
 
-def recorded(path: Path, true: GravityCalibration, **more: object) -> Path:
+def recorded(path, true, **more):
     rests = [
         {
             "up": up,
@@ -43,11 +42,10 @@ def recorded(path: Path, true: GravityCalibration, **more: object) -> Path:
     return path
 
 
-def test_recorded_rests_are_fitted_stored_and_compared(tmp_path: Path) -> None:
+def test_recorded_rests_are_fitted_stored_and_compared(tmp_path):
     first = recorded(tmp_path / "first.json", TRUE, serial="bench-3")
     said = output_of(*RECORDED, "--rests", first)
     stored = load_calibration("adxl335", "bench-3")
-    assert stored is not None
     assert stored["zero_v"] == pytest.approx(TRUE.zero_v)
     assert "changed" not in said
     moved = recorded(tmp_path / "second.json", TRUE._replace(zero_v=(1.60, 1.80, 1.75)))
@@ -73,9 +71,7 @@ LAB = '[devices]\nrobot = "virtual-robot"\n\n[link]\n\n[recording]\nchannels = "
         ("lab.toml", LAB, CALIBRATE, "has no accelerometer; it has robot"),
     ],
 )
-def test_what_cannot_be_calibrated_is_told(
-    tmp_path: Path, name: str, text: str | None, arguments: tuple[str, ...], message: str
-) -> None:
+def test_what_cannot_be_calibrated_is_told(tmp_path, name, text, arguments, message):
     file = tmp_path / name
     if text is None:
         recorded(file, TRUE)
@@ -84,9 +80,7 @@ def test_what_cannot_be_calibrated_is_told(
     assert message in refusal(*arguments, file)
 
 
-def test_rests_that_cannot_be_kept_calibrate_nevertheless(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rests_that_cannot_be_kept_calibrate_nevertheless(tmp_path, monkeypatch):
     rests = json.loads(recorded(tmp_path / "rests.json", TRUE).read_text())["rests"]
     monkeypatch.setattr(calibrating, "_measure", lambda *_: ("7", rests_from(rests)))
     keep = tmp_path / "rests.json" / "kept.json"
@@ -96,17 +90,17 @@ def test_rests_that_cannot_be_kept_calibrate_nevertheless(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
-def test_a_sensor_is_turned_six_ways(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sensor_is_turned_six_ways(tmp_path, monkeypatch):
     from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 
     held = {"felt": felt("+z"), "shaken": False}
-    asked: list[str] = []
+    asked = []
 
-    def truth(time_ns: int) -> tuple[float, float, float]:
+    def truth(time_ns):
         x, y, z = held["felt"]
         return (x + 3.0 * (-1) ** (time_ns // 10_000_000) * held["shaken"], y, z)
 
-    def turn(text: str, **_: object) -> str:
+    def turn(text, **_):
         asked.append(text)
         axis, _, where = text.split()
         held["felt"] = felt(("+" if where == "up" else "-") + axis)
@@ -128,7 +122,6 @@ def test_a_sensor_is_turned_six_ways(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert [text for text, _ in itertools.groupby(asked)] == ways
     assert asked.count("x points down") >= 2
     stored = load_calibration("adxl335", "7")
-    assert stored is not None
     assert stored["zero_v"] == pytest.approx(TRUE.zero_v, abs=0.003)
     assert stored["gain_v_per_m_s2"] == pytest.approx(TRUE.gain_v_per_m_s2, rel=0.01)
     kept = json.loads((tmp_path / "kept.json").read_text())

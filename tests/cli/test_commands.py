@@ -1,7 +1,5 @@
 """Commands are entry points: those of mmt, and those that another package adds."""
 
-from pathlib import Path
-
 import pytest
 import typer
 from command_runs import output_of, refusal
@@ -30,7 +28,7 @@ def alone(times: int = 2) -> None:
 
 
 @pytest.fixture
-def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def package(tmp_path, monkeypatch):
     (tmp_path / "added_commands.py").write_text(MODULE)
     names = {
         "another": "added_commands:group",
@@ -41,14 +39,14 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     install_package(tmp_path, monkeypatch, "added-commands", {main.GROUP: names})
 
 
-def test_another_package_adds_a_group_and_a_command_of_a_group(package: None) -> None:
+def test_another_package_adds_a_group_and_a_command_of_a_group(package):
     assert output_of("another", "two") == "two\n"
     assert output_of("model", "alone", "--times", "3") == "alone alone alone \n"
     assert "alone" in output_of("model", "--help")
     assert "alone" not in output_of("device", "--help")
 
 
-def test_every_command_of_mmt_has_a_help() -> None:
+def test_every_command_of_mmt_has_a_help():
     for name in offered(main.GROUP):
         first = output_of(*name.split("."), "--help")
         assert "Usage: " in first
@@ -56,7 +54,7 @@ def test_every_command_of_mmt_has_a_help() -> None:
             assert typers_own not in first, name
 
 
-def test_a_command_that_cannot_be_imported_says_so_and_leaves_the_others(package: None) -> None:
+def test_a_command_that_cannot_be_imported_says_so_and_leaves_the_others(package):
     assert "added_commands:absent cannot be imported" in " ".join(
         output_of("--help").replace("│", " ").split()
     )
@@ -65,7 +63,7 @@ def test_a_command_that_cannot_be_imported_says_so_and_leaves_the_others(package
 
 
 @pytest.mark.parametrize("value", ["true", "no", "Off"])
-def test_a_switch_that_is_given_a_value_is_explained(value: str) -> None:
+def test_a_switch_that_is_given_a_value_is_explained(value):
     command = typer.main.get_command(main.app)
     arguments = ["demo", "--monitor", value]
     with pytest.raises(InputError, match=f"--monitor is a switch: give it without {value}"):

@@ -2,9 +2,7 @@
 
 import subprocess
 import sys
-from pathlib import Path
 from types import SimpleNamespace
-from typing import Final
 
 import pytest
 from command_runs import run_json
@@ -15,9 +13,7 @@ from mmt.devices import discovery
 from mmt.devices import drivers as driver_table
 
 
-def test_the_list_has_drivers_ports_and_what_is_missing(
-    drivers: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_list_has_drivers_ports_and_what_is_missing(drivers, tmp_path, monkeypatch):
     import serial.tools.list_ports as ports
     import usb.core
 
@@ -43,7 +39,7 @@ def test_the_list_has_drivers_ports_and_what_is_missing(
     assert [device["what"] for device in found["usb_devices"]] == ["LabJack U6"]
 
 
-LIST: Final = """
+LIST = """
 import importlib.metadata
 from mmt.devices import discovery
 
@@ -61,7 +57,7 @@ print(len(read), len(set(read)))
 """
 
 
-def test_the_metadata_of_a_package_is_read_once_a_group() -> None:
+def test_the_metadata_of_a_package_is_read_once_a_group():
     """In a process of its own: a library of another test may have replaced the finder."""
     listed = subprocess.run(
         [sys.executable, "-c", LIST], capture_output=True, text=True, check=True, timeout=60
@@ -71,10 +67,10 @@ def test_the_metadata_of_a_package_is_read_once_a_group() -> None:
     assert 0 < readings <= groups * packages, "the list took seconds with each name parsed"
 
 
-def test_without_libusb_the_list_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_libusb_the_list_says_what_to_install(monkeypatch):
     import usb.core
 
-    def find(find_all: bool) -> None:
+    def find(find_all):
         raise usb.core.NoBackendError("none")
 
     monkeypatch.setattr(usb.core, "find", find)
@@ -82,28 +78,22 @@ def test_without_libusb_the_list_says_what_to_install(monkeypatch: pytest.Monkey
         discovery.find_usb_devices()
 
 
-def test_a_port_without_permission_is_explained(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_port_without_permission_is_explained(tmp_path, monkeypatch):
     (tmp_path / "ttyACM0").write_text("")
     monkeypatch.setattr(discovery.os, "access", lambda path, mode: False)
     assert "usermod -a -G" in discovery.access_problem(str(tmp_path / "ttyACM0"))
     assert discovery.access_problem(str(tmp_path / "ttyACM1")) == ""
 
 
-def test_a_usb_device_without_permission_gets_its_udev_rule(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_usb_device_without_permission_gets_its_udev_rule(tmp_path, monkeypatch):
     monkeypatch.setattr(discovery.os, "access", lambda path, mode: False)
     sentence = discovery.access_problem(str(tmp_path), 0x0CD5)
     assert 'ATTR{idVendor}=="0cd5"' in sentence
     assert "/etc/udev/rules.d" in sentence
 
 
-def test_a_library_that_is_missing_is_named_with_the_drivers_that_want_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def none() -> None:
+def test_a_library_that_is_missing_is_named_with_the_drivers_that_want_it(tmp_path, monkeypatch):
+    def none():
         raise MmtError("the sound card needs PortAudio")
 
     monkeypatch.setattr("mmt.devices.haptuator.sound.load_sounddevice", none)
@@ -113,9 +103,7 @@ def test_a_library_that_is_missing_is_named_with_the_drivers_that_want_it(
     assert any(text.startswith("openhaptics: the vendor's library") for text in problems)
 
 
-def test_the_list_shows_each_role_that_a_driver_can_take(
-    drivers: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_list_shows_each_role_that_a_driver_can_take(drivers, tmp_path, monkeypatch):
     names = {"lab-arm": "Polled", "lab-handle": "Handle", "lab-coil": "Actuator", "lab-?": "Bare"}
     names |= {"lab-line": "made_sensor"}
     targets = {name: f"{drivers}:{made}" for name, made in names.items()}

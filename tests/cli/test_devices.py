@@ -8,19 +8,18 @@ from pathlib import Path
 import pytest
 from command_runs import refusal, run, run_json
 from plugin_samples import install_package
-from typer.testing import Result
 
 from mmt.devices import drivers as driver_table
 from mmt.devices.device_check import check_device
 
 
-def tried(directory: Path, what: object, *options: object) -> tuple[Result, list[dict]]:
+def tried(directory, what, *options):
     """Test devices; return their figures as well."""
     figures, result = run_json(directory, "device", "test", what, *options, code=None)
     return result, figures["devices"]
 
 
-def figures_of(drivers: str, name: str, directory: Path, *settings: str) -> tuple[Result, dict]:
+def figures_of(drivers, name, directory, *settings):
     given = [word for setting in settings for word in ("--set", setting)]
     result, (seen,) = tried(directory, f"{drivers}:{name}", *given, "--duration", 0.3)
     return result, seen
@@ -29,12 +28,12 @@ def figures_of(drivers: str, name: str, directory: Path, *settings: str) -> tupl
 BUSY = "this machine is busy"
 
 
-def of_the_device(problems: list[str]) -> list[str]:
+def of_the_device(problems):
     """What is wrong, but for this machine's own load."""
     return [problem for problem in problems if BUSY not in problem]
 
 
-def test_a_sensor_that_works_shows_its_values_and_rate(drivers: str, tmp_path: Path) -> None:
+def test_a_sensor_that_works_shows_its_values_and_rate(drivers, tmp_path):
     result, seen = figures_of(drivers, "Sampled", tmp_path)
     assert result.exit_code == bool(seen["problems"]), result.output
     assert seen["rate_hz"] == pytest.approx(2000, rel=0.2)
@@ -44,7 +43,7 @@ def test_a_sensor_that_works_shows_its_values_and_rate(drivers: str, tmp_path: P
     assert of_the_device(seen["problems"]) == []
 
 
-def test_a_polled_device_is_read_and_never_commanded(drivers: str, tmp_path: Path) -> None:
+def test_a_polled_device_is_read_and_never_commanded(drivers, tmp_path):
     result, seen = figures_of(drivers, "Polled", tmp_path, "z=2.5")
     assert result.exit_code == 0, result.output
     assert seen["mean"] == [0.0, 0.0, 2.5]
@@ -61,16 +60,14 @@ def test_a_polled_device_is_read_and_never_commanded(drivers: str, tmp_path: Pat
         ("Polled", ["z=nan"], "no numbers"),
     ],
 )
-def test_what_is_wrong_is_said_with_what_to_do(
-    drivers: str, tmp_path: Path, name: str, settings: list[str], sentence: str
-) -> None:
+def test_what_is_wrong_is_said_with_what_to_do(drivers, tmp_path, name, settings, sentence):
     result, seen = figures_of(drivers, name, tmp_path, *settings)
     assert result.exit_code == 1
     assert any(sentence in problem for problem in seen["problems"]), seen["problems"]
     assert sentence.split(maxsplit=1)[0] in result.output
 
 
-def test_a_silent_and_a_stuck_sensor_are_told_apart(drivers: str) -> None:
+def test_a_silent_and_a_stuck_sensor_are_told_apart(drivers):
     module = __import__(drivers)
     silent = check_device("force_sensor", "a", module.Sampled(silent=True), duration_s=9.0)
     assert "gives no reading: check its cable" in silent.problems[0]
@@ -82,17 +79,17 @@ def test_a_silent_and_a_stuck_sensor_are_told_apart(drivers: str) -> None:
 
 
 @pytest.mark.parametrize(("z", "words"), [(1.0, "may be in g"), (3.0, "feels 3: keep it still")])
-def test_an_accelerometer_must_feel_gravity(drivers: str, z: float, words: str) -> None:
+def test_an_accelerometer_must_feel_gravity(drivers, z, words):
     device = __import__(drivers).Polled(z=z)
     assert words in check_device("accelerometer", "a", device, duration_s=0.05).problems[0]
 
 
-def test_calibration_is_asked_for(drivers: str, tmp_path: Path) -> None:
+def test_calibration_is_asked_for(drivers, tmp_path):
     _, (seen,) = tried(tmp_path, f"{drivers}:Polled", "--duration", 0.1, "--calibrate")
     assert seen["mean"] == [0.0, 0.0, 0.0]
 
 
-def test_all_devices_of_a_scene_are_tested(drivers: str, tmp_path: Path) -> None:
+def test_all_devices_of_a_scene_are_tested(drivers, tmp_path):
     scene = tmp_path / "lab.toml"
     scene.write_text(
         f'[link]\n[devices]\nrobot = "{drivers}:Polled"\naccelerometer = "{drivers}:Sampled"\n'
@@ -113,8 +110,8 @@ def test_all_devices_of_a_scene_are_tested(drivers: str, tmp_path: Path) -> None
     [("Sampled", 2000, 1000), ("Polled", 1000, 500), ("Sampled", 20_000, None)],
 )
 def test_an_accelerometer_must_give_what_a_frame_takes(
-    drivers: str, tmp_path: Path, accelerometer: str, rate_hz: int, said: int | None
-) -> None:
+    drivers, tmp_path, accelerometer, rate_hz, said
+):
     options = f"rate_hz = {rate_hz}\n" if accelerometer == "Sampled" else ""
     scene = tmp_path / "lab.toml"
     scene.write_text(
@@ -146,17 +143,17 @@ def test_an_accelerometer_must_give_what_a_frame_takes(
         ),
     ],
 )
-def test_what_cannot_be_tested_is_bad_input(arguments: list[str], sentence: str) -> None:
+def test_what_cannot_be_tested_is_bad_input(arguments, sentence):
     assert sentence in refusal("device", "test", *arguments)
 
 
-def test_a_driver_is_tested_in_the_role_that_is_asked_for(drivers: str, tmp_path: Path) -> None:
+def test_a_driver_is_tested_in_the_role_that_is_asked_for(drivers, tmp_path):
     options = ("--role", "accelerometer", "--duration", 0.1)
     _, (seen,) = tried(tmp_path, f"{drivers}:made_sensor", *options)
     assert seen["role"] == "accelerometer"
 
 
-def test_an_actuator_plays_silence_and_shows_what_it_counted(tmp_path: Path) -> None:
+def test_an_actuator_plays_silence_and_shows_what_it_counted(tmp_path):
     options = ["--set", "full_scale_v=3", "--set", "volts_per_m_s2=0.1", "--set", "buffer_ms=100"]
     driver = "mmt.testing.emulated.haptuator:emulated_haptuator"
     _, (seen,) = tried(tmp_path, driver, *options, "--duration", 0.4)
@@ -165,13 +162,13 @@ def test_an_actuator_plays_silence_and_shows_what_it_counted(tmp_path: Path) -> 
     assert seen["played"]["peak_m_s2"] == 0.0
 
 
-def test_a_board_shows_the_voltages_of_its_inputs(drivers: str) -> None:
+def test_a_board_shows_the_voltages_of_its_inputs(drivers):
     seen = check_device("board", "a", __import__(drivers).Board(), duration_s=0.05)
     assert seen.mean == pytest.approx((0.1, 0.2, 0.3, 0.4))
     assert seen.unit == "V"
 
 
-def test_a_capacitor_that_passes_too_little_is_a_problem(drivers: str) -> None:
+def test_a_capacitor_that_passes_too_little_is_a_problem(drivers):
     from mmt.devices.drivers import load_device
 
     sensor = load_device("adxl335-serial", {"port": "/dev/none", "bandwidth_hz": 50})
@@ -179,13 +176,13 @@ def test_a_capacitor_that_passes_too_little_is_a_problem(drivers: str) -> None:
     assert any("Replace the three capacitors by 0.01 uF or less" in text for text in problems)
 
 
-def test_readings_that_come_in_bursts_are_told(drivers: str) -> None:
+def test_readings_that_come_in_bursts_are_told(drivers):
     sensor = __import__(drivers).Sampled(at_once=80)
     (problem,) = check_device("force_sensor", "a", sensor, duration_s=0.5).problems
     assert "come in bursts, up to" in problem or BUSY in problem
 
 
-def test_a_busy_machine_is_told_from_a_fault(drivers: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_busy_machine_is_told_from_a_fault(drivers, monkeypatch):
     sensor = __import__(drivers).Sampled()
     sleep = time.sleep
     monkeypatch.setattr("mmt.devices.device_check.time.sleep", lambda _: sleep(0.03))
@@ -194,14 +191,10 @@ def test_a_busy_machine_is_told_from_a_fault(drivers: str, monkeypatch: pytest.M
     assert "this machine is busy, the test itself had to wait up to" in problems[0]
 
 
-def test_the_documented_driver_is_found_as_a_package_of_its_own(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_documented_driver_is_found_as_a_package_of_its_own(tmp_path, monkeypatch):
     text = (Path(__file__).parents[2] / "docs/how-to/devices.md").read_text(encoding="utf-8")
     driver = re.search(r"```python\n(.*?)```", text, re.DOTALL)
     project = re.search(r"```toml\n(\[project\].*?)```", text, re.DOTALL)
-    assert driver is not None
-    assert project is not None
     assert sum(bool(line.strip()) for line in driver[1].splitlines()) <= 30
     entries = tomllib.loads(project[1])["project"]["entry-points"][driver_table.GROUP]
     (tmp_path / "lab").mkdir()
@@ -219,7 +212,7 @@ def test_the_documented_driver_is_found_as_a_package_of_its_own(
     assert "'port'; its options are port, baud=1000000" in refusal(*line_sensor)
 
 
-def test_a_class_without_the_calls_of_a_device_is_not_good(drivers: str) -> None:
+def test_a_class_without_the_calls_of_a_device_is_not_good(drivers):
     result = run("device", "test", f"{drivers}:Useless", "--duration", "0.1")
     assert result.exit_code == 1
     assert "good" not in result.output
@@ -227,9 +220,7 @@ def test_a_class_without_the_calls_of_a_device_is_not_good(drivers: str) -> None
     assert "--role" in result.output
 
 
-def test_a_drivers_own_mistake_is_told_with_its_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_drivers_own_mistake_is_told_with_its_line(tmp_path, monkeypatch):
     lines = ["class Odd:", "    def read(self):", "        return self.gone", "    connect = read"]
     (tmp_path / "odd_lab.py").write_text(
         "\n".join([*lines, "    def close(self):", "        int('x')"])

@@ -5,7 +5,6 @@ import os
 import signal
 import sys
 import types
-from collections.abc import Callable, Iterator
 
 import pytest
 import typer
@@ -16,47 +15,47 @@ from mmt.core.errors import MmtError
 
 
 @pytest.fixture(autouse=True)
-def usual_handler() -> Iterator[None]:
+def usual_handler():
     # a shell lets what it starts in the background ignore Ctrl-C
     usual = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, usual)
 
 
-def ctrl_c() -> None:
+def ctrl_c():
     os.kill(os.getpid(), signal.SIGINT)
     raise AssertionError("not interrupted")
 
 
 class InterruptedInput(io.StringIO):
-    def readline(self, *_: object) -> str:
+    def readline(self, *_):
         ctrl_c()
         return ""
 
 
-def at_a_prompt() -> None:
+def at_a_prompt():
     typer.prompt("x points up", default="", err=True)
 
 
-def as_an_old_typer_translates_it() -> None:
+def as_an_old_typer_translates_it():
     try:
         ctrl_c()
     except KeyboardInterrupt as error:
         raise typer.Abort from error
 
 
-def told_by_the_command() -> None:
+def told_by_the_command():
     try:
         ctrl_c()
     except KeyboardInterrupt as error:
         raise MmtError("interrupted: 3 results are kept") from error
 
 
-def fails() -> None:
+def fails():
     raise MmtError("no answer")
 
 
-def exit_code(command: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> object:
+def exit_code(command, monkeypatch):
     """Run a command as an installed program does, and return its exit code."""
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command()(command)
@@ -72,11 +71,7 @@ def exit_code(command: Callable[[], object], monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.parametrize(
     "command", [ctrl_c, at_a_prompt, as_an_old_typer_translates_it, told_by_the_command]
 )
-def test_an_interrupted_command_ends_with_130(
-    command: Callable[[], object],
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
+def test_an_interrupted_command_ends_with_130(command, monkeypatch, capfd):
     monkeypatch.setattr(sys, "stdin", InterruptedInput())
     assert exit_code(command, monkeypatch) == entry.INTERRUPTED == 130
     told = capfd.readouterr().err
@@ -84,5 +79,5 @@ def test_an_interrupted_command_ends_with_130(
     assert "Traceback" not in told
 
 
-def test_another_failure_keeps_its_exit_code(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_failure_keeps_its_exit_code(monkeypatch):
     assert exit_code(fails, monkeypatch) == 1

@@ -1,7 +1,5 @@
 """`mmt model`: the command line that builds texture models and looks at them."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from command_runs import output_of, refusal, run, run_json
@@ -24,7 +22,7 @@ DURATION_S = 12.0
 
 
 @pytest.fixture(scope="module")
-def session_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def session_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("models") / "wood.npz"
     frames, annotations = simulate_session(Scene(), "wood", DURATION_S, 3)
     write_session(path, frames, annotations=annotations)
@@ -34,7 +32,7 @@ def session_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 BUILD, INFO = ("model", "build"), ("model", "info")
 
 
-def test_of_several_surfaces_one_is_chosen(tmp_path: Path) -> None:
+def test_of_several_surfaces_one_is_chosen(tmp_path):
     course = SurfaceCourse(
         [get_surface("glass"), get_surface("sandpaper")], [CourseChange(6000, 1, in_contact=True)]
     )
@@ -56,8 +54,8 @@ def test_of_several_surfaces_one_is_chosen(tmp_path: Path) -> None:
 
 
 def test_the_model_is_the_one_that_the_live_leader_had_at_the_stop_criterion(
-    session_file: Path, tmp_path: Path
-) -> None:
+    session_file, tmp_path
+):
     from mmt.session.files import read_session
 
     figures, _ = run_json(tmp_path, *BUILD, session_file, tmp_path / "wood.npz")
@@ -77,7 +75,7 @@ def test_the_model_is_the_one_that_the_live_leader_had_at_the_stop_criterion(
     assert figures["distance"] == pytest.approx(update.distance, abs=1e-3)
 
 
-def test_whole_goes_on_past_the_stop_criterion(session_file: Path, tmp_path: Path) -> None:
+def test_whole_goes_on_past_the_stop_criterion(session_file, tmp_path):
     output_of(*BUILD, session_file, tmp_path / "stop.npz")
     output_of(*BUILD, session_file, tmp_path / "end.npz", "--whole")
     stopped = TextureModel.load(tmp_path / "stop.npz")
@@ -86,7 +84,7 @@ def test_whole_goes_on_past_the_stop_criterion(session_file: Path, tmp_path: Pat
     assert distance_sum(whole.points) < distance_sum(stopped.points)
 
 
-def test_several_sessions_give_one_model(session_file: Path, tmp_path: Path) -> None:
+def test_several_sessions_give_one_model(session_file, tmp_path):
     second = tmp_path / "second.npz"
     frames, annotations = simulate_session(Scene(), "wood", 6.0, 5)
     write_session(second, frames, annotations=annotations)
@@ -100,7 +98,7 @@ def test_several_sessions_give_one_model(session_file: Path, tmp_path: Path) -> 
     assert figures["sessions"] == [str(session_file), str(second)]
 
 
-def test_no_segment_spans_two_sessions() -> None:
+def test_no_segment_spans_two_sessions():
     frames, _ = simulate_session(Scene(), "wood", 3.0, 3)
     blocks = trials([frames, frames[500:], frames])
     joined = np.concatenate([block["sequence"] for block in blocks]).astype(np.int64)
@@ -116,7 +114,7 @@ def test_no_segment_spans_two_sessions() -> None:
         assert not any(start <= edge < stop for edge in edges)
 
 
-def test_a_scene_says_how_to_model(session_file: Path, tmp_path: Path) -> None:
+def test_a_scene_says_how_to_model(session_file, tmp_path):
     scene = tmp_path / "scene.toml"
     scene.write_text(
         "[link]\n[replay]\n[texture]\norder = 9\nmethod = 'published'\n", encoding="utf-8"
@@ -127,7 +125,7 @@ def test_a_scene_says_how_to_model(session_file: Path, tmp_path: Path) -> None:
     assert Texture().settings().filter_order == 16
 
 
-def test_info_says_what_the_file_holds(session_file: Path, tmp_path: Path) -> None:
+def test_info_says_what_the_file_holds(session_file, tmp_path):
     target = tmp_path / "new folder" / "m.npz"
     output_of(*BUILD, session_file, target)
     figures, result = run_json(tmp_path, *INFO, target)
@@ -140,7 +138,7 @@ def test_info_says_what_the_file_holds(session_file: Path, tmp_path: Path) -> No
     assert "m.npz/n.npz" in refusal(*BUILD, session_file, target / "n.npz")
 
 
-def test_a_hand_that_never_strokes_gives_no_model(tmp_path: Path) -> None:
+def test_a_hand_that_never_strokes_gives_no_model(tmp_path):
     frames = empty_frames(3000)
     frames["sequence"] = np.arange(3000)
     frames["time_ns"] = np.arange(3000) * 1_000_000
@@ -152,17 +150,16 @@ def test_a_hand_that_never_strokes_gives_no_model(tmp_path: Path) -> None:
     assert not (tmp_path / "m.npz").exists()
 
 
-def test_the_shipped_model_can_be_rendered() -> None:
+def test_the_shipped_model_can_be_rendered():
     from mmt.scene.files import example_scenes, load_scene
 
     scene = load_scene(example_scenes()["model-only"])
-    assert scene.rendering is not None
     assert scene.rendering.model is not None
     model = TextureModel.load(scene.rendering.model)
     assert distance_sum(model.points) < DISTANCES["isotropic"].stop
 
 
-def test_a_model_has_the_rate_of_its_recordings(session_file: Path, tmp_path: Path) -> None:
+def test_a_model_has_the_rate_of_its_recordings(session_file, tmp_path):
     scene = Scene.model_validate({"session": {"acceleration_rate_hz": 5000}})
     frames, truth = simulate_session(scene, surface="plastic", duration_s=6.0, seed=1)
     fast = tmp_path / "fast.mcap"

@@ -3,9 +3,7 @@
 import shlex
 import shutil
 import sys
-from pathlib import Path
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -28,13 +26,13 @@ FOUND = verdict(
 
 
 @given(st.integers(80, 200))
-def test_a_verdict_fits_a_terminal_and_loses_nothing(width: int) -> None:
+def test_a_verdict_fits_a_terminal_and_loses_nothing(width):
     lines = [line.plain for line in verdict_lines("mmt demo", FOUND, width)]
     assert max(map(len, lines)) <= width
     assert " ".join(" ".join(lines).split()) == " ".join(["mmt demo", *FOUND.parts, *FOUND.faults])
 
 
-def test_what_to_open_next_can_be_typed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_to_open_next_can_be_typed(tmp_path, monkeypatch):
     report = tmp_path / "a report.html"
     recording = {"recording": {"file": str(tmp_path / "a b.mcap"), "error": None}}
     lines = [line.plain for line in ending_lines("mmt demo", FOUND, recording, report)]

@@ -5,9 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import AsyncIterator, Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 import tomli_w
@@ -22,23 +20,22 @@ from mmt.cli.scene.runs import SceneRunner
 from mmt.cli.scene_services import DemoRun
 from mmt.core.errors import MmtError
 from mmt.core.queued_output import is_queued
-from mmt.scene import Scene
 from mmt.scene.files import example_scenes, load_scene
 from mmt.session.files import read_session
 
 DEVICES = '[link]\n[devices]\nrobot = "lab:Robot"\naccelerometer = "lab:A"\n[playout]\n[actuator]\n'
 
 
-def example(name: str) -> Scene:
+def example(name):
     return load_scene(example_scenes()[name])
 
 
 @pytest.fixture
-def explain(monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+def explain(monkeypatch):
     """Run the command in this process, 80 columns wide, on services that are made up."""
     monkeypatch.setattr("mmt.cli.common.output.width", 80)
 
-    def made(runner: SceneRunner, scene: Scene) -> SceneRun:
+    def made(runner, scene):
         modules = {"numpy", "scipy"} if scene.texture is not None else {"numpy"}
         figures = {"start_s": 1.5, "core_share": 0.3, "memory_mb": 90.0 + len(modules)}
         sides = ("leader", "follower") if scene.source else ("leader",)
@@ -51,7 +48,7 @@ def explain(monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
 
     monkeypatch.setattr(SceneRunner, "__call__", made)
 
-    def run(*arguments: object) -> str:
+    def run(*arguments):
         result = CliRunner().invoke(app, ["scene", "explain", *map(str, arguments)])
         if result.exception is not None and not isinstance(result.exception, SystemExit):
             raise result.exception
@@ -61,7 +58,7 @@ def explain(monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
     return run
 
 
-def test_without_measuring_it_says_parts_channels_and_bytes(explain: Callable[..., str]) -> None:
+def test_without_measuring_it_says_parts_channels_and_bytes(explain):
     said = explain("demo", "--no-measure")
     for word in ("recording", "devices", "frames: position", "76.0", "70.0"):
         assert word in said
@@ -69,9 +66,7 @@ def test_without_measuring_it_says_parts_channels_and_bytes(explain: Callable[..
 
 
 @pytest.mark.parametrize("name", example_scenes())
-def test_measured_it_fits_80_columns_and_cuts_nothing(
-    name: str, explain: Callable[..., str]
-) -> None:
+def test_measured_it_fits_80_columns_and_cuts_nothing(name, explain):
     said = explain(name, "--devices")  # the examples move none
     assert max(map(len, said.splitlines())) <= 80
     assert "…" not in said
@@ -80,7 +75,7 @@ def test_measured_it_fits_80_columns_and_cuts_nothing(
     assert ("kB/s" in said) == (name not in {"model-only", "listener", "operator"})
 
 
-def test_a_part_that_costs_is_told_from_those_that_do_not(explain: Callable[..., str]) -> None:
+def test_a_part_that_costs_is_told_from_those_that_do_not(explain):
     said = explain("demo").partition("What a part costs the leader")[2]
     rows = {line.split()[0]: line for line in said.splitlines() if "±" in line}
     assert "≈0 ±0.00" in rows["recording"]
@@ -88,15 +83,15 @@ def test_a_part_that_costs_is_told_from_those_that_do_not(explain: Callable[...,
     assert "What a part costs the follower" not in said, "no part changes what it sends"
 
 
-def test_a_part_that_the_follower_sends_for_is_in_its_table(explain: Callable[..., str]) -> None:
+def test_a_part_that_the_follower_sends_for_is_in_its_table(explain):
     said = explain("stream-only").partition("What a part costs the follower")[2]
     assert "force_feedback" in said
     assert "12.0" in said
 
 
-def test_the_json_holds_what_was_printed(explain: Callable[..., str], tmp_path: Path) -> None:
+def test_the_json_holds_what_was_printed(explain, tmp_path):
     explain("demo", "--no-parts", "--json", tmp_path / "it.json")
-    content: dict[str, Any] = json.loads((tmp_path / "it.json").read_text())
+    content = json.loads((tmp_path / "it.json").read_text())
     assert content["scene"] == "demo"
     assert {"texture", "recording"} <= set(content["leader"]["runs"])
     assert "devices" in content["follower"]["left_out"]
@@ -106,7 +101,7 @@ def test_the_json_holds_what_was_printed(explain: Callable[..., str], tmp_path: 
     assert content["measured"]["machine"]["processor"]
 
 
-def test_devices_move_only_when_asked(explain: Callable[..., str], tmp_path: Path) -> None:
+def test_devices_move_only_when_asked(explain, tmp_path):
     scene = tmp_path / "lab.toml"
     scene.write_text(DEVICES)
     said = explain(scene)
@@ -118,18 +113,16 @@ def test_devices_move_only_when_asked(explain: Callable[..., str], tmp_path: Pat
 # --- running
 
 
-def test_a_run_writes_nowhere_but_in_its_directory(tmp_path: Path) -> None:
+def test_a_run_writes_nowhere_but_in_its_directory(tmp_path):
     runner = SceneRunner(tmp_path, 2.0)
     prepared = runner.prepare(example("replay"))
     assert prepared.session.duration_s == 2.0
-    assert prepared.recording is not None
     assert prepared.recording.file.parent == tmp_path
-    assert prepared.replay is not None
     assert prepared.replay.file is not None
     assert len(read_session(prepared.replay.file).frames) >= 3000, "longer than the run"
 
 
-def test_a_recording_that_was_named_is_replayed(tmp_path: Path) -> None:
+def test_a_recording_that_was_named_is_replayed(tmp_path):
     scene = load_scene(example_scenes()["replay"], replay=tmp_path / "mine.mcap")
     prepared = SceneRunner(tmp_path, 2.0).prepare(scene)
     assert prepared.replay == scene.replay
@@ -142,10 +135,8 @@ def test_a_recording_that_was_named_is_replayed(tmp_path: Path) -> None:
         (DemoRun(failed=True, errors=["leader ended", "no port"]), MmtError),
     ],
 )
-def test_a_run_that_does_not_end_well_is_no_measurement(
-    outcome: DemoRun, error: type[BaseException], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async def run_services(*_: object, **named: Any) -> DemoRun:
+def test_a_run_that_does_not_end_well_is_no_measurement(outcome, error, tmp_path, monkeypatch):
+    async def run_services(*_, **named):
         assert "MMT_TEXTURE__ORDER" not in named["environment"], "it would bring [texture] back"
         assert named["environment"]["PATH"] == os.environ["PATH"]
         return outcome
@@ -157,16 +148,14 @@ def test_a_run_that_does_not_end_well_is_no_measurement(
 
 
 @pytest.mark.parametrize("modelling", [None, {"core_share": 0.25, "memory_mb": 180.0}])
-def test_a_leaders_cost_is_with_that_of_the_process_that_models(
-    modelling: dict[str, float] | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_leaders_cost_is_with_that_of_the_process_that_models(modelling, tmp_path, monkeypatch):
     leader = {
         "session": {"duration_s": 2.0},
         "process": {"core_share": 0.5, "memory_mb": 100.0},
         "texture": {"process": modelling},
     }
 
-    async def run_services(*_: object, **__: object) -> DemoRun:
+    async def run_services(*_, **__):
         return DemoRun(leader, start_s={"leader": 1.0}, modules={"leader": []})
 
     monkeypatch.setattr(scene_runs, "run_services", run_services)
@@ -180,30 +169,28 @@ class EndedChild:
 
     age_s, messages = 0.5, ""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name):
         self.name = name
 
-    async def lines(self) -> AsyncIterator[dict[str, Any]]:
+    async def lines(self):
         yield {"kind": "ready", "port": 8765}
 
-    async def wait(self) -> int:
+    async def wait(self):
         return 0
 
-    async def kill(self) -> None:
+    async def kill(self):
         """It has ended."""
 
-    def interrupt(self) -> None:
+    def interrupt(self):
         """It has ended."""
 
 
 @pytest.mark.parametrize("shows_monitor", [True, False])
-async def test_a_monitor_is_opened_for_a_person_alone(
-    shows_monitor: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async def start(name: str, *_: object) -> EndedChild:
+async def test_a_monitor_is_opened_for_a_person_alone(shows_monitor, monkeypatch):
+    async def start(name, *_):
         return EndedChild(name)
 
-    opened: list[str] = []
+    opened = []
     monkeypatch.setattr(scene_services.Child, "start", start)
     monkeypatch.setattr(scene_services, "open_page", opened.append)
     scene = load_scene("demo", tables=["monitor"])
@@ -217,7 +204,7 @@ async def test_a_monitor_is_opened_for_a_person_alone(
     assert state == (signal.getsignal(signal.SIGINT), sys.stdout, sys.stderr, is_queued())
 
 
-def test_real_services_tell_what_they_run_and_cost(tmp_path: Path) -> None:
+def test_real_services_tell_what_they_run_and_cost(tmp_path):
     scene = tmp_path / "small.toml"
     tables = {**example("stream-only").dump(), "recording": {"file": "never.mcap"}}
     scene.write_text(tomli_w.dumps(tables))

@@ -14,11 +14,11 @@ from mmt.web.viewing.recording import ViewedRecording
 from mmt.web.viewing.server import RecordingServer
 
 
-def recording() -> ViewedRecording:
+def recording():
     return ViewedRecording(MemoryWindows(RecordedSession(made_frames(0, 500))))
 
 
-async def test_a_port_that_is_taken() -> None:
+async def test_a_port_that_is_taken():
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
@@ -27,10 +27,10 @@ async def test_a_port_that_is_taken() -> None:
             await RecordingServer(recording(), port).run(lambda _: None)
 
 
-async def test_what_is_asked_wrongly_is_refused() -> None:
+async def test_what_is_asked_wrongly_is_refused():
     async with serving(recording()) as url, aiohttp.ClientSession() as client:
 
-        async def status(path: str, **headers: str) -> int:
+        async def status(path, **headers):
             async with client.get(url + path, headers=headers) as answer:
                 return answer.status
 

@@ -15,7 +15,7 @@ from mmt.session.importing.checks import ImportReport
 EVIL = "\x1b[2J\x1b]0;owned\x07\u202e\r"
 
 
-def test_no_control_character_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_control_character_is_printed(capsys):
     table = Table(EVIL)
     table.add_row(EVIL)
     output.print(f"a\nb\tc{EVIL}", table)
@@ -30,13 +30,11 @@ def test_no_control_character_is_printed(capsys: pytest.CaptureFixture[str]) -> 
 
 
 class FullDisk(io.StringIO):
-    def write(self, text: str) -> int:
+    def write(self, text):
         raise OSError(errno.ENOSPC, "No space left on device")
 
 
-def test_json_that_standard_output_does_not_take_is_an_error_for_a_person(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_json_that_standard_output_does_not_take_is_an_error_for_a_person(monkeypatch):
     monkeypatch.setattr(sys, "stdout", FullDisk())
     with pytest.raises(MmtError, match="--json -: No space left on device"):
         write_json(STANDARD_OUTPUT, {"a": 1})

@@ -11,7 +11,7 @@ Segment = tuple[float, float]
 """Speed into the surface (mm/s) and force (N), held for 0.1 s."""
 
 
-def touches(estimator: ContactEstimator, *segments: Segment) -> list[bool]:
+def touches(estimator, *segments):
     """Return whether the tool touches at the end of each segment."""
     found, depth_m = [], 0.0
     for speed_mm_s, force_n in segments:
@@ -41,9 +41,7 @@ def touches(estimator: ContactEstimator, *segments: Segment) -> list[bool]:
         ([(0, 8), (0, 0), (0, 0.21)], "101"),
     ],
 )
-def test_contact_begins_and_ends_at_its_threshold(
-    contact_n: float, segments: list[Segment], expected: str
-) -> None:
+def test_contact_begins_and_ends_at_its_threshold(contact_n, segments, expected):
     estimator = ContactEstimator(EstimationSettings(contact_n))
     scaled = [(speed, force * (contact_n / 0.2)) for speed, force in segments]
     wanted = [digit == "1" for digit in expected]
@@ -51,7 +49,7 @@ def test_contact_begins_and_ends_at_its_threshold(
     assert estimator.contacts == wanted[0] + sum(b > a for a, b in pairwise(wanted))
 
 
-def test_force_is_filtered_with_3_ms() -> None:
+def test_force_is_filtered_with_3_ms():
     estimator = ContactEstimator()
     assert estimator.contact is False
     estimator.update(0.0, -1.0)

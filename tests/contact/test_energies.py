@@ -9,14 +9,14 @@ from mmt.contact.energies import EnergyCounts, EnergyReport
 from mmt.core.frames import ENERGY_DTYPE
 
 
-def record(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
+def record(x, y=0.0, z=0.0):
     records = np.zeros(1, dtype=ENERGY_DTYPE)
     records["energy_j"][0] = (x, y, z)
     return records
 
 
 @given(st.lists(st.tuples(st.floats(-1.0, 10.0), st.booleans()), max_size=50))
-def test_what_is_known_never_falls(news: list[tuple[float, bool]]) -> None:
+def test_what_is_known_never_falls(news):
     counts = EnergyCounts()
     before = counts.energy_j
     for energy, restarts in news:
@@ -27,7 +27,7 @@ def test_what_is_known_never_falls(news: list[tuple[float, bool]]) -> None:
         before = counts.energy_j
 
 
-def test_one_who_began_anew_is_counted_on_from_what_was_known() -> None:
+def test_one_who_began_anew_is_counted_on_from_what_was_known():
     counts = EnergyCounts()
     counts.receive(record(2.0))
     counts.receive(record(1.0))  # late
@@ -40,16 +40,15 @@ def test_one_who_began_anew_is_counted_on_from_what_was_known() -> None:
     assert counts.energy_j[0] == 2.75
 
 
-def test_it_speaks_when_there_is_news_and_now_and_then_again() -> None:
+def test_it_speaks_when_there_is_news_and_now_and_then_again():
     report = EnergyReport()
     assert report.make((0.0, 0.0, 0.0), 1000) is None
     first = report.make((0.0, 0.0, 1.0), 1, 7)
-    assert first is not None
     assert first["energy_j"][0].tolist() == [0.0, 0.0, 1.0]
     assert first["time_ns"][0] == 7
     assert [report.make((0.0, 0.0, 1.0), 50) is None for _ in range(2)] == [True, False]
-    assert report.make((0.0, 0.0, 1.1), 1)["sequence"][0] == 2  # type: ignore[index]
+    assert report.make((0.0, 0.0, 1.1), 1)["sequence"][0] == 2
 
 
-def test_an_opening_is_known_before_anything_comes() -> None:
+def test_an_opening_is_known_before_anything_comes():
     assert EnergyCounts(0.1).energy_j == pytest.approx((0.1, 0.1, 0.1))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mmt.contact.force_map import ForceMap, SmoothSpeed
 
 
-def stroke(memory: ForceMap, speed_m_s: float, offset_n: float = 0.0, times: int = 1) -> None:
+def stroke(memory, speed_m_s, offset_n=0.0, times=1):
     """Pass over 10 mm at a speed, where the force is bilinear in depth and speed."""
     for _ in range(times):
         for tick in range(1000):
@@ -17,12 +17,12 @@ def stroke(memory: ForceMap, speed_m_s: float, offset_n: float = 0.0, times: int
             memory.add(depth_m, speed_m_s, bilinear(depth_m, speed_m_s) + offset_n)
 
 
-def bilinear(depth_m: float, speed_m_s: float) -> float:
+def bilinear(depth_m, speed_m_s):
     return 500.0 * depth_m + 10.0 * speed_m_s
 
 
 @pytest.mark.parametrize("speed_m_s", [-0.2, 0.1, 0.2])
-def test_what_was_met_is_recalled_at_its_place_and_speed(speed_m_s: float) -> None:
+def test_what_was_met_is_recalled_at_its_place_and_speed(speed_m_s):
     memory = ForceMap()
     stroke(memory, 0.2)
     stroke(memory, 0.1)
@@ -33,7 +33,7 @@ def test_what_was_met_is_recalled_at_its_place_and_speed(speed_m_s: float) -> No
         assert weight > 0.8
 
 
-def test_where_the_tool_has_not_been_nothing_is_believed() -> None:
+def test_where_the_tool_has_not_been_nothing_is_believed():
     memory = ForceMap()
     assert memory.look_up(0.0, 0.1) == (0.0, 0.0)
     stroke(memory, 0.2)
@@ -41,7 +41,7 @@ def test_where_the_tool_has_not_been_nothing_is_believed() -> None:
     assert memory.look_up(20e-3, 0.2) == (0.0, 0.0)
 
 
-def test_slow_motion_is_left_to_the_model() -> None:
+def test_slow_motion_is_left_to_the_model():
     memory = ForceMap()
     for speed_m_s in (0.0, 0.02, 0.1):
         stroke(memory, speed_m_s)
@@ -52,7 +52,7 @@ def test_slow_motion_is_left_to_the_model() -> None:
     assert weights[3] > 0.8
 
 
-def test_newer_samples_replace_older_ones() -> None:
+def test_newer_samples_replace_older_ones():
     memory = ForceMap()
     stroke(memory, 0.2, times=20)
     stroke(memory, 0.2, offset_n=5.0, times=2)
@@ -70,9 +70,7 @@ def test_newer_samples_replace_older_ones() -> None:
     st.floats(),
 )
 @settings(max_examples=100, deadline=None)
-def test_any_data_give_a_force_within_what_was_met(
-    data: list[tuple[float, float, float]], depth_m: float, speed_m_s: float
-) -> None:
+def test_any_data_give_a_force_within_what_was_met(data, depth_m, speed_m_s):
     memory = ForceMap()
     for sample in data:
         memory.add(*sample)
@@ -84,7 +82,7 @@ def test_any_data_give_a_force_within_what_was_met(
             assert min(met) - 1e-9 <= force_n <= max(met) + 1e-9
 
 
-def test_a_long_way_does_not_fill_the_memory_without_bound() -> None:
+def test_a_long_way_does_not_fill_the_memory_without_bound():
     memory = ForceMap()
     for tick in range(12_000):
         memory.add(5e-4 * tick, 0.01, 1.0)
@@ -94,14 +92,14 @@ def test_a_long_way_does_not_fill_the_memory_without_bound() -> None:
 
 
 @pytest.mark.parametrize("period_s", [1e-3, 5e-3])
-def test_a_steady_speed_is_found(period_s: float) -> None:
+def test_a_steady_speed_is_found(period_s):
     speed = SmoothSpeed()
     last = [speed.step(0.1 * period_s * tick, period_s) for tick in range(200)][-1]
     assert last == pytest.approx(0.1)
     assert SmoothSpeed().step(3.0, period_s) == 0.0
 
 
-def test_a_place_that_is_not_finite_leaves_the_speed() -> None:
+def test_a_place_that_is_not_finite_leaves_the_speed():
     speed = SmoothSpeed()
     for tick in range(200):
         speed.step(1e-4 * tick, 1e-3)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from mmt.contact.hand import HandContact
-from mmt.core.arrays import FloatArray, Vector
 from mmt.scene import Simulated
 from mmt.testing.simulation import START_MM
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
@@ -14,11 +13,11 @@ SETTLED = 4000
 """Ticks after which every surface has been touched some times."""
 
 
-def touches_mm(rng: np.random.Generator, ticks: int) -> FloatArray:
+def touches_mm(rng, ticks):
     """Return heights of a hand that touches, presses to and fro and lets go, (ticks,)."""
     times, heights = [0.0, 0.3], [5.0, 5.0]
 
-    def go_on(seconds: float, height: float) -> None:
+    def go_on(seconds, height):
         times.append(times[-1] + seconds)
         heights.append(height)
 
@@ -36,7 +35,7 @@ def touches_mm(rng: np.random.Generator, ticks: int) -> FloatArray:
     return before + share * (after - before)
 
 
-def edges(contact: np.ndarray) -> list[np.ndarray]:
+def edges(contact):
     change = np.diff(contact.astype(int))
     return [np.flatnonzero(change == sign) for sign in (1, -1)]
 
@@ -44,16 +43,16 @@ def edges(contact: np.ndarray) -> list[np.ndarray]:
 @pytest.mark.parametrize("delay_ms", [1, 50, 150])
 @pytest.mark.parametrize(("wall_n_mm", "bandwidth_hz"), [(0.5, 15.0), (2.0, 8.0), (10.0, 40.0)])
 def test_contact_comes_and_goes_with_the_hand_and_its_force_is_that_of_the_robot_at_rest(
-    delay_ms: int, wall_n_mm: float, bandwidth_hz: float
-) -> None:
+    delay_ms, wall_n_mm, bandwidth_hz
+):
     """The oracle is the statics of two springs in series, at the hand's own place."""
     rng = np.random.default_rng(delay_ms + round(10 * wall_n_mm))
     heights_mm = touches_mm(rng, 16_000)
     settings = Simulated(surface_stiffness_n_mm=wall_n_mm, robot_bandwidth_hz=bandwidth_hz)
     robot, contact = SimulatedRobot(settings, 0.0), HandContact()
-    down: DelayLine[float] = DelayLine(delay_ms, delay_ms // 4, 1)
-    up: DelayLine[tuple[float, float, float]] = DelayLine(delay_ms, delay_ms // 4, 2)
-    command: Vector = START_MM
+    down = DelayLine(delay_ms, delay_ms // 4, 1)
+    up = DelayLine(delay_ms, delay_ms // 4, 2)
+    command = START_MM
     known = np.zeros(len(heights_mm))
     for tick, height_mm in enumerate(heights_mm.tolist()):
         down.push(tick, height_mm)
@@ -77,7 +76,7 @@ def test_contact_comes_and_goes_with_the_hand_and_its_force_is_that_of_the_robot
         assert np.median(np.abs(mine - own)) <= 1
 
 
-def test_numbers_that_are_none_teach_nothing_and_an_untouched_surface_is_not_known() -> None:
+def test_numbers_that_are_none_teach_nothing_and_an_untouched_surface_is_not_known():
     contact = HandContact()
     for _ in range(100):
         contact.update(np.nan, 0.0, 1.0)

@@ -13,7 +13,7 @@ finite = st.floats(-1e3, 1e3)
 samples = st.lists(st.tuples(finite, finite, finite, finite), min_size=1, max_size=80)
 
 
-def test_without_forgetting_it_is_the_batch_solution() -> None:
+def test_without_forgetting_it_is_the_batch_solution():
     rng = np.random.default_rng(0)
     phi = rng.normal(size=(300, 3)) * (1.0, 5.0, 0.1)
     y = phi @ (2.0, -1.0, 30.0) + 0.1 * rng.normal(size=300)
@@ -26,7 +26,7 @@ def test_without_forgetting_it_is_the_batch_solution() -> None:
     assert estimate.variances() == pytest.approx(np.diag(covariance), rel=1e-9)
 
 
-def test_forgetting_follows_a_change_and_weighs_as_exponentials_do() -> None:
+def test_forgetting_follows_a_change_and_weighs_as_exponentials_do():
     rng = np.random.default_rng(1)
     phi = rng.normal(size=(400, 3))
     truth = np.where(np.arange(400)[:, None] < 200, (1.0, 2.0, 3.0), (4.0, -5.0, 6.0))
@@ -42,9 +42,7 @@ def test_forgetting_follows_a_change_and_weighs_as_exponentials_do() -> None:
 
 @given(samples, st.floats(0.5, 1.0))
 @settings(max_examples=60, deadline=None)
-def test_variances_stay_positive_and_bounded_whatever_comes(
-    rows: list[tuple[float, float, float, float]], forgetting: float
-) -> None:
+def test_variances_stay_positive_and_bounded_whatever_comes(rows, forgetting):
     initial = (100.0, 4.0, 0.5)
     estimate = RecursiveLeastSquares(initial, noise_variance=1e-2, forgetting=forgetting)
     for *phi, value in rows:
@@ -55,7 +53,7 @@ def test_variances_stay_positive_and_bounded_whatever_comes(
 
 
 @pytest.mark.parametrize("phi", [(0.1, 10.0, 0.0), (0.1, 0.0, 10.0), (0.0, 0.1, 10.0)])
-def test_a_variance_that_others_raise_begins_anew(phi: tuple[float, float, float]) -> None:
+def test_a_variance_that_others_raise_begins_anew(phi):
     """One sample ties two parameters, and then nothing tells of either."""
     initial = (1.0, 1.0, 1.0)
     estimate = RecursiveLeastSquares(initial, noise_variance=0.01, forgetting=0.5)
@@ -67,7 +65,7 @@ def test_a_variance_that_others_raise_begins_anew(phi: tuple[float, float, float
 
 
 @pytest.mark.parametrize("phi", [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (3.0, 0.0, 1.0)])
-def test_the_same_sample_for_ever_does_not_wind_it_up(phi: tuple[float, float, float]) -> None:
+def test_the_same_sample_for_ever_does_not_wind_it_up(phi):
     estimate = RecursiveLeastSquares((10.0, 10.0, 10.0), noise_variance=0.01, forgetting=0.9)
     for _ in range(20_000):
         estimate.update(phi, 2.0)
@@ -86,7 +84,7 @@ def test_the_same_sample_for_ever_does_not_wind_it_up(phi: tuple[float, float, f
         ((1.0, math.inf, 0.0), 0.0),
     ],
 )
-def test_what_is_not_finite_changes_nothing(phi: tuple[float, float, float], value: float) -> None:
+def test_what_is_not_finite_changes_nothing(phi, value):
     estimate = RecursiveLeastSquares((1.0, 1.0, 1.0), noise_variance=0.1, forgetting=0.99)
     estimate.update((1.0, 2.0, 3.0), 4.0)
     before = estimate.parameters, estimate.variances()

@@ -19,13 +19,13 @@ forces = st.floats(-50.0, 50.0)
 class Account:
     """An independent account of the hand's work on a port."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.net_j = 0.0
         self.least_j = 0.0
         self.largest_j = 0.0
         self._force = self._position = 0.0
 
-    def move(self, position_m: float, force_n: float) -> None:
+    def move(self, position_m, force_n):
         work = -self._force * (position_m - self._position)
         self.net_j += work
         self.least_j = min(self.least_j, self.net_j)
@@ -35,9 +35,7 @@ class Account:
 
 @given(st.lists(st.tuples(forces, st.floats(-1.0, 1.0)), max_size=120))
 @settings(max_examples=60, deadline=None)
-def test_a_hand_within_reach_never_gets_more_than_the_reserve(
-    ticks: list[tuple[float, float]],
-) -> None:
+def test_a_hand_within_reach_never_gets_more_than_the_reserve(ticks):
     """Any forces, any motion whose acceleration is below what is expected of a hand."""
     port, account = ForcePort(SETTINGS), Account()
     position = travel = 0.0
@@ -53,9 +51,7 @@ def test_a_hand_within_reach_never_gets_more_than_the_reserve(
 @given(st.lists(st.tuples(forces, st.floats(-0.5, 0.5)), max_size=120))
 @settings(max_examples=60, deadline=None)
 @example([(50.0, 0.0), (50.0, 0.5), (50.0, -0.5)] * 20)
-def test_any_jump_overdraws_at_most_its_own_work_and_that_is_told(
-    ticks: list[tuple[float, float]],
-) -> None:
+def test_any_jump_overdraws_at_most_its_own_work_and_that_is_told(ticks):
     """Positions that no hand takes, half a metre from tick to tick."""
     port, account = ForcePort(SETTINGS), Account()
     overdrawn = jumps = 0
@@ -74,9 +70,7 @@ def test_any_jump_overdraws_at_most_its_own_work_and_that_is_told(
     )
 )
 @settings(max_examples=60, deadline=None)
-def test_it_gives_no_more_than_the_other_side_gave_however_late_its_counts_come(
-    ticks: list[tuple[float, float, float, bool]],
-) -> None:
+def test_it_gives_no_more_than_the_other_side_gave_however_late_its_counts_come(ticks):
     port, account = ForcePort(SETTINGS), Account()
     position = travel = given_j = heard_j = 0.0
     for wanted, push, more_j, lost in ticks:
@@ -89,11 +83,11 @@ def test_it_gives_no_more_than_the_other_side_gave_however_late_its_counts_come(
     assert account.least_j >= -SETTINGS.reserve_j * (1 + 1e-6)
 
 
-def test_a_spring_is_displayed_as_it_is() -> None:
+def test_a_spring_is_displayed_as_it_is():
     """What gives back only what it got is not touched: 1 N/mm, 10 mm there and back."""
     port = ForcePort(SETTINGS)
 
-    def depth_m(tick: float) -> float:
+    def depth_m(tick):
         return 0.005 * (1.0 - math.cos(2.0 * math.pi * tick / 200))
 
     port.step(0.0, 0.0)
@@ -102,7 +96,7 @@ def test_a_spring_is_displayed_as_it_is() -> None:
         assert port.step(wanted, depth_m(tick)) == pytest.approx(wanted, abs=0.02)
 
 
-def test_a_spring_that_comes_late_gives_no_energy() -> None:
+def test_a_spring_that_comes_late_gives_no_energy():
     """20 ms late it would give 1.6 times what it got, again and again."""
     port, account = ForcePort(SETTINGS), Account()
     raw = Account()
@@ -116,7 +110,7 @@ def test_a_spring_that_comes_late_gives_no_energy() -> None:
     assert port.dissipated_j > 0.05
 
 
-def test_a_port_that_gave_its_reserve_away_is_of_use_again_once_energy_comes() -> None:
+def test_a_port_that_gave_its_reserve_away_is_of_use_again_once_energy_comes():
     port = ForcePort(SETTINGS)
     position = 0.0
     for _ in range(500):
@@ -130,7 +124,7 @@ def test_a_port_that_gave_its_reserve_away_is_of_use_again_once_energy_comes() -
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_what_is_not_finite_is_no_motion_and_no_force(bad: float) -> None:
+def test_what_is_not_finite_is_no_motion_and_no_force(bad):
     port = ForcePort(SETTINGS)
     port.step(1.0, 0.0)
     port.step(1.0, 0.0)
@@ -139,7 +133,7 @@ def test_what_is_not_finite_is_no_motion_and_no_force(bad: float) -> None:
     assert port.in_j == port.out_j == 0.0
 
 
-def test_missed_ticks_count_with_all_their_work() -> None:
+def test_missed_ticks_count_with_all_their_work():
     port = ForcePort(SETTINGS)
     port.step(-1.0, 0.0)
     port.step(-1.0, 0.0)
@@ -147,7 +141,7 @@ def test_missed_ticks_count_with_all_their_work() -> None:
     assert port.in_j == pytest.approx(5e-4)
 
 
-def test_a_force_that_is_limited_afterwards_counts_as_it_was_displayed() -> None:
+def test_a_force_that_is_limited_afterwards_counts_as_it_was_displayed():
     port = ForcePort(SETTINGS)
     port.step(-2.0, 0.0)
     port.step(-2.0, 0.0)
@@ -156,14 +150,14 @@ def test_a_force_that_is_limited_afterwards_counts_as_it_was_displayed() -> None
     assert port.in_j == pytest.approx(1e-4)
 
 
-def test_over_missed_ticks_the_damper_takes_the_speed_of_the_whole_time() -> None:
+def test_over_missed_ticks_the_damper_takes_the_speed_of_the_whole_time():
     """0.1 mm in 5 ms is 20 mm/s: at most 10 N s/m brake by 0.2 N."""
     port = ForcePort(SETTINGS)
     port.step(0.0, 0.0)
     assert port.step(1.0, 1e-4, ticks=5) == pytest.approx(1.0 - 10.0 * 1e-4 / 5e-3)
 
 
-def test_after_a_rest_it_begins_at_a_new_position() -> None:
+def test_after_a_rest_it_begins_at_a_new_position():
     """The way during the rest is neither a speed to be damped nor work."""
     port = ForcePort(SETTINGS)
     port.step(0.0, 0.0)
@@ -182,9 +176,7 @@ def test_after_a_rest_it_begins_at_a_new_position() -> None:
     st.floats(0.0, 1e-2),
 )
 @settings(max_examples=60, deadline=None)
-def test_a_surface_gets_what_was_sent_and_the_reserve_while_there_is_drift_left(
-    ticks: list[tuple[float, float]], given_j: float
-) -> None:
+def test_a_surface_gets_what_was_sent_and_the_reserve_while_there_is_drift_left(ticks, given_j):
     """A force that only pushes; overdrawn by no more than the work of a tick at each touch."""
     settings = PassivitySettings(drift_m=1e9)
     port = MotionPort(settings)
@@ -204,7 +196,7 @@ def test_a_surface_gets_what_was_sent_and_the_reserve_while_there_is_drift_left(
     assert out <= given_j + settings.reserve_j + touches * largest + 0.05 * 2e-4 * len(ticks)
 
 
-def test_free_motion_is_followed_exactly() -> None:
+def test_free_motion_is_followed_exactly():
     port = MotionPort(SETTINGS)
     for step in range(1000):
         wanted = 0.05 * math.sin(step / 100)
@@ -214,7 +206,7 @@ def test_free_motion_is_followed_exactly() -> None:
     assert port.in_j == port.out_j == 0.0
 
 
-def test_first_contact_is_held_back_until_the_leader_pays_then_caught_up() -> None:
+def test_first_contact_is_held_back_until_the_leader_pays_then_caught_up():
     port = MotionPort(SETTINGS)
     command = 0.0
     for step in range(100):
@@ -227,7 +219,7 @@ def test_first_contact_is_held_back_until_the_leader_pays_then_caught_up() -> No
     assert command == pytest.approx(-5e-3, abs=1e-5)
 
 
-def test_catching_up_is_slow_however_far_the_command_was_held_back() -> None:
+def test_catching_up_is_slow_however_far_the_command_was_held_back():
     port = MotionPort(PassivitySettings(drift_m=0.05))
     for step in range(1000):
         port.step(-4e-5 * step, 0.0)
@@ -238,7 +230,7 @@ def test_catching_up_is_slow_however_far_the_command_was_held_back() -> None:
     assert port.step(-0.04, 0.0) == pytest.approx(held - 5e-5)
 
 
-def test_a_robot_that_seems_to_return_more_than_it_got_is_not_believed() -> None:
+def test_a_robot_that_seems_to_return_more_than_it_got_is_not_believed():
     port = MotionPort(SETTINGS)
     for step in range(200):
         port.step(1e-4 * step, 1.0)  # moves away while pushed all the time
@@ -249,7 +241,7 @@ def test_a_robot_that_seems_to_return_more_than_it_got_is_not_believed() -> None
 @pytest.mark.parametrize(
     "wrong", [{"reserve_j": 0.0}, {"tick_s": math.nan}, {"damping_n_s_m": -1.0}, {"drift_m": -1.0}]
 )
-def test_bounds_out_of_range_are_named(wrong: dict[str, float]) -> None:
+def test_bounds_out_of_range_are_named(wrong):
     with pytest.raises(InputError, match=next(iter(wrong))):
         PassivitySettings(**wrong)
 
@@ -259,7 +251,7 @@ def test_bounds_out_of_range_are_named(wrong: dict[str, float]) -> None:
 UNDAMPED = PassivitySettings(reserve_j=1e-3, damping_n_s_m=0.0, drift_m=3e-3, tick_s=1e-3)
 
 
-def test_the_bound_of_the_force_and_what_it_withholds() -> None:
+def test_the_bound_of_the_force_and_what_it_withholds():
     """Over 0.1 mm at rest, and as much and twice the last travel in motion."""
     for displayed_n, dissipated_j in ((None, 1e-3 / 3), (1.0, 4e-4)):
         port = ForcePort(UNDAMPED)
@@ -274,7 +266,7 @@ def test_the_bound_of_the_force_and_what_it_withholds() -> None:
         assert port.dissipated_j == pytest.approx(dissipated_j)
 
 
-def test_before_the_second_position_there_is_no_travel_and_no_work() -> None:
+def test_before_the_second_position_there_is_no_travel_and_no_work():
     port = ForcePort(UNDAMPED)
     port.step(5.0, 0.1)
     port.step(5.0, 0.2)
@@ -285,7 +277,7 @@ def test_before_the_second_position_there_is_no_travel_and_no_work() -> None:
     assert (port.in_j, port.out_j, port.dissipated_j) == (0.0, 0.0, 0.0)
 
 
-def test_a_tick_beyond_the_reach_is_written_off_with_all_its_work() -> None:
+def test_a_tick_beyond_the_reach_is_written_off_with_all_its_work():
     port = ForcePort(UNDAMPED)
     port.step(5.0, 0.0)
     port.step(5.0, 0.0)
@@ -295,14 +287,14 @@ def test_a_tick_beyond_the_reach_is_written_off_with_all_its_work() -> None:
     assert port.overdrawn_j == port.out_j == pytest.approx(1.5e-3)
 
 
-def test_a_position_that_is_not_finite_is_the_one_before() -> None:
+def test_a_position_that_is_not_finite_is_the_one_before():
     port = ForcePort(UNDAMPED)
     for position_m in (0.01, 0.01, math.nan, 0.01):
         port.step(5.0, position_m)
     assert (port.in_j, port.out_j) == (0.0, 0.0)
 
 
-def test_a_step_is_of_one_tick_unless_more_are_told() -> None:
+def test_a_step_is_of_one_tick_unless_more_are_told():
     forces_n = []
     for ticks in ({}, {"ticks": 1}, {"ticks": 2}):
         port = ForcePort(SETTINGS)
@@ -312,7 +304,7 @@ def test_a_step_is_of_one_tick_unless_more_are_told() -> None:
     assert forces_n[0] == forces_n[1] != forces_n[2]
 
 
-def test_a_motion_is_held_back_to_what_the_reserve_pays() -> None:
+def test_a_motion_is_held_back_to_what_the_reserve_pays():
     port = MotionPort(UNDAMPED)
     assert port.step(math.nan, 0.0) == 0.0
     port.measure(2.0)
@@ -320,7 +312,7 @@ def test_a_motion_is_held_back_to_what_the_reserve_pays() -> None:
     assert port.drift_m == port.largest_drift_m == pytest.approx(0.5e-3)
 
 
-def test_without_a_force_a_motion_is_free_and_costs_nothing() -> None:
+def test_without_a_force_a_motion_is_free_and_costs_nothing():
     for force_n in (None, math.nan):
         port = MotionPort(UNDAMPED)
         port.step(0.0, 0.0)
@@ -331,7 +323,7 @@ def test_without_a_force_a_motion_is_free_and_costs_nothing() -> None:
         assert (port.in_j, port.out_j) == (0.0, 0.0)
 
 
-def test_the_work_of_a_measured_force_is_over_all_steps_since_the_last_one() -> None:
+def test_the_work_of_a_measured_force_is_over_all_steps_since_the_last_one():
     port = MotionPort(UNDAMPED)
     port.measure(3.0)
     assert (port.in_j, port.out_j) == (0.0, 0.0)
@@ -343,7 +335,7 @@ def test_the_work_of_a_measured_force_is_over_all_steps_since_the_last_one() -> 
         assert (port.in_j, port.out_j) == (0.0, pytest.approx(2e-3))
 
 
-def test_a_port_may_neither_damp_nor_hold_back() -> None:
+def test_a_port_may_neither_damp_nor_hold_back():
     port = MotionPort(PassivitySettings(damping_n_s_m=0.0, drift_m=0.0))
     port.step(0.0, 0.0)
     port.measure(50.0)

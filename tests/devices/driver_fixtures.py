@@ -1,7 +1,6 @@
 """Fixtures for tests of drivers: what is started is stopped, and what is opened is closed."""
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -13,17 +12,17 @@ Keep = Callable[[Any], Any]
 
 
 @pytest.fixture(autouse=True)
-def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def own_calibrations(tmp_path, monkeypatch):
     """Keep stored calibrations in a folder of the test's own."""
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
 
 
 @pytest.fixture(name="started")
-def started_devices() -> Iterator[Keep]:
+def started_devices():
     """Starts emulated devices, and stops them at the end."""
-    running: list[Any] = []
+    running = []
 
-    def start(device: Any) -> Any:
+    def start(device):
         device.start()
         running.append(device)
         return device
@@ -34,12 +33,12 @@ def started_devices() -> Iterator[Keep]:
 
 
 @pytest.fixture(name="closing")
-def closed_devices() -> Iterator[Keep]:
+def closed_devices():
     """Closes devices at the end, which leaves no board open."""
     before = list(board_sharing.OPEN_BOARDS)
-    opened: list[Any] = []
+    opened = []
 
-    def keep(device: Any) -> Any:
+    def keep(device):
         opened.append(device)
         return device
 
@@ -50,10 +49,10 @@ def closed_devices() -> Iterator[Keep]:
 
 
 @pytest.fixture(name="connected")
-def connected_devices(closing: Keep) -> Keep:
+def connected_devices(closing):
     """Connects devices, and closes them at the end."""
 
-    def connect(device: Any) -> Any:
+    def connect(device):
         closing(device).connect()
         return device
 

@@ -2,14 +2,11 @@
 
 import random
 import time
-from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.protocols import VoltageReading
-from mmt.devices.wrench import Matrix
-from mmt.testing.emulated import Truth
 
 
 class EmulatedGauges:
@@ -39,20 +36,20 @@ class EmulatedGauges:
 
     def __init__(
         self,
-        truth: Truth,
-        matrix: Matrix,
+        truth,
+        matrix,
         *,
-        rate_hz: float = 1000.0,
-        clock_ppm: float = 0.0,
-        offset_v: float = 0.2,
-        noise_v: float = 1e-4,
-        limit_v: float = 10.0,
-        seed: int = 1,
-    ) -> None:
+        rate_hz=1000.0,
+        clock_ppm=0.0,
+        offset_v=0.2,
+        noise_v=1e-4,
+        limit_v=10.0,
+        seed=1,
+    ):
         self.latency_ns = 0
         self.limit_v = limit_v
         self.stuck = False
-        self.faults: Mapping[str, int] = {}
+        self.faults = {}
         self.truth = truth
         self._to_volts = np.linalg.inv(np.array(matrix))[:, :3].tolist()
         self._period_ns = 1e9 / rate_hz
@@ -64,21 +61,21 @@ class EmulatedGauges:
         self._sent = 0
         self._plugged = True
         self._silent = False
-        self._volts: tuple[float, ...] = (0.0,) * 6
+        self._volts = (0.0,) * 6
 
-    def unplug(self) -> None:
+    def unplug(self):
         """Answer nothing any more."""
         self._plugged = False
 
-    def plug(self) -> None:
+    def plug(self):
         """Be there again."""
         self._plugged = True
 
-    def stall(self, *, silent: bool = True) -> None:
+    def stall(self, *, silent=True):
         """Give nothing, or go on."""
         self._silent = silent
 
-    def connect(self) -> None:
+    def connect(self):
         """Begin to sample.
 
         Raises
@@ -90,7 +87,7 @@ class EmulatedGauges:
             raise MmtError("the board does not answer; plug it in")
         self._sent = self._due()
 
-    def read(self) -> Sequence[VoltageReading]:
+    def read(self):
         """Return what has been sampled since the last call.
 
         Raises
@@ -105,13 +102,13 @@ class EmulatedGauges:
             return ()
         return [self._sample(number) for number in range(first + 1, self._sent + 1)]
 
-    def close(self) -> None:
+    def close(self):
         """Nothing is held."""
 
-    def _due(self) -> int:
+    def _due(self):
         return int((time.monotonic_ns() - self.began_ns) * self._rate)
 
-    def _sample(self, number: int) -> VoltageReading:
+    def _sample(self, number):
         if not self.stuck:
             x, y, z = self.truth(self.began_ns + round(number / self._rate))
             noise, limit = self._random.gauss, self.limit_v

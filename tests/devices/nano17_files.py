@@ -1,9 +1,7 @@
 """The ``.cal`` file of a Nano17 whose matrix is easy to reckon with."""
 
-from pathlib import Path
 
-
-def write_calibration(directory: Path) -> Path:
+def write_calibration(directory):
     """Write the file of FT7: gauge k alone gives 2 N or N mm a volt along axis k."""
     axes = "".join(
         f'<UserAxis Name="{name}" values="{" ".join("2" if i == k else "0" for k in range(6))}" '

@@ -2,13 +2,10 @@
 
 import re
 import time
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray, Vector
-from mmt.devices.protocols import ForceSensor, Robot, SampledSensor
+from mmt.core.arrays import Vector
 from mmt.devices.source import DeviceSource
 
 PATIENCE_S = 20.0
@@ -17,15 +14,15 @@ PATIENCE_S = 20.0
 class Arm:
     """A robot that stands still."""
 
-    def connect(self) -> None:
+    def connect(self):
         """Stand."""
 
     calibrate = close = connect
 
-    def read(self) -> Vector:
+    def read(self):
         return (0.0, 0.0, 0.0)
 
-    def write(self, position_mm: Vector) -> None:
+    def write(self, position_mm):
         """Stay."""
 
 
@@ -45,15 +42,9 @@ class RunningSource:
     command_mm: Vector | None = None
     """What the robot is told at each tick."""
 
-    def __init__(
-        self,
-        force_sensor: ForceSensor | SampledSensor | None,
-        accelerometer: SampledSensor | None,
-        robot: Robot | None = None,
-        samples_per_frame: int = 1,
-    ) -> None:
+    def __init__(self, force_sensor, accelerometer, robot=None, samples_per_frame=1):
         channels = [("force", force_sensor), ("acceleration", accelerometer)]
-        self.told: list[tuple[bool, str]] = []
+        self.told = []
         """Whether a device is lost now, and a sentence."""
         self.source = DeviceSource(
             Arm() if robot is None else robot,
@@ -70,11 +61,11 @@ class RunningSource:
     def is_lost(self) -> bool:
         return bool(self.told) and self.told[-1][0]
 
-    def start(self) -> None:
+    def start(self):
         self.source.start(0)
         self._last_ns = time.monotonic_ns()
 
-    def run_until_told(self, *patterns: str) -> None:
+    def run_until_told(self, *patterns):
         """Tick until a loss has been told for each of these reasons.
 
         Others may come first: a machine that has no time for a device is a silent device.
@@ -87,9 +78,9 @@ class RunningSource:
             )
         )
 
-    def run(self, done: Callable[[int], Any]) -> RecordArray:
+    def run(self, done):
         """Tick until it is done, which is told how many frames there are."""
-        blocks: list[RecordArray] = []
+        blocks = []
         deadline = time.monotonic() + PATIENCE_S
         number = 0
         while not done(number):

@@ -3,7 +3,6 @@
 import os
 import shutil
 import subprocess
-from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -94,7 +93,7 @@ int main(int, char **words) {
 """
 
 
-def compiled(source: str, directory: Path, *words: str) -> Path:
+def compiled(source, directory, *words):
     """Return the program of a C++ source that may include what lies in the directory."""
     (directory / "program.cpp").write_text(source)
     program = directory / "program"
@@ -106,7 +105,7 @@ def compiled(source: str, directory: Path, *words: str) -> Path:
     return program
 
 
-def check_whole(sketch: Path, directory: Path, *macros: str) -> None:
+def check_whole(sketch, directory, *macros):
     """Compile a sketch as for the board of these macros, without a program."""
     (directory / "Arduino.h").write_text(ARDUINO)
     words = ["-fsyntax-only", *(f"-D{macro}" for macro in macros)]
@@ -117,27 +116,24 @@ def check_whole(sketch: Path, directory: Path, *macros: str) -> None:
 class RunningSketch:
     """A sketch that runs as a process."""
 
-    def __init__(self, process: "subprocess.Popen[bytes]", path: str, out: Path) -> None:
+    def __init__(self, process, path, out):
         self.path = path
         """Of its serial port."""
         self._process = process
         self._out = out
 
-    def stop(self) -> None:
+    def stop(self):
         """End it; its port is gone."""
-        assert self._process.stdin is not None
         self._process.stdin.close()
         assert self._process.wait(10.0) == 0
 
-    def put_out(self) -> bytes:
+    def put_out(self):
         """Return what went to the converter, as i16, once it was stopped."""
         return self._out.read_bytes()
 
 
 @contextmanager
-def running(
-    sketch: Path, directory: Path, board: str, reading: str = "0"
-) -> Iterator[RunningSketch]:
+def running(sketch, directory, board, reading="0"):
     """Run a sketch; `reading` is what its converter reads, in C++ of `pin`."""
     import tty
 

@@ -1,11 +1,9 @@
 """Sensors on clocks of their own, in simulated time: when what arrives, and what was true."""
 
 import random
-from collections.abc import Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 
-from mmt.core.arrays import Vector
 from mmt.devices.protocols import SensorReading
 
 START_NS = 5_000_000_000_000
@@ -18,7 +16,7 @@ class Time:
 
     now_ns: int = START_NS
 
-    def monotonic_ns(self) -> int:
+    def monotonic_ns(self):
         self.now_ns += 100_000
         return self.now_ns
 
@@ -27,7 +25,7 @@ class Time:
         """The same time, which does not pass by being asked for."""
         return SimpleNamespace(monotonic_ns=lambda: self.now_ns, sleep=self.sleep)
 
-    def sleep(self, seconds: float) -> None:
+    def sleep(self, seconds):
         self.now_ns += round(seconds * 1e9)
 
 
@@ -45,22 +43,22 @@ class SyntheticSensor:
 
     def __init__(
         self,
-        rate_hz: float,
-        drift: float = 0.0,
+        rate_hz,
+        drift=0.0,
         *,
-        time: Time | None = None,
-        latency_ns: int = 200_000,
-        transport_ns: int = 20_000,
-        jitter_ns: float = 50_000.0,
-        seed: int = 1,
-    ) -> None:
+        time=None,
+        latency_ns=200_000,
+        transport_ns=20_000,
+        jitter_ns=50_000.0,
+        seed=1,
+    ):
         self.latency_ns = latency_ns
         self.time = time or Time()
-        self.faults: dict[str, int] = {}
-        self.calls: list[str] = []
+        self.faults = {}
+        self.calls = []
         self.stalled = False
-        self.error: Exception | None = None
-        self.connect_error: Exception | None = None
+        self.error = None
+        self.connect_error = None
         self._random = random.Random(seed)
         self._nominal_ns = 1e9 / rate_hz
         self._true_ns = self._nominal_ns * (1 + drift)
@@ -68,25 +66,25 @@ class SyntheticSensor:
         self._offset_ns = self._random.randrange(10**12)
         self._phase = self._random.random()
         self._next = 0
-        self._pending: tuple[float, SensorReading] | None = None
+        self._pending = None
         self._last_arrival_ns = 0.0
 
-    def connect(self) -> None:
+    def connect(self):
         self.calls.append("connect")
         if self.connect_error is not None:
             raise self.connect_error
         self.error = None
 
-    def calibrate(self) -> None:
+    def calibrate(self):
         self.calls.append("calibrate")
 
-    def close(self) -> None:
+    def close(self):
         self.calls.append("close")
 
-    def read(self) -> Sequence[SensorReading]:
+    def read(self):
         return self.arrived(self.time.now_ns)
 
-    def arrived(self, now_ns: int) -> Sequence[SensorReading]:
+    def arrived(self, now_ns):
         """What has come by now and was not read before; what a stalled sensor measures is gone."""
         if self.error is not None:
             raise self.error
@@ -100,7 +98,7 @@ class SyntheticSensor:
                 come.append(self._pending[1])
             self._pending = None
 
-    def _measure(self) -> tuple[float, SensorReading]:
+    def _measure(self):
         stamp_true_ns = START_NS + (self._next + self._phase) * self._true_ns
         stamp_ns = self._offset_ns + round(self._next * self._nominal_ns)
         self._next += 1
@@ -109,5 +107,5 @@ class SyntheticSensor:
             late += self._random.random() * MS
         arrival_ns = max(self._last_arrival_ns, stamp_true_ns + self._transport_ns + late)
         self._last_arrival_ns = arrival_ns
-        value: Vector = ((stamp_true_ns - self.latency_ns - START_NS) / 1e6, 0.0, 0.0)
+        value = ((stamp_true_ns - self.latency_ns - START_NS) / 1e6, 0.0, 0.0)
         return arrival_ns, SensorReading(stamp_ns, value)

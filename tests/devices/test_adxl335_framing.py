@@ -37,7 +37,7 @@ frames = st.builds(
 )
 
 
-def decoder() -> BoardDecoder:
+def decoder():
     """One that has seen the end of an earlier frame."""
     made = BoardDecoder()
     made.feed(b"\0")
@@ -45,7 +45,7 @@ def decoder() -> BoardDecoder:
 
 
 @given(st.lists(frames, max_size=5), st.integers(1, 50))
-def test_frames_come_back_however_the_bytes_are_cut(sent: list[BoardFrame], size: int) -> None:
+def test_frames_come_back_however_the_bytes_are_cut(sent, size):
     wire = b"".join(encode_frame(frame) for frame in sent)
     reader, got = decoder(), []
     for at in range(0, len(wire), size):
@@ -55,7 +55,7 @@ def test_frames_come_back_however_the_bytes_are_cut(sent: list[BoardFrame], size
 
 
 @given(st.binary(max_size=253))
-def test_stuffed_bytes_hold_no_zero(plain: bytes) -> None:
+def test_stuffed_bytes_hold_no_zero(plain):
     stuffed = cobs_encode(plain)
     assert 0 not in stuffed
     assert len(stuffed) == len(plain) + 1
@@ -63,7 +63,7 @@ def test_stuffed_bytes_hold_no_zero(plain: bytes) -> None:
 
 
 @given(frames, st.data())
-def test_a_flipped_bit_never_passes(frame: BoardFrame, data: st.DataObject) -> None:
+def test_a_flipped_bit_never_passes(frame, data):
     wire = bytearray(encode_frame(frame))
     wire[data.draw(st.integers(0, len(wire) - 1))] ^= 1 << data.draw(st.integers(0, 7))
     reader = decoder()
@@ -76,21 +76,21 @@ def test_a_flipped_bit_never_passes(frame: BoardFrame, data: st.DataObject) -> N
 
 @settings(max_examples=50)
 @given(st.binary(max_size=2000), frames)
-def test_after_any_garbage_the_next_frame_is_read(garbage: bytes, frame: BoardFrame) -> None:
+def test_after_any_garbage_the_next_frame_is_read(garbage, frame):
     reader = BoardDecoder()
     reader.feed(garbage)
     assert list(reader.feed(b"\0" + encode_frame(frame)))[-1:] == [frame]
     assert len(pickle.dumps(reader)) < 600
 
 
-def test_the_first_half_frame_is_no_fault() -> None:
+def test_the_first_half_frame_is_no_fault():
     wire = encode_frame(BoardFrame(7, 8, ((1, 2, 3),)))
     reader = BoardDecoder()
     assert list(reader.feed(wire[5:] + wire)) == [BoardFrame(7, 8, ((1, 2, 3),))]
     assert not reader.faults
 
 
-def test_another_version_is_counted() -> None:
+def test_another_version_is_counted():
     wire = cobs_decode(encode_frame(BoardFrame(7, 8, ((1, 2, 3),)))[:-1])
     from binascii import crc_hqx
 
@@ -102,12 +102,12 @@ def test_another_version_is_counted() -> None:
 
 
 @pytest.mark.parametrize("number", [0, MOST_SAMPLES + 1])
-def test_no_frame_is_empty_or_too_long(number: int) -> None:
+def test_no_frame_is_empty_or_too_long(number):
     with pytest.raises(ValueError, match="1 to 32"):
         encode_frame(BoardFrame(0, 0, ((1, 2, 3),) * number))
 
 
-def test_the_pages_example_is_true() -> None:
+def test_the_pages_example_is_true():
     text = PAGE.read_text(encoding="utf-8")
     example = encode_frame(BoardFrame(1000, 2_000_000, ((2048, 2050, 2458),)))
     assert example.hex(" ") in text
@@ -116,7 +116,7 @@ def test_the_pages_example_is_true() -> None:
 # --- time
 
 
-def one(sequence: int, time_us: int, n: int = 1) -> BoardFrame:
+def one(sequence, time_us, n=1):
     return BoardFrame(sequence % 2**32, time_us % 2**32, ((1, 2, 3),) * n)
 
 
@@ -124,9 +124,7 @@ def one(sequence: int, time_us: int, n: int = 1) -> BoardFrame:
     st.integers(1, 4000),
     st.lists(st.tuples(st.integers(0, 50) | st.just(2**20), st.integers(1, 32)), max_size=30),
 )
-def test_every_sample_has_its_own_time_and_lost_ones_are_counted(
-    period_us: int, steps: list[tuple[int, int]]
-) -> None:
+def test_every_sample_has_its_own_time_and_lost_ones_are_counted(period_us, steps):
     """Also where a counter wraps."""
     timeline, start, number, lost = Timeline(), 2**32 - 100, 0, 0
     timeline.place(one(start, start))
@@ -145,7 +143,7 @@ def test_every_sample_has_its_own_time_and_lost_ones_are_counted(
     assert not timeline.faults["restarts"]
 
 
-def test_a_repeated_frame_is_left_out_and_a_restart_goes_on_in_time() -> None:
+def test_a_repeated_frame_is_left_out_and_a_restart_goes_on_in_time():
     timeline, samples = Timeline(), ((7, 8, 9), (1, 2, 3))
     begun = timeline.place(BoardFrame(500_000, 10**9, samples))
     assert begun == ((10**12, (1, 2, 3)),)
@@ -159,7 +157,7 @@ def test_a_repeated_frame_is_left_out_and_a_restart_goes_on_in_time() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(1, 1000), st.integers(1, 10**6), st.integers(1, 32))))
-def test_times_never_go_back(steps: list[tuple[int, int, int]]) -> None:
+def test_times_never_go_back(steps):
     timeline, sequence, time_us, times = Timeline(), 0, 2**32 - 1000, []
     for step, elapsed, n in steps:
         sequence, time_us = sequence + step, time_us + max(elapsed, step)
@@ -191,7 +189,7 @@ int main() {
 
 
 @needs_compiler
-def test_the_sketch_sends_what_python_reads(tmp_path: Path) -> None:
+def test_the_sketch_sends_what_python_reads(tmp_path):
     program = compiled(HARNESS, tmp_path, "-I", str(SKETCH.parent))
     sent = [
         BoardFrame(0, 0, ((0, 0, 0),)),
@@ -221,12 +219,12 @@ def test_the_sketch_sends_what_python_reads(tmp_path: Path) -> None:
 
 @needs_compiler
 @pytest.mark.parametrize("board", ["TEENSYDUINO", "ARDUINO_SAMD_ZERO"])
-def test_the_whole_sketch_is_valid(tmp_path: Path, board: str) -> None:
+def test_the_whole_sketch_is_valid(tmp_path, board):
     check_whole(SKETCH, tmp_path, board)
 
 
 @needs_compiler
-def test_the_driver_reads_the_sketch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_driver_reads_the_sketch(tmp_path, monkeypatch):
     pytest.importorskip("pty", reason="the sketch runs on a pseudo-terminal")
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     reading = "2048 + (pin == A2 ? 410 : 0) + (micros() >> 9) % 2"  # 1 g along z, and a tremor

@@ -25,11 +25,11 @@ TRUE = GravityCalibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325))
 STILL = (0.002, 0.002, 0.003)
 
 
-def felt(up: str) -> list[float]:
+def felt(up):
     return [GRAVITY_M_S2 * (up[1] == axis) * (1 if up[0] == "+" else -1) for axis in "xyz"]
 
 
-def rest(up: str, true: GravityCalibration = TRUE, acceleration=None, spread=STILL) -> Rest:
+def rest(up, true=TRUE, acceleration=None, spread=STILL):
     a = felt(up) if acceleration is None else acceleration
     x, y, z = (true.zero_v[i] + true.gain_v_per_m_s2[i] * a[i] for i in range(3))
     return Rest(up, (x, y, z), spread)
@@ -40,7 +40,7 @@ gains = st.tuples(*[st.floats(0.0285, 0.0385)] * 3)
 
 
 @given(zeros, gains, st.permutations(UPS), st.integers(4, 6))
-def test_what_was_put_in_comes_out(zero, gain, ups, number) -> None:
+def test_what_was_put_in_comes_out(zero, gain, ups, number):
     true = GravityCalibration(zero, gain)
     if {up[1] for up in ups[:number]} != set("xyz"):
         number = 6
@@ -50,12 +50,12 @@ def test_what_was_put_in_comes_out(zero, gain, ups, number) -> None:
     assert found.residual_m_s2 < 1e-6
 
 
-def test_three_orientations_are_enough() -> None:
+def test_three_orientations_are_enough():
     found = calibrate([rest(up) for up in ("+x", "-y", "+z")], 3.3)
     assert found.gain_v_per_m_s2 == pytest.approx(TRUE.gain_v_per_m_s2)
 
 
-def test_noise_is_averaged_as_least_squares_does() -> None:
+def test_noise_is_averaged_as_least_squares_does():
     generator = np.random.default_rng(4)
     rests = [
         Rest(r.up, tuple(np.array(r.mean_v) + generator.normal(0, 0.004, 3)), STILL)
@@ -72,22 +72,22 @@ def test_noise_is_averaged_as_least_squares_does() -> None:
     assert 0.0 < found.residual_m_s2 < 1.0
 
 
-def refused(rests: list[Rest], supply_v: float = 3.3) -> str:
+def refused(rests, supply_v=3.3):
     with pytest.raises(InputError) as caught:
         calibrate(rests, supply_v)
     return str(caught.value)
 
 
-def six() -> dict[str, Rest]:
+def six():
     return {up: rest(up) for up in UPS}
 
 
-def test_an_axis_without_a_rest_is_named() -> None:
+def test_an_axis_without_a_rest_is_named():
     assert "no rest with z up or down" in refused([rest("+x"), rest("-x"), rest("+y")])
     assert "x, y, z" in refused([])
 
 
-def test_a_sensor_that_moved_is_told() -> None:
+def test_a_sensor_that_moved_is_told():
     moved = six() | {"-y": rest("-y", spread=(0.002, 0.1, 0.002))}
     assert "with -y up the sensor was not at rest (it varied by 0.30 g)" in refused(
         [*moved.values()]
@@ -96,7 +96,7 @@ def test_a_sensor_that_moved_is_told() -> None:
     assert "with -y up" in refused([*unknown.values()])
 
 
-def test_swapped_orientations_are_told() -> None:
+def test_swapped_orientations_are_told():
     swapped = six()
     swapped["+x"] = Rest("+x", rest("+y").mean_v, STILL)
     assert "named +x up looks like +y up" in refused([*swapped.values()])
@@ -105,8 +105,8 @@ def test_swapped_orientations_are_told() -> None:
     assert "named +z up looks like -z up" in refused([*swapped.values()])
 
 
-def test_a_slant_is_told() -> None:
-    def slanted(degrees: float) -> list[Rest]:
+def test_a_slant_is_told():
+    def slanted(degrees):
         x, y = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
         slant = [GRAVITY_M_S2 * x, GRAVITY_M_S2 * y, 0.0]
         return [*(six() | {"+x": rest("+x", acceleration=slant)}).values()]
@@ -119,7 +119,7 @@ def test_a_slant_is_told() -> None:
     assert "at a slant" in message
 
 
-def test_another_supply_than_the_options_say_is_told() -> None:
+def test_another_supply_than_the_options_say_is_told():
     message = refused([*six().values()], supply_v=2.0)
     assert "x gives 0.338 V per g where a supply of 2 V means 0.200: check the options" in message
     far = GravityCalibration((2.3, 1.65, 1.65), nominal(3.3).gain_v_per_m_s2)
@@ -128,7 +128,7 @@ def test_another_supply_than_the_options_say_is_told() -> None:
     )
 
 
-def changed(axis: int, off_g: float, gain: float) -> GravityCalibration:
+def changed(axis, off_g, gain):
     """Return the data sheet's values with another zero and gain of one axis."""
     zero_v, gains = map(list, nominal(3.3)[:2])
     zero_v[axis] += 0.33 * off_g
@@ -145,7 +145,7 @@ axes = st.integers(0, 2)
     | st.tuples(st.just(0.0), st.floats(0.5, 1.5), st.just(0.0))
     | st.tuples(st.just(0.0), st.just(1.0), st.floats(0.0, 0.2)),
 )
-def test_a_zero_a_gain_and_a_tremor_have_their_bounds(axis, case) -> None:
+def test_a_zero_a_gain_and_a_tremor_have_their_bounds(axis, case):
     off_g, gain, tremor_g = case
     beyond = max(abs(off_g) / 1.2, abs(gain - 1.0) / 0.2, tremor_g / 0.1)
     assume(abs(beyond - 1.0) > 1e-9)
@@ -158,7 +158,7 @@ def test_a_zero_a_gain_and_a_tremor_have_their_bounds(axis, case) -> None:
 
 
 @given(axes, st.floats(-1.0, 1.0), st.floats(0.96, 1.04), st.booleans())
-def test_a_change_is_told_from_half_a_metre_or_two_percent(axis, zero_m_s2, gain, of_gain) -> None:
+def test_a_change_is_told_from_half_a_metre_or_two_percent(axis, zero_m_s2, gain, of_gain):
     zero_m_s2, gain = (0.0, gain) if of_gain else (zero_m_s2, 1.0)
     assume(abs(abs(zero_m_s2) - 0.5) > 1e-9 and abs(abs(gain - 1.0) - 0.02) > 1e-9)
     told = changes(changed(axis, zero_m_s2 / GRAVITY_M_S2, gain), nominal(3.3))
@@ -166,7 +166,7 @@ def test_a_change_is_told_from_half_a_metre_or_two_percent(axis, zero_m_s2, gain
     assert all(sentence.startswith(f"{'xyz'[axis]}: zero moved by") for sentence in told)
 
 
-def test_what_changed_is_told_by_axis() -> None:
+def test_what_changed_is_told_by_axis():
     assert changes(TRUE, TRUE) == []
     other = GravityCalibration((1.60, 1.75, 1.75), (0.0345, 0.033, 0.0335))
     about_y, about_z = changes(other, TRUE)
@@ -174,7 +174,7 @@ def test_what_changed_is_told_by_axis() -> None:
     assert about_z.startswith("z: zero moved by +0.00 m/s2, gain by +3.1 %")
 
 
-def test_what_is_stored_comes_back() -> None:
+def test_what_is_stored_comes_back():
     edges = GravityCalibration((-999.0, 0.0, 999.0), (2e-6, 1.0, 999.0), 0.5)
     for stored in (TRUE, nominal(3.3), edges):
         assert from_dict(stored.as_dict()) == stored
@@ -194,7 +194,7 @@ def test_what_is_stored_comes_back() -> None:
         TRUE.as_dict() | {"gain_v_per_m_s2": "abc"},
     ],
 )
-def test_a_stored_calibration_is_not_trusted(content) -> None:
+def test_a_stored_calibration_is_not_trusted(content):
     with pytest.raises(InputError, match="calibrate again"):
         from_dict(content)
 
@@ -209,6 +209,6 @@ def test_a_stored_calibration_is_not_trusted(content) -> None:
         [{"up": "+x", "mean_v": [1, 2, math.inf], "spread_v": [0, 0, 0]}],
     ],
 )
-def test_recorded_rests_are_not_trusted(content) -> None:
+def test_recorded_rests_are_not_trusted(content):
     with pytest.raises(InputError, match=r"rests must be a list of|'up' must be one of"):
         rests_from(content)

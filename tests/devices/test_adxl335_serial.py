@@ -15,10 +15,8 @@ from driver_fixtures import (  # noqa: F401 - fixtures
 )
 from sensor_reading import read_some, read_until, read_until_fault
 
-from mmt.core.arrays import Vector
 from mmt.core.errors import MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, GravityCalibration
-from mmt.devices.adxl335.serial_driver import SerialAdxl335
 from mmt.devices.calibrations import save_calibration
 from mmt.devices.drivers import load_device
 
@@ -33,27 +31,27 @@ Boards = Callable[..., EmulatedAdxl335Board]
 
 
 @pytest.fixture
-def boards(started: Keep) -> Boards:
-    def start(truth: Callable[[int], Vector] = lambda _: LEVEL, **options) -> EmulatedAdxl335Board:
+def boards(started):
+    def start(truth=lambda _: LEVEL, **options):
         return started(EmulatedAdxl335Board(truth, **options))
 
     return start
 
 
 @pytest.fixture
-def drivers(closing: Keep) -> Callable[..., SerialAdxl335]:
-    def make(board: EmulatedAdxl335Board, **options) -> SerialAdxl335:
+def drivers(closing):
+    def make(board, **options):
         given = {"port": board.path, "bandwidth_hz": 500.0, "start_s": 2.0, **options}
         return closing(load_device("adxl335-serial", given))
 
     return make
 
 
-def broken(sensor: SerialAdxl335) -> int:
+def broken(sensor):
     return sensor.faults.get("bad checksums", 0) + sensor.faults.get("bad frames", 0)
 
 
-def test_values_are_the_truth_and_times_the_boards(boards, drivers, connected) -> None:
+def test_values_are_the_truth_and_times_the_boards(boards, drivers, connected):
     sensor = connected(drivers(boards(start_us=2**32 - 100_000)))  # wraps a tenth of a second later
     got = read_some(sensor, 300)
     for axis in range(3):
@@ -65,20 +63,20 @@ def test_values_are_the_truth_and_times_the_boards(boards, drivers, connected) -
     assert sensor.latency_ns == pytest.approx(318_310, abs=1)
 
 
-def test_frames_of_many_samples_arrive_evenly(boards, drivers, connected) -> None:
+def test_frames_of_many_samples_arrive_evenly(boards, drivers, connected):
     sensor = connected(drivers(boards(per_frame=8, rate_hz=4000.0)))
     got = read_some(sensor, 400)
     steps = sorted(b.time_ns - a.time_ns for a, b in itertools.pairwise(got))
     assert steps[len(steps) // 2] == pytest.approx(250_000, abs=1000)
 
 
-def test_axes_are_turned_into_the_scenes(boards, drivers, connected) -> None:
+def test_axes_are_turned_into_the_scenes(boards, drivers, connected):
     sensor = connected(drivers(boards(), axes=["x", "-z", "y"]))
     got = read_some(sensor, 50)
     assert sum(r.value[1] for r in got) / len(got) == pytest.approx(-GRAVITY_M_S2, abs=0.1)
 
 
-def test_spoilt_frames_are_counted_and_survived(boards, drivers, connected) -> None:
+def test_spoilt_frames_are_counted_and_survived(boards, drivers, connected):
     board = boards()
     sensor = connected(drivers(board))
     board.flip(5)
@@ -97,21 +95,21 @@ def test_spoilt_frames_are_counted_and_survived(boards, drivers, connected) -> N
     assert sensor.faults["restarts"] == 1
 
 
-def test_a_silent_board_is_told(boards, drivers) -> None:
+def test_a_silent_board_is_told(boards, drivers):
     board = boards()
     board.stall()
     with pytest.raises(MmtError, match=r"sent nothing for 0\.2 s: check that the sketch"):
         drivers(board, start_s=0.2).connect()
 
 
-def test_a_board_that_sends_text_is_told(boards, drivers, monkeypatch) -> None:
+def test_a_board_that_sends_text_is_told(boards, drivers, monkeypatch):
     board = boards()
     monkeypatch.setattr(board, "_spoil", lambda wire: b"x: 512, y: 510\r\n")
     with pytest.raises(MmtError, match="sends text: another sketch"):
         drivers(board, start_s=0.2).connect()
 
 
-def test_an_overload_is_cut_off_counted_and_told_once(boards, drivers, connected, caplog) -> None:
+def test_an_overload_is_cut_off_counted_and_told_once(boards, drivers, connected, caplog):
     sensor = connected(drivers(boards(lambda _: (50.0, 0.0, 9.8)), bandwidth_hz=500.0))
     with caplog.at_level(logging.WARNING, "mmt.devices"):
         felt = read_some(sensor, 20)
@@ -121,7 +119,7 @@ def test_an_overload_is_cut_off_counted_and_told_once(boards, drivers, connected
     assert message.startswith("the accelerometer is overloaded: beyond 3 g along an axis")
 
 
-def test_the_boards_capacitors_are_warned_of_once(boards, drivers, caplog) -> None:
+def test_the_boards_capacitors_are_warned_of_once(boards, drivers, caplog):
     sensor = drivers(boards(), bandwidth_hz=50.0)
     with caplog.at_level(logging.WARNING, "mmt.devices"):
         sensor.connect()
@@ -134,9 +132,7 @@ def test_the_boards_capacitors_are_warned_of_once(boards, drivers, caplog) -> No
     assert "here the scene's y, ends at 550 Hz" in remark
 
 
-def test_a_stored_calibration_is_used_and_its_mismatch_told(
-    boards, drivers, connected, caplog
-) -> None:
+def test_a_stored_calibration_is_used_and_its_mismatch_told(boards, drivers, connected, caplog):
     true = GravityCalibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325), 0.02)
     save_calibration("adxl335", "bench-3", true.as_dict())
     sensor = connected(drivers(boards(calibration=true), serial="bench-3"))
@@ -150,9 +146,7 @@ def test_a_stored_calibration_is_used_and_its_mismatch_told(
     assert "the calibration stored for bench-3 does not fit" in message
 
 
-def test_without_calibration_gravity_shows_a_wrong_supply(
-    boards, drivers, connected, caplog
-) -> None:
+def test_without_calibration_gravity_shows_a_wrong_supply(boards, drivers, connected, caplog):
     sensor = connected(drivers(boards(), supply_v=1.8))
     sensor.calibrate()
     assert "it is not calibrated, and the options for supply" in caplog.text

@@ -1,7 +1,6 @@
 """The thread in which emulated devices take their turns."""
 
 import threading
-from collections.abc import Callable
 from itertools import pairwise
 
 from waiting import until
@@ -11,24 +10,24 @@ from mmt.testing.emulated.clockwork import Clockwork
 MS = 1_000_000
 
 
-def threads() -> list[threading.Thread]:
+def threads():
     return [each for each in threading.enumerate() if each.name == "emulated devices"]
 
 
-def noting(times: list[int], period_ns: int) -> Callable[[int], int]:
+def noting(times, period_ns):
     """Return turns that note when they were, the next due a period later."""
 
-    def turn(now_ns: int) -> int:
+    def turn(now_ns):
         times.append(now_ns)
         return now_ns + period_ns
 
     return turn
 
 
-def test_devices_share_a_thread_that_ends_with_the_last_and_can_begin_again() -> None:
+def test_devices_share_a_thread_that_ends_with_the_last_and_can_begin_again():
     clockwork = Clockwork(MS)
-    often: list[int] = []
-    seldom: list[int] = []
+    often = []
+    seldom = []
     quick, slow = noting(often, MS // 2), noting(seldom, 5 * MS)
     before = len(threads())
     clockwork.add(quick)

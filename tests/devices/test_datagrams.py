@@ -5,7 +5,6 @@ import socket
 import struct
 import sys
 import time
-from collections.abc import Iterator
 
 import pytest
 
@@ -13,7 +12,7 @@ from mmt.devices.datagrams import StampedSocket
 
 
 @pytest.fixture
-def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
+def pair():
     """A socket that listens without blocking, and one that sends to it."""
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listening,
@@ -25,7 +24,7 @@ def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
         yield listening, sending
 
 
-def receive(stamped: StampedSocket, listening: socket.socket, content: bytes) -> None:
+def receive(stamped, listening, content):
     assert select.select([listening], [], [], 20.0)[0]
     buffer = bytearray(64)
     assert stamped.receiver()(buffer) == len(content)
@@ -33,7 +32,7 @@ def receive(stamped: StampedSocket, listening: socket.socket, content: bytes) ->
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="this system stamps no packets")
-def test_a_packet_bears_the_time_at_which_it_came_and_not_that_of_the_look(pair) -> None:
+def test_a_packet_bears_the_time_at_which_it_came_and_not_that_of_the_look(pair):
     listening, sending = pair
     stamped = StampedSocket(listening)
     deadline = time.monotonic() + 20.0
@@ -51,7 +50,7 @@ def test_a_packet_bears_the_time_at_which_it_came_and_not_that_of_the_look(pair)
         assert time.monotonic() < deadline
 
 
-def test_a_stamp_from_before_the_last_look_is_not_believed(pair) -> None:
+def test_a_stamp_from_before_the_last_look_is_not_believed(pair):
     listening, sending = pair
     stamped = StampedSocket(listening)
     sending.send(b"one")
@@ -61,14 +60,14 @@ def test_a_stamp_from_before_the_last_look_is_not_believed(pair) -> None:
     assert before_ns <= stamped.arrival_ns(later_ns) <= time.monotonic_ns()
 
 
-def test_a_pause_between_two_clocks_makes_no_arrival_early(pair, monkeypatch) -> None:
+def test_a_pause_between_two_clocks_makes_no_arrival_early(pair, monkeypatch):
     """Early ones would set a sensor's clock, late ones do not."""
     listening, _ = pair
     stamped = StampedSocket(listening)
     pause_ns, wall_ns, came_ns = 700_000, 10**18, 50_000
     passed_ns = 1_000_000
 
-    def looked() -> int:
+    def looked():
         nonlocal passed_ns
         passed_ns += pause_ns
         return passed_ns - pause_ns
@@ -81,7 +80,7 @@ def test_a_pause_between_two_clocks_makes_no_arrival_early(pair, monkeypatch) ->
     assert came_ns <= arrival_ns <= came_ns + pause_ns
 
 
-def test_without_stamps_the_time_is_that_of_the_look(pair, monkeypatch) -> None:
+def test_without_stamps_the_time_is_that_of_the_look(pair, monkeypatch):
     listening, sending = pair
     monkeypatch.setattr("sys.platform", "other")
     stamped = StampedSocket(listening)
@@ -91,7 +90,7 @@ def test_without_stamps_the_time_is_that_of_the_look(pair, monkeypatch) -> None:
     assert before_ns <= stamped.arrival_ns(0) <= time.monotonic_ns()
 
 
-def test_where_nothing_waits_it_does_not_block(pair) -> None:
+def test_where_nothing_waits_it_does_not_block(pair):
     listening, _ = pair
     with pytest.raises(BlockingIOError):
         StampedSocket(listening).receiver()(bytearray(8))

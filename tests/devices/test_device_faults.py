@@ -2,7 +2,6 @@
 
 import itertools
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,8 +14,6 @@ from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.drivers import load_device
-from mmt.devices.protocols import SampledSensor
-from mmt.testing.emulated import Truth
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 
 if sys.platform != "linux":
@@ -38,7 +35,7 @@ class Felt:
 
     value: Vector = (0.0, 0.0, 0.0)
 
-    def __call__(self, _time_ns: int) -> Vector:
+    def __call__(self, _time_ns):
         return self.value
 
 
@@ -51,57 +48,57 @@ class Bench:
     felt: Felt
     channel: str = "force_n"
 
-    def __post_init__(self) -> None:
+    def __post_init__(self):
         self.device.start()
         self.options = self.device.options
         self.sensor = self.load()
         self.at_rest = (0.0, 0.0, GRAVITY_M_S2 * (self.channel == "acceleration_m_s2"))
         """What frames have before anything is felt."""
 
-    def load(self, **more: Any) -> SampledSensor:
+    def load(self, **more):
         return load_device(self.driver, {**self.options, **more})
 
 
-def upright(felt: Felt) -> Truth:
+def upright(felt):
     """What is felt, and gravity."""
     return lambda t: tuple(a + b for a, b in zip(felt(t), (0, 0, GRAVITY_M_S2), strict=True))
 
 
-def weighed(felt: Felt) -> Truth:
+def weighed(felt):
     """What is felt, and the tool's weight."""
     return lambda t: tuple(a + b for a, b in zip(felt(t), WEIGHT, strict=True))
 
 
-def net_ft(felt: Felt) -> Bench:
+def net_ft(felt):
     return Bench(EmulatedNetFt(weighed(felt), noise_n=0.001), "ati-net-ft", felt)
 
 
-def digital_ft(felt: Felt) -> Bench:
+def digital_ft(felt):
     return Bench(EmulatedDigitalFt(weighed(felt), 115_200), "ati-digital-ft", felt)
 
 
-def adxl335(felt: Felt) -> Bench:
+def adxl335(felt):
     board = EmulatedAdxl335Board(upright(felt), rate_hz=2000.0)
     return Bench(board, "adxl335-serial", felt, "acceleration_m_s2")
 
 
-def bota(felt: Felt) -> Bench:
+def bota(felt):
     return Bench(EmulatedBota(weighed(felt)), "bota-serial", felt)
 
 
-def iio(felt: Felt) -> Bench:
+def iio(felt):
     return Bench(EmulatedIio(upright(felt)), "iio-accelerometer", felt, "acceleration_m_s2")
 
 
 @pytest.fixture(params=[net_ft, digital_ft, adxl335, bota, iio])
-def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+def bench(request):
     made = request.param(Felt())
     yield made
     made.device.stop()
 
 
 @pytest.fixture
-def running(bench: Bench) -> Iterator[RunningSource]:
+def running(bench):
     force, acceleration = (
         (bench.sensor, None) if bench.channel == "force_n" else (None, bench.sensor)
     )
@@ -111,18 +108,18 @@ def running(bench: Bench) -> Iterator[RunningSource]:
     made.source.close()
 
 
-def near(bench: Bench, felt: Vector) -> Any:
+def near(bench, felt):
     return pytest.approx([a + b for a, b in zip(bench.at_rest, felt, strict=True)], abs=0.15)
 
 
-def back_and_right(bench: Bench, running: RunningSource) -> None:
+def back_and_right(bench, running):
     """Run until the device is back, and see that its frames are true and its zero still holds."""
     running.run(lambda _: not running.is_lost)
     frames = running.run(lambda number: number >= 150)
     assert frames[bench.channel][100:].mean(axis=0) == near(bench, PRESSED)
 
 
-def test_what_is_unplugged_is_lost_and_comes_back_with_its_zero(bench, running) -> None:
+def test_what_is_unplugged_is_lost_and_comes_back_with_its_zero(bench, running):
     frames = running.run(lambda number: number >= 100)
     assert frames[bench.channel].mean(axis=0) == near(bench, (0.0, 0.0, 0.0))
     bench.device.unplug()
@@ -151,7 +148,7 @@ UNPLUGGED = {
 """What a driver says while it reads, and where it is to connect again."""
 
 
-def test_what_is_unplugged_is_explained_and_goes_on_in_time(bench) -> None:
+def test_what_is_unplugged_is_explained_and_goes_on_in_time(bench):
     sensor, (gone, absent) = bench.sensor, UNPLUGGED[bench.driver]
     sensor.connect()
     before = read_some(sensor)
@@ -171,13 +168,13 @@ def test_what_is_unplugged_is_explained_and_goes_on_in_time(bench) -> None:
 
 
 @pytest.mark.parametrize("bench", [digital_ft, adxl335, bota], indirect=True)
-def test_a_port_that_is_in_use_or_not_permitted_is_explained(bench, monkeypatch) -> None:
+def test_a_port_that_is_in_use_or_not_permitted_is_explained(bench, monkeypatch):
     bench.sensor.connect()
     with pytest.raises(MmtError, match="another program has it open"):
         bench.load().connect()
     bench.sensor.close()
 
-    def refuse(*_: object) -> None:
+    def refuse(*_):
         raise PermissionError(13, "Permission denied")
 
     with monkeypatch.context() as patch:
@@ -208,7 +205,7 @@ USELESS = {
 and how the names of what is counted begin."""
 
 
-def faulty(bench: Bench, *, bad: bool) -> None:
+def faulty(bench, *, bad):
     """Have nothing but garbage come, or no longer."""
     device = bench.device
     if isinstance(device, EmulatedNetFt):
@@ -221,7 +218,7 @@ def faulty(bench: Bench, *, bad: bool) -> None:
         device.scramble(scrambled=bad)
 
 
-def test_a_device_that_gives_nothing_usable_is_lost_and_comes_back(bench, running) -> None:
+def test_a_device_that_gives_nothing_usable_is_lost_and_comes_back(bench, running):
     running.run(lambda number: number >= 50)
     faulty(bench, bad=True)
     told, _, counted = USELESS[bench.driver]
@@ -232,7 +229,7 @@ def test_a_device_that_gives_nothing_usable_is_lost_and_comes_back(bench, runnin
     assert any(fault.startswith(counted) for fault in bench.sensor.faults)
 
 
-def test_a_device_that_gives_nothing_usable_is_refused_until_it_does(bench, connected) -> None:
+def test_a_device_that_gives_nothing_usable_is_refused_until_it_does(bench, connected):
     faulty(bench, bad=True)
     patience = {} if bench.driver.startswith("ati") else {"start_s": 0.3}
     sensor = bench.load(**patience)
@@ -242,7 +239,7 @@ def test_a_device_that_gives_nothing_usable_is_refused_until_it_does(bench, conn
     assert read_some(connected(sensor))
 
 
-def test_a_stuck_device_stays_lost_until_its_value_changes(bench, running) -> None:
+def test_a_stuck_device_stays_lost_until_its_value_changes(bench, running):
     running.run(lambda number: number >= 50)
     bench.device.stuck = True
     running.run_until_told("very same values|has not changed")
@@ -260,7 +257,7 @@ def test_a_stuck_device_stays_lost_until_its_value_changes(bench, running) -> No
     [(adxl335, "still sends one value that never changes"), (iio, "its value has not changed")],
     indirect=["bench"],
 )
-def test_a_value_that_never_changes_is_none(bench, refused: str, connected: Keep) -> None:
+def test_a_value_that_never_changes_is_none(bench, refused, connected):
     sensor = connected(bench.load(stuck_s=0.1, start_s=0.2))
     read_some(sensor, 20)
     bench.device.stuck = True
@@ -272,7 +269,7 @@ def test_a_value_that_never_changes_is_none(bench, refused: str, connected: Keep
     assert read_some(sensor, 20)
 
 
-def test_a_port_that_is_closed_is_a_lost_box_and_another_at_its_place_is_taken() -> None:
+def test_a_port_that_is_closed_is_a_lost_box_and_another_at_its_place_is_taken():
     felt = Felt()
     box = EmulatedNetFt(felt)
     bench = Bench(box, "ati-net-ft", felt)

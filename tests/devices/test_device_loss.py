@@ -1,14 +1,12 @@
 """A device that is lost: how soon it is seen, what is said, and that it comes back."""
 
 import time as real_time
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from synthetic_sensors import MS, SyntheticSensor, Time
 from waiting import until
 
-from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices import slots as ports_module
 from mmt.devices import source as source_module
@@ -20,33 +18,33 @@ from mmt.devices.source import DeviceSource
 class Arm:
     """A robot that can be unplugged."""
 
-    def __init__(self) -> None:
-        self.calls: list[str] = []
-        self.written: list[Vector] = []
+    def __init__(self):
+        self.calls = []
+        self.written = []
         self.lost = False
 
-    def connect(self) -> None:
+    def connect(self):
         self.calls.append("connect")
         if self.lost:
             raise MmtError("still unplugged")
 
-    def calibrate(self) -> None:
+    def calibrate(self):
         self.calls.append("calibrate")
 
-    def close(self) -> None:
+    def close(self):
         self.calls.append("close")
 
-    def read(self) -> Vector:
+    def read(self):
         if self.lost:
             raise DeviceLost("the arm does not answer")
         return (1.0, 2.0, 3.0)
 
-    def write(self, position_mm: Vector) -> None:
+    def write(self, position_mm):
         self.written.append(position_mm)
 
 
 @pytest.fixture
-def time(monkeypatch: pytest.MonkeyPatch) -> Time:
+def time(monkeypatch):
     """Simulated time in the place of a source's own."""
     made = Time()
     monkeypatch.setattr(source_module, "time", made)
@@ -57,29 +55,29 @@ def time(monkeypatch: pytest.MonkeyPatch) -> Time:
 class Bench:
     """A source in simulated time, ticked by hand."""
 
-    def __init__(self, time: Time, on_lost: str = "hold", rate_hz: float = 2000) -> None:
+    def __init__(self, time, on_lost="hold", rate_hz=2000):
         self.time = time
         self.arm = Arm()
         self.sensor = SyntheticSensor(rate_hz, time=time)
-        self.told: list[tuple[bool, str]] = []
+        self.told = []
         self.source = DeviceSource(
             self.arm,
             self.sensor,
             None,
             ("position", "force"),
-            on_lost=on_lost,  # type: ignore[arg-type]
+            on_lost=on_lost,
         )
         self.source.on_loss(lambda lost, sentence: self.told.append((lost, sentence)))
         self.source.start(0)
 
-    def run(self, ticks: int, elapsed: int = 1) -> RecordArray:
+    def run(self, ticks, elapsed=1):
         blocks = []
         for _ in range(ticks):
             self.time.now_ns += elapsed * MS
             blocks.append(self.source.step(elapsed, self.time.now_ns, (0.0, 0.0, 0.0)))
         return np.concatenate(blocks)
 
-    def run_until_back(self) -> int:
+    def run_until_back(self):
         """Tick until nothing is lost; return the ticks.  Connecting takes real time."""
         deadline = real_time.monotonic() + 10
         ticks = 0
@@ -92,13 +90,13 @@ class Bench:
 
 
 @pytest.fixture
-def bench(time: Time) -> Iterator[Bench]:
+def bench(time):
     made = Bench(time)
     yield made
     made.source.close()
 
 
-def test_a_sensor_that_stops_is_seen_within_20_ms_and_frames_cease(bench: Bench) -> None:
+def test_a_sensor_that_stops_is_seen_within_20_ms_and_frames_cease(bench):
     assert len(bench.run(100)) >= 95
     bench.sensor.stalled = True
     bench.run(20)
@@ -110,7 +108,7 @@ def test_a_sensor_that_stops_is_seen_within_20_ms_and_frames_cease(bench: Bench)
 
 
 @pytest.mark.parametrize("rate_hz", [30.0, 2.0])
-def test_a_sensor_with_a_slow_rate_is_lost_by_its_own_period(time: Time, rate_hz: float) -> None:
+def test_a_sensor_with_a_slow_rate_is_lost_by_its_own_period(time, rate_hz):
     bench = Bench(time, rate_hz=rate_hz)
     period_ms = round(1000 / rate_hz)
     assert len(bench.run(10 * period_ms)) >= 8 * period_ms
@@ -125,10 +123,10 @@ def test_a_sensor_with_a_slow_rate_is_lost_by_its_own_period(time: Time, rate_hz
     bench.source.close()
 
 
-def test_a_latency_that_is_known_once_connected_is_taken(time: Time, monkeypatch) -> None:
+def test_a_latency_that_is_known_once_connected_is_taken(time, monkeypatch):
     sensor = SyntheticSensor(2000, time=time, latency_ns=0)
 
-    def connect() -> None:
+    def connect():
         sensor.latency_ns = 2 * MS
 
     monkeypatch.setattr(sensor, "connect", connect)
@@ -142,7 +140,7 @@ def test_a_latency_that_is_known_once_connected_is_taken(time: Time, monkeypatch
     source.close()
 
 
-def test_a_short_silence_ends_without_a_new_connection(bench: Bench) -> None:
+def test_a_short_silence_ends_without_a_new_connection(bench):
     before = bench.run(100)
     bench.sensor.stalled = True
     bench.run(60)
@@ -157,7 +155,7 @@ def test_a_short_silence_ends_without_a_new_connection(bench: Bench) -> None:
     assert np.ptp(error_ms) < 0.1
 
 
-def test_a_sensor_that_stays_silent_is_connected_again_and_not_calibrated(bench: Bench) -> None:
+def test_a_sensor_that_stays_silent_is_connected_again_and_not_calibrated(bench):
     bench.run(50)
     bench.sensor.stalled = True
     bench.run(350)
@@ -169,7 +167,7 @@ def test_a_sensor_that_stays_silent_is_connected_again_and_not_calibrated(bench:
     assert bench.source.summary["force_sensor"]["losses"] == 1
 
 
-def test_an_unplugged_sensor_comes_back_when_it_can_be_connected(time: Time) -> None:
+def test_an_unplugged_sensor_comes_back_when_it_can_be_connected(time):
     bench = Bench(time, "retract")
     bench.run(50)
     bench.sensor.connect_error = MmtError("no such slot")
@@ -187,7 +185,7 @@ def test_an_unplugged_sensor_comes_back_when_it_can_be_connected(time: Time) -> 
     bench.source.close()
 
 
-def test_a_lost_robot_comes_back_too(bench: Bench) -> None:
+def test_a_lost_robot_comes_back_too(bench):
     bench.run(50)
     bench.arm.lost = True
     assert len(bench.run(30)) == 0
@@ -198,7 +196,7 @@ def test_a_lost_robot_comes_back_too(bench: Bench) -> None:
     assert bench.arm.calls[:2] == ["connect", "calibrate"]
 
 
-def test_a_lost_device_ends_the_session_where_the_scene_says_stop(time: Time) -> None:
+def test_a_lost_device_ends_the_session_where_the_scene_says_stop(time):
     bench = Bench(time, "stop")
     bench.run(50)
     bench.sensor.stalled = True
@@ -207,13 +205,13 @@ def test_a_lost_device_ends_the_session_where_the_scene_says_stop(time: Time) ->
     assert bench.told == []
 
 
-def test_a_host_that_was_held_up_loses_no_sensor(bench: Bench) -> None:
+def test_a_host_that_was_held_up_loses_no_sensor(bench):
     bench.run(50)
     bench.run(5, elapsed=40)
     assert bench.told == []
 
 
-def test_what_a_probe_finds_is_told_by_the_next_tick(bench: Bench) -> None:
+def test_what_a_probe_finds_is_told_by_the_next_tick(bench):
     bench.run(50)
     bench.sensor.error = DeviceLost("unplugged")
     bench.source.probe(bench.time.now_ns)
@@ -223,11 +221,9 @@ def test_what_a_probe_finds_is_told_by_the_next_tick(bench: Bench) -> None:
     assert bench.told == [(True, "the force sensor (SyntheticSensor) is lost: unplugged")]
 
 
-def test_a_frame_whose_reading_just_missed_its_tick_comes_between_two_ticks(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_frame_whose_reading_just_missed_its_tick_comes_between_two_ticks(bench, monkeypatch):
     blocks = [bench.run(50)]
-    late: list[RecordArray] = []
+    late = []
     bench.source.on_late_frames(late.append)
     hold_back_ns = bench.time.now_ns - int(blocks[-1]["time_ns"][-1])
     under_way_ns = hold_back_ns - 150_000  # and 0.2 ms that it states itself
@@ -249,11 +245,11 @@ def test_a_frame_whose_reading_just_missed_its_tick_comes_between_two_ticks(
     assert np.all(np.diff(frames["time_ns"]) == MS)
 
 
-def test_a_sensor_that_knows_when_its_readings_came_is_believed() -> None:
+def test_a_sensor_that_knows_when_its_readings_came_is_believed():
     class Stamping(SyntheticSensor):
         arrival_ns = 0
 
-        def read(self) -> list[SensorReading]:
+        def read(self):
             self.arrival_ns = real_time.monotonic_ns() - 5 * MS
             return [SensorReading(1000, (1.0, 2.0, 3.0))]
 
@@ -265,7 +261,7 @@ def test_a_sensor_that_knows_when_its_readings_came_is_believed() -> None:
     assert slot.lane.clock.sensor_time(sensor.arrival_ns) == 1000
 
 
-def test_a_sensor_that_gives_nothing_at_the_start_is_explained(time: Time) -> None:
+def test_a_sensor_that_gives_nothing_at_the_start_is_explained(time):
     sensor = SyntheticSensor(1000, time=time)
     sensor.stalled = True
     source = DeviceSource(Arm(), sensor, None, ("force",))
@@ -273,9 +269,7 @@ def test_a_sensor_that_gives_nothing_at_the_start_is_explained(time: Time) -> No
         source.start(0)
 
 
-def test_a_sensor_that_gives_what_is_no_vector_is_named(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_sensor_that_gives_what_is_no_vector_is_named(bench, monkeypatch):
     monkeypatch.setattr(
         bench.sensor, "read", lambda: [SensorReading(bench.time.now_ns, (1.0, 2.0))]
     )
@@ -284,11 +278,11 @@ def test_a_sensor_that_gives_what_is_no_vector_is_named(
 
 
 def test_a_reading_that_comes_while_the_tick_is_held_up_did_not_come_before_it_was_measured(
-    time: Time, monkeypatch
-) -> None:
+    time, monkeypatch
+):
     sensor = SyntheticSensor(1000, time=time)
 
-    def read() -> list[SensorReading]:
+    def read():
         time.now_ns += 5 * MS  # another process has the core
         return [SensorReading(7_000_000_000, (0.0, 0.0, 0.0))]
 
@@ -299,7 +293,7 @@ def test_a_reading_that_comes_while_the_tick_is_held_up_did_not_come_before_it_w
     assert slot.lane.clock.sensor_time(tick_ns + 5 * MS) <= 7_000_000_000
 
 
-def test_why_a_device_is_not_back_is_told_once_for_each_reason() -> None:
+def test_why_a_device_is_not_back_is_told_once_for_each_reason():
     reasons = Reasons("no reading for 15 ms")
     assert [reasons.new(f"no reading for {n} ms") for n in (16, 17.5)] == ["", ""]
     assert [reasons.new(f"no slot {n}") for n in (1, 2)] == ["no slot 1", ""]

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from synthetic_sensors import MS, START_NS, SyntheticSensor
 
-from mmt.core.arrays import RecordArray
 from mmt.core.frames import frame_dtype
 from mmt.devices.frame_assembly import FrameAssembler, ReadingAges
 from mmt.devices.lanes import Lane, PolledLane
@@ -18,9 +17,7 @@ DTYPE = np.dtype([("sequence", "u4"), ("time_ns", "i8"), ("force_n", "f8", (3,))
 TRANSPORT_NS = 20_000
 
 
-def merged(
-    sensor: SyntheticSensor, seconds: float, *, probes: bool = True, needed_ns: int | None = None
-) -> tuple[RecordArray, np.ndarray, FrameAssembler, Lane]:
+def merged(sensor, seconds, *, probes=True, needed_ns=None):
     """Run ticks with some lateness, and probes; return the frames and their ticks' times."""
     chance = random.Random(7)
     lane = Lane(sensor.latency_ns)
@@ -45,7 +42,7 @@ def merged(
     return np.concatenate(blocks), np.array(ticks), merger, lane
 
 
-def seen_hold_back_ns(sensor: SyntheticSensor, looks: int = 600) -> int | None:
+def seen_hold_back_ns(sensor, looks=600):
     """Look at a sensor ten times in a millisecond; return how long its frames are held back."""
     lane = Lane(sensor.latency_ns)
     ages = ReadingAges([lane])
@@ -56,14 +53,14 @@ def seen_hold_back_ns(sensor: SyntheticSensor, looks: int = 600) -> int | None:
     return ages.hold_back_ns()
 
 
-def time_errors_us(frames: RecordArray) -> np.ndarray:
+def time_errors_us(frames):
     """How much later than it says a frame was measured; the values are true times in ms."""
     return frames["force_n"][:, 0] * 1e3 - (frames["time_ns"] - START_NS) / 1e3
 
 
 @pytest.mark.parametrize("drift", [-100e-6, 0.0, 30e-6, 100e-6])
 @pytest.mark.parametrize("rate_hz", [800, 1000, 2000, 7000])
-def test_a_merged_frame_is_of_the_time_it_says(rate_hz: float, drift: float) -> None:
+def test_a_merged_frame_is_of_the_time_it_says(rate_hz, drift):
     frames, ticks, merger, lane = merged(
         SyntheticSensor(rate_hz, drift, transport_ns=TRANSPORT_NS), 12.0
     )
@@ -80,16 +77,15 @@ def test_a_merged_frame_is_of_the_time_it_says(rate_hz: float, drift: float) -> 
 
 @pytest.mark.parametrize("rate_hz", [800, 1000, 2000, 7000])
 @pytest.mark.parametrize("under_way_ns", [0, 300_000])
-def test_frames_are_held_back_by_what_the_readings_show(rate_hz: float, under_way_ns: int) -> None:
+def test_frames_are_held_back_by_what_the_readings_show(rate_hz, under_way_ns):
     """A period, what a reading is under way beyond the quickest, and the sensor's latency."""
     sensor = SyntheticSensor(rate_hz, latency_ns=400_000, transport_ns=under_way_ns)
     held_ns = seen_hold_back_ns(sensor)
-    assert held_ns is not None
     beyond_ms = (held_ns - 400_000) / MS - 1e3 / rate_hz
     assert 0.0 < beyond_ms < 0.4
 
 
-def test_bundles_are_waited_for() -> None:
+def test_bundles_are_waited_for():
     lane = Lane()
     ages = ReadingAges([lane])
     for k in range(1000):
@@ -101,15 +97,14 @@ def test_bundles_are_waited_for() -> None:
             )
         ages.record(now_ns)
     held_ns = ages.hold_back_ns()
-    assert held_ns is not None
     assert 0.7 * MS <= held_ns <= 0.95 * MS
 
 
-def test_few_looks_tell_nothing_of_how_long_to_hold_back() -> None:
+def test_few_looks_tell_nothing_of_how_long_to_hold_back():
     assert seen_hold_back_ns(SyntheticSensor(1000), looks=10) is None
 
 
-def test_a_host_that_was_held_up_holds_no_frames_back() -> None:
+def test_a_host_that_was_held_up_holds_no_frames_back():
     """Two of five blocks in which nothing came for as long as nobody looked."""
     lane = Lane()
     ages = ReadingAges([lane])
@@ -119,12 +114,11 @@ def test_a_host_that_was_held_up_holds_no_frames_back() -> None:
             lane.add([SensorReading(k * MS // 10, (0.0, 0.0, 0.0))], now_ns)
         ages.record(now_ns)
     held_ns = ages.hold_back_ns()
-    assert held_ns is not None
     assert held_ns < 0.25 * MS
 
 
 @pytest.mark.parametrize("needed_ns", [-(10**15), 0, 10**15])
-def test_whatever_was_seen_frames_are_formed_within_bounds(needed_ns: int) -> None:
+def test_whatever_was_seen_frames_are_formed_within_bounds(needed_ns):
     """A clock that was set back in the meantime makes nonsense of the ages."""
     sensor = SyntheticSensor(2000, latency_ns=100_000)
     lane = Lane(sensor.latency_ns)
@@ -134,7 +128,7 @@ def test_whatever_was_seen_frames_are_formed_within_bounds(needed_ns: int) -> No
     assert 600_000 <= merger.hold_back_ns <= 1_350_000
 
 
-def test_a_quick_sensors_frames_come_sooner_where_that_was_seen() -> None:
+def test_a_quick_sensors_frames_come_sooner_where_that_was_seen():
     added_ms = []
     for needed_ns in (None, seen_hold_back_ns(SyntheticSensor(2000, 30e-6))):
         frames, ticks, _, lane = merged(SyntheticSensor(2000, 30e-6), 5.0, needed_ns=needed_ns)
@@ -143,14 +137,14 @@ def test_a_quick_sensors_frames_come_sooner_where_that_was_seen() -> None:
     assert added_ms[1] < added_ms[0] - 0.3
 
 
-def test_without_probes_a_sensor_in_step_with_the_ticks_is_seen_less_well() -> None:
+def test_without_probes_a_sensor_in_step_with_the_ticks_is_seen_less_well():
     """The reason for the probes: ticks alone sample the arrivals at one point of the period."""
     without, *_ = merged(SyntheticSensor(1000, 100e-6), 12.0, probes=False)
     with_probes, *_ = merged(SyntheticSensor(1000, 100e-6), 12.0)
     assert np.ptp(time_errors_us(without)) > 2 * np.ptp(time_errors_us(with_probes))
 
 
-def test_the_values_are_those_of_a_straight_line_between_readings() -> None:
+def test_the_values_are_those_of_a_straight_line_between_readings():
     lane = Lane(latency_ns=300_000)
     lane.add([SensorReading(0, (0.0, 10.0, -1.0))], START_NS)
     lane.add([SensorReading(MS, (1.0, 20.0, -1.0))], START_NS + MS)
@@ -158,7 +152,7 @@ def test_the_values_are_those_of_a_straight_line_between_readings() -> None:
     assert lane.at(START_NS + 700_000) == pytest.approx((1.0, 20.0, -1.0))
 
 
-def test_all_lanes_of_a_frame_are_of_one_instant_whatever_their_latency() -> None:
+def test_all_lanes_of_a_frame_are_of_one_instant_whatever_their_latency():
     early, late = Lane(100_000), Lane(900_000)
     merger = FrameAssembler(
         {"force_n": early, "acceleration_m_s2": late},
@@ -180,7 +174,7 @@ def test_all_lanes_of_a_frame_are_of_one_instant_whatever_their_latency() -> Non
     assert frames["acceleration_m_s2"][:, 0] == pytest.approx(truth_ms)
 
 
-def test_a_lost_record_leaves_a_number_out_and_invents_nothing() -> None:
+def test_a_lost_record_leaves_a_number_out_and_invents_nothing():
     lane = Lane()
     merger = FrameAssembler({"force_n": lane}, DTYPE, MS)
     frames = []
@@ -196,7 +190,7 @@ def test_a_lost_record_leaves_a_number_out_and_invents_nothing() -> None:
     assert missing == list(range(missing[0], missing[0] + 4))
 
 
-def test_a_value_that_no_frame_can_hold_leaves_its_number_out() -> None:
+def test_a_value_that_no_frame_can_hold_leaves_its_number_out():
     lane = PolledLane()
     merger = FrameAssembler({"force_n": lane}, frame_dtype(["force"]), MS)
     found = []
@@ -212,7 +206,7 @@ def test_a_value_that_no_frame_can_hold_leaves_its_number_out() -> None:
     assert merger.left_out >= len(left_out)
 
 
-def test_a_late_reading_makes_its_frame_late_and_not_wrong() -> None:
+def test_a_late_reading_makes_its_frame_late_and_not_wrong():
     lane = Lane()
     merger = FrameAssembler({"force_n": lane}, DTYPE, MS)
     counts, frames = [], []
@@ -230,7 +224,7 @@ def test_a_late_reading_makes_its_frame_late_and_not_wrong() -> None:
     assert np.diff(together["force_n"][:, 0]) == pytest.approx(1.0)
 
 
-def test_ticks_that_were_missed_are_formed_from_what_was_measured_then() -> None:
+def test_ticks_that_were_missed_are_formed_from_what_was_measured_then():
     lane, robot = Lane(), PolledLane()
     merger = FrameAssembler(
         {"position_mm": robot, "force_n": lane},
@@ -251,14 +245,14 @@ def test_ticks_that_were_missed_are_formed_from_what_was_measured_then() -> None
     assert together["position_mm"][:, 0] == pytest.approx(together["force_n"][:, 0])
 
 
-def test_readings_of_a_clock_that_was_set_back_begin_anew() -> None:
+def test_readings_of_a_clock_that_was_set_back_begin_anew():
     lane = Lane()
     lane.add([SensorReading(10 * MS, (1.0, 1.0, 1.0))], START_NS)
     lane.add([SensorReading(0, (2.0, 2.0, 2.0))], START_NS + MS)
     assert lane.at(START_NS + MS) == (2.0, 2.0, 2.0)
 
 
-def test_a_poor_crystal_is_followed() -> None:
+def test_a_poor_crystal_is_followed():
     """A ceramic resonator is half a percent off."""
     frames, _, _, lane = merged(SyntheticSensor(2000, 5e-3), 8.0)
     assert lane.clock.drift == pytest.approx(5e-3, abs=5e-5)
@@ -266,7 +260,7 @@ def test_a_poor_crystal_is_followed() -> None:
     assert np.ptp(errors_us) < 300
 
 
-def test_reading_and_merging_three_sensors_takes_a_small_part_of_a_core() -> None:
+def test_reading_and_merging_three_sensors_takes_a_small_part_of_a_core():
     """Prints the ratio with ``pytest -s``; the bound is that of the product."""
     sensors = [SyntheticSensor(rate, 50e-6, seed=rate) for rate in (1000, 7000)]
     ticks = 3000
@@ -293,12 +287,12 @@ def test_reading_and_merging_three_sensors_takes_a_small_part_of_a_core() -> Non
     assert share < 0.25
 
 
-def test_after_seven_weeks_the_numbers_begin_at_nought_again() -> None:
+def test_after_seven_weeks_the_numbers_begin_at_nought_again():
     lane = Lane(latency_ns=0)
     merger = FrameAssembler({"force_n": lane}, DTYPE, MS)
     merger.tick(2**32 - 2, START_NS)
     merger.give_up()
-    found: list[int] = []
+    found = []
     for tick in range(12):
         lane.add([SensorReading(tick * MS, (0.0, 0.0, 0.0))], START_NS + tick * MS)
         merger.tick(1, START_NS + (tick + 1) * MS)

@@ -1,14 +1,13 @@
 """Options that drivers refuse: what is missing, unknown, or cannot be, is named."""
 
 import math
-from typing import Any
 
 import pytest
 
 from mmt.core.errors import InputError
-from mmt.devices.drivers import Role, load_device
+from mmt.devices.drivers import load_device
 
-REFUSED: list[tuple[str, dict[str, Any], str]] = [
+REFUSED = [
     ("adxl335-board", {}, "board"),
     ("adxl335-board", {"board": "labjack-u6", "port": "a"}, "port is not a key; allowed .*board"),
     ("adxl335-serial", {}, "port"),
@@ -66,7 +65,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("driver", "options", "words"), REFUSED)
-def test_a_refused_option_is_named(driver: str, options: dict[str, Any], words: str) -> None:
+def test_a_refused_option_is_named(driver, options, words):
     with pytest.raises(InputError, match=f"device '{driver}': .*{words}"):
         load_device(driver, options)
 
@@ -81,9 +80,7 @@ def test_a_refused_option_is_named(driver: str, options: dict[str, Any], words: 
         ({}, "set to 6 inputs, the sensor needs three"),
     ],
 )
-def test_a_board_that_cannot_be_an_accelerometers_is_told(
-    options: dict[str, Any], words: str
-) -> None:
+def test_a_board_that_cannot_be_an_accelerometers_is_told(options, words):
     with pytest.raises(InputError, match=words):
         load_device("adxl335-board", {"board": {"driver": "labjack-u6", **options}})
 
@@ -109,8 +106,6 @@ def test_a_board_that_cannot_be_an_accelerometers_is_told(
         ],
     ],
 )
-def test_a_refused_option_of_a_role_is_named(
-    driver: str, role: Role, options: dict[str, Any], words: str
-) -> None:
+def test_a_refused_option_of_a_role_is_named(driver, role, options, words):
     with pytest.raises(InputError, match=words):
         load_device(driver, options, role=role)

@@ -6,12 +6,11 @@ import sys
 import textwrap
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 
 import pytest
 
-from mmt.devices.driver_process import DriverPipes, DriverProcess, Message
+from mmt.devices.driver_process import DriverPipes, DriverProcess
 
 PATIENCE_S = 20.0
 NUMBER = struct.Struct("<cd")
@@ -20,20 +19,18 @@ Run = Callable[[str], DriverProcess]
 
 
 @pytest.fixture
-def counts() -> Counter[str]:
+def counts():
     """What a process survives is added to what others have survived before it."""
     return Counter(already=1)
 
 
 @pytest.fixture
-def run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, counts: Counter[str]
-) -> Iterator[Callable[[str], DriverProcess]]:
+def run(tmp_path, monkeypatch, counts):
     """Start a process that runs these lines with `arguments` and `pipes`."""
     made = []
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *sys.path]))
 
-    def start(lines: str) -> DriverProcess:
+    def start(lines):
         body = textwrap.indent(textwrap.dedent(lines), "    ")
         (tmp_path / "a_device.py").write_text(
             "import struct, time\n"
@@ -56,9 +53,9 @@ def run(
         assert each.receive() == []
 
 
-def taken(process: DriverProcess, number: int) -> list[Message]:
+def taken(process, number):
     """Return the next messages, fewer where it has ended."""
-    messages: list[Message] = []
+    messages = []
     deadline = time.monotonic() + PATIENCE_S
     while len(messages) < number and process.ended is None:
         assert time.monotonic() < deadline, "nothing more has come"
@@ -67,7 +64,7 @@ def taken(process: DriverProcess, number: int) -> list[Message]:
     return messages
 
 
-def test_commands_messages_and_counts_pass_in_their_order(run, counts) -> None:
+def test_commands_messages_and_counts_pass_in_their_order(run, counts):
     process = run(
         """
         print("what a library prints")
@@ -96,7 +93,7 @@ def test_commands_messages_and_counts_pass_in_their_order(run, counts) -> None:
         ("pass", "it has ended without a word"),
     ],
 )
-def test_why_it_has_ended_is_told(run, lines: str, reason: str) -> None:
+def test_why_it_has_ended_is_told(run, lines, reason):
     process = run(lines)
     assert taken(process, 1) == []
     assert process.ended == reason
@@ -105,7 +102,7 @@ def test_why_it_has_ended_is_told(run, lines: str, reason: str) -> None:
     assert process.ended == reason
 
 
-def test_silence_is_seen_by_reads_that_find_nothing_not_by_time_alone(run) -> None:
+def test_silence_is_seen_by_reads_that_find_nothing_not_by_time_alone(run):
     process = run("pipes.send(b'F')\nwhile pipes.receive(NUMBER) is not None: time.sleep(0.001)")
     taken(process, 1)
     time.sleep(0.01)
@@ -115,7 +112,7 @@ def test_silence_is_seen_by_reads_that_find_nothing_not_by_time_alone(run) -> No
     assert process.silent_ns > 10_000_000
 
 
-def test_a_message_for_which_there_is_no_room_is_known_not_to_be_sent() -> None:
+def test_a_message_for_which_there_is_no_room_is_known_not_to_be_sent():
     ours, theirs = os.pipe()
     os.set_blocking(theirs, False)
     pipes = DriverPipes(-1, theirs)
@@ -130,7 +127,7 @@ def test_a_message_for_which_there_is_no_room_is_known_not_to_be_sent() -> None:
         os.close(theirs)
 
 
-def test_commands_come_out_whole_however_they_were_cut() -> None:
+def test_commands_come_out_whole_however_they_were_cut():
     ours, theirs = os.pipe()
     os.set_blocking(ours, False)
     pipes, found = DriverPipes(ours, -1), []

@@ -3,7 +3,6 @@
 import ctypes
 import threading
 import time
-from collections.abc import Iterator
 
 import pytest
 from emulated_arm import emulated_arm  # noqa: F401 - a fixture
@@ -16,26 +15,26 @@ from mmt.devices.openhaptics.constants import (
     FORCE_OUTPUT,
     name_of,
 )
-from mmt.devices.openhaptics.library import CALLBACK, Stack, Vector3, open_stack
-from mmt.testing.emulated.hd import EmulatedHd, build_library
+from mmt.devices.openhaptics.library import CALLBACK, Vector3, open_stack
+from mmt.testing.emulated.hd import build_library
 
 
 @pytest.fixture
-def stack(emulated: EmulatedHd) -> Iterator[Stack]:
+def stack(emulated):
     """The library with its scheduler at rest, so that frames are the test's own."""
     opened = open_stack(emulated.address)
     opened.pop_errors()
-    opened.device = opened.hd.hdInitDevice(None)  # type: ignore[attr-defined]
+    opened.device = opened.hd.hdInitDevice(None)
     yield opened
-    opened.hd.hdDisableDevice(opened.device)  # type: ignore[attr-defined]
+    opened.hd.hdDisableDevice(opened.device)
     opened.pop_errors()
 
 
-def names(stack: Stack) -> list[str]:
+def names(stack):
     return [name_of(error.code) for error in stack.pop_errors()]
 
 
-def test_frames_are_neither_nested_nor_ended_twice_and_errors_pop_newest_first(stack) -> None:
+def test_frames_are_neither_nested_nor_ended_twice_and_errors_pop_newest_first(stack):
     stack.hd.hdBeginFrame(stack.device)
     stack.hd.hdBeginFrame(stack.device)
     stack.hd.hdEndFrame(stack.device)
@@ -45,7 +44,7 @@ def test_frames_are_neither_nested_nor_ended_twice_and_errors_pop_newest_first(s
     assert names(stack) == []
 
 
-def test_a_force_belongs_into_a_frame_and_is_gone_in_the_next_one(stack, emulated) -> None:
+def test_a_force_belongs_into_a_frame_and_is_gone_in_the_next_one(stack, emulated):
     force = Vector3(1.0, 0.0, 0.0)
     stack.hd.hdEnable(FORCE_OUTPUT)
     stack.hd.hdSetDoublev(CURRENT_FORCE, force)
@@ -59,7 +58,7 @@ def test_a_force_belongs_into_a_frame_and_is_gone_in_the_next_one(stack, emulate
     assert names(stack) == []
 
 
-def test_a_force_beyond_the_maximum_is_an_error_unless_it_is_clamped(stack, emulated) -> None:
+def test_a_force_beyond_the_maximum_is_an_error_unless_it_is_clamped(stack, emulated):
     stack.hd.hdEnable(FORCE_OUTPUT)
     for clamp, expected, errors in ((False, 0.0, ["EXCEEDED_MAX_FORCE"]), (True, 8.5, [])):
         if clamp:
@@ -71,7 +70,7 @@ def test_a_force_beyond_the_maximum_is_an_error_unless_it_is_clamped(stack, emul
         assert names(stack) == errors
 
 
-def test_what_is_unknown_is_refused(stack) -> None:
+def test_what_is_unknown_is_refused(stack):
     stack.hd.hdGetDoublev(0x1234, Vector3())
     stack.hd.hdEnable(0x1234)
     stack.hd.hdUpdateCalibration(1)
@@ -79,7 +78,7 @@ def test_what_is_unknown_is_refused(stack) -> None:
     assert names(stack) == ["INVALID_VALUE", "INVALID_INPUT_TYPE", "INVALID_ENUM", "INVALID_ENUM"]
 
 
-def test_a_wall_stops_the_tip_and_a_hand_moves_it(stack, emulated) -> None:
+def test_a_wall_stops_the_tip_and_a_hand_moves_it(stack, emulated):
     emulated.wall(-1.0, 2.0, device=stack.device)
     emulated.hold((0.0, -21.0, 0.0), 0.1, device=stack.device)
     stack.hd.hdStartScheduler()
@@ -96,10 +95,10 @@ def test_a_wall_stops_the_tip_and_a_hand_moves_it(stack, emulated) -> None:
     stack.hd.hdStopScheduler()
 
 
-def test_its_own_processor_time_is_told_without_that_of_callbacks(stack, emulated) -> None:
+def test_its_own_processor_time_is_told_without_that_of_callbacks(stack, emulated):
     spent = threading.Event()
 
-    def spend(_: object) -> int:
+    def spend(_):
         end_ns = time.thread_time_ns() + 200_000_000
         while time.thread_time_ns() < end_ns:
             pass
@@ -118,7 +117,7 @@ def test_its_own_processor_time_is_told_without_that_of_callbacks(stack, emulate
     assert 0 < emulated.own_ns - began_ns < 150_000_000
 
 
-def test_a_compiler_that_is_missing_or_fails_is_explained(tmp_path, monkeypatch) -> None:
+def test_a_compiler_that_is_missing_or_fails_is_explained(tmp_path, monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler")
     with pytest.raises(MmtError, match="install a C compiler"):
         build_library(tmp_path)
@@ -128,7 +127,7 @@ def test_a_compiler_that_is_missing_or_fails_is_explained(tmp_path, monkeypatch)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_handle_of_the_scheduler_is_wider_than_32_bits(stack) -> None:
+def test_a_handle_of_the_scheduler_is_wider_than_32_bits(stack):
     """A binding without a result type would cut it, and unschedule nothing."""
     call = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_void_p)(lambda _: 1)
     scheduled = stack.hd.hdScheduleAsynchronous(call, None, 0)

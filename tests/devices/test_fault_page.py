@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "reference" / "device-faults.md"
 
 
-def said() -> str:
+def said():
     """Return every string of the drivers, joined as Python joins them, and their options."""
     strings = []
     folders = (ROOT / "src" / "mmt" / "devices", ROOT / "src" / "mmt_devices")
@@ -21,7 +21,7 @@ def said() -> str:
     return "\n".join(strings)
 
 
-def test_what_the_page_of_faults_quotes_is_said_by_a_driver() -> None:
+def test_what_the_page_of_faults_quotes_is_said_by_a_driver():
     quoted = re.findall(r"`([^`\n]+)`", PAGE.read_text(encoding="utf-8"))
     assert len(quoted) > 60
     known = said()

@@ -269,7 +269,7 @@ def test_the_boards_own_faults_are_shown(board, sensor):
     assert sensor.faults["board: bad checksum"] == 3
 
 
-def board_of_a_lab(*, amplified: bool):
+def board_of_a_lab(*, amplified):
     assert amplified
     return EmulatedGauges(lambda _time_ns: FORCE, tuple(map(tuple, ROWS.tolist())))
 

@@ -11,7 +11,6 @@ from mmt.devices.haptuator.framing import (
     BoardReport,
     BoardSamples,
     Decoder,
-    Message,
     Reset,
     encode,
 )
@@ -28,7 +27,7 @@ MESSAGES = st.one_of(
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(MESSAGES, max_size=6), st.integers(1, 50))
-def test_messages_survive_the_wire_in_any_pieces(messages: list[Message], piece: int) -> None:
+def test_messages_survive_the_wire_in_any_pieces(messages, piece):
     content = b"\0" + b"".join(encode(message) for message in messages)
     decoder, got = Decoder(), []
     for begin in range(0, len(content), piece):
@@ -39,13 +38,13 @@ def test_messages_survive_the_wire_in_any_pieces(messages: list[Message], piece:
 
 @settings(max_examples=60, deadline=None)
 @given(st.binary(max_size=700), MESSAGES)
-def test_after_garbage_the_next_message_is_heard(garbage: bytes, message: Message) -> None:
+def test_after_garbage_the_next_message_is_heard(garbage, message):
     decoder = Decoder()
     decoder.feed(garbage)
     assert list(decoder.feed(b"\0" + encode(message)))[-1:] == [message]
 
 
-def test_a_flipped_bit_is_never_taken_for_a_message() -> None:
+def test_a_flipped_bit_is_never_taken_for_a_message():
     content = encode(BoardSamples(7, (100, -200, 0, 32767)))
     for bit in range(8 * (len(content) - 1)):
         flipped = bytearray(content)
@@ -55,18 +54,18 @@ def test_a_flipped_bit_is_never_taken_for_a_message() -> None:
         assert sum(decoder.faults.values()) >= 1
 
 
-def test_the_example_of_the_page_is_right() -> None:
+def test_the_example_of_the_page_is_right():
     assert encode(BoardSamples(1, (256, -2))).hex(" ") == "04 01 01 01 01 06 01 fe ff 22 92 00"
 
 
-def test_samples_that_do_not_fit_are_refused() -> None:
+def test_samples_that_do_not_fit_are_refused():
     for values in ((), (0,) * (MOST_SAMPLES + 1), (FULL_SCALE + 1, 0), (0, -FULL_SCALE - 1)):
         with pytest.raises(ValueError, match=r"frame holds|beyond"):
             encode(BoardSamples(1, values))
 
 
 @given(st.integers(0, 4), st.sampled_from([0, 1, 2, 3, 4, 5, 13, 14, 15, 242, 243, 244]))
-def test_content_that_no_message_has_is_counted(kind: int, size: int) -> None:
+def test_content_that_no_message_has_is_counted(kind, size):
     wire = framed(bytes((VERSION, kind)) + bytes(range(size)[:100]).ljust(size, b"a"))
     decoder = Decoder()
     found = [encode(message) for message in decoder.feed(b"\0" + wire)]

@@ -33,13 +33,13 @@ from mmt.evaluation.strokes_made import at_skin
 from mmt.texture.synthesis.actuator import FREQUENCIES_HZ, ActuatorResponse
 
 
-def actuator(volts: np.ndarray) -> np.ndarray:
+def actuator(volts):
     """Resonate around 150 Hz, with 3 m/s2 per volt beside that."""
     b, a = signal.iirfilter(1, [120.0, 180.0], fs=1000.0, btype="band")
     return 8.0 * signal.lfilter(b, a, volts) + 3.0 * volts
 
 
-def heard(noise_m_s2: float = 0.05, late: int = 17) -> tuple[np.ndarray, np.ndarray]:
+def heard(noise_m_s2=0.05, late=17):
     volts = sweep(2.0, 60.0, 490.0, 6.0)
     noise = np.random.default_rng(1).normal(0.0, noise_m_s2, len(volts))
     return volts, np.roll(actuator(volts), late) + noise
@@ -49,13 +49,13 @@ SPOILT = st.one_of(st.none(), st.text(), st.sampled_from([math.nan, math.inf, 10
 
 
 @pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def home(tmp_path, monkeypatch):
     monkeypatch.setattr(platformdirs, "user_data_path", lambda *_args, **_options: tmp_path)
     return tmp_path
 
 
 @pytest.mark.parametrize("late", [-30, 0, 17])
-def test_a_resonance_is_evened_out_and_the_level_found(late: int) -> None:
+def test_a_resonance_is_evened_out_and_the_level_found(late):
     fitted = fit_equaliser(*heard(late=late))
     assert fitted.unevenness_db > 3.0
     assert fitted.remaining_db < 0.5
@@ -70,9 +70,7 @@ def test_a_resonance_is_evened_out_and_the_level_found(late: int) -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(st.floats(1.0, 30.0), st.integers(0, 1000), st.floats(0.001, 1000.0))
-def test_the_equalisers_gain_is_bounded_for_any_actuator(
-    largest_gain_db: float, seed: int, gain: float
-) -> None:
+def test_the_equalisers_gain_is_bounded_for_any_actuator(largest_gain_db, seed, gain):
     volts = np.random.default_rng(seed).normal(size=6000)
     response = gain * np.random.default_rng(seed + 1).normal(size=12)
     acceleration = signal.lfilter(response, [1.0], volts)
@@ -84,7 +82,7 @@ def test_the_equalisers_gain_is_bounded_for_any_actuator(
     assert fitted.volts_per_m_s2 > 0.0
 
 
-def coil(volts: np.ndarray, resonance_hz: float) -> np.ndarray:
+def coil(volts, resonance_hz):
     """A voice coil's mass on a spring, 15 m/s2 for a volt above its resonance (bilinear)."""
     rate = 2.0 * np.pi * resonance_hz
     b, a = signal.bilinear([15.0, 0.0, 0.0], [1.0, 0.4 * rate, rate * rate], 1000.0)
@@ -92,9 +90,7 @@ def coil(volts: np.ndarray, resonance_hz: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("resonance_hz", [50.0, 80.0, 150.0])
-def test_the_band_begins_where_the_actuator_can_still_be_raised(
-    resonance_hz: float, home: Path
-) -> None:
+def test_the_band_begins_where_the_actuator_can_still_be_raised(resonance_hz, home):
     """Its mass falls off by 12 dB an octave below the resonance, and 12 dB is the largest gain."""
     volts = sweep(1.0, 20.0, 490.0, 8.0)
     noise = np.random.default_rng(4).normal(0.0, 0.01, len(volts))
@@ -124,11 +120,9 @@ NO_SIZE = st.one_of(
 
 
 @given(NO_SIZE, st.integers(0, 97), st.integers(0, 200).filter(lambda count: count != 98))
-def test_a_recording_that_tells_no_response_of_an_actuator_is_explained(
-    value: object, place: int, count: int
-) -> None:
-    gain: list[object] = [1.0] * 98
-    spoilt: list[object] = [*gain[:place], value, *gain[place + 1 :]]
+def test_a_recording_that_tells_no_response_of_an_actuator_is_explained(value, place, count):
+    gain = [1.0] * 98
+    spoilt = [*gain[:place], value, *gain[place + 1 :]]
     for gains, low_hz, name in (
         (spoilt, 90.0, "gain"), ([1.0] * count, 90.0, "gain"), (value, 90.0, "gain"),
         (gain, value, "low_hz"),
@@ -140,7 +134,7 @@ def test_a_recording_that_tells_no_response_of_an_actuator_is_explained(
             at_skin(session, object(), None, strokes)
 
 
-def test_what_tells_nothing_is_refused() -> None:
+def test_what_tells_nothing_is_refused():
     volts, acceleration = heard()
     noise = np.random.default_rng(3).normal(size=len(volts))
     broken = acceleration.copy()
@@ -161,7 +155,7 @@ def test_what_tells_nothing_is_refused() -> None:
         sweep(1.0, 0.0, 400.0, 5.0)
 
 
-def test_a_stored_level_drives_the_actuator_evenly(home: Path) -> None:
+def test_a_stored_level_drives_the_actuator_evenly(home):
     store_level(fit_equaliser(*heard()), "TL 17")
     options = HaptuatorOptions(serial="TL 17", full_scale_v=6.0, low_hz=20.0)
     drive = VoltageDrive(options, 1000.0)
@@ -176,7 +170,7 @@ def test_a_stored_level_drives_the_actuator_evenly(home: Path) -> None:
 
 
 @pytest.mark.parametrize("k", [2, 5, 10])
-def test_an_equaliser_has_the_same_gain_at_any_rate(k: int) -> None:
+def test_an_equaliser_has_the_same_gain_at_any_rate(k):
     fitted = fit_equaliser(*heard())
     rate_hz, hz = 1000.0 * k, np.arange(1.0, 500.0)
     taps = taps_at(fitted.taps, rate_hz)
@@ -199,7 +193,7 @@ def test_an_equaliser_has_the_same_gain_at_any_rate(k: int) -> None:
     np.testing.assert_allclose(volts, 0.01 * wanted, atol=1e-12)
 
 
-def test_what_is_stored_and_useless_is_explained(home: Path) -> None:
+def test_what_is_stored_and_useless_is_explained(home):
     options = HaptuatorOptions(serial="x", full_scale_v=6.0)
     with pytest.raises(InputError, match="make one by"):
         level_of(options)
@@ -215,7 +209,7 @@ def test_what_is_stored_and_useless_is_explained(home: Path) -> None:
             level_of(options)
 
 
-def test_the_command_fits_and_stores(home: Path) -> None:
+def test_the_command_fits_and_stores(home):
     recording, figures = home / "sweep.npz", home / "figures.json"
     volts, acceleration = heard()
     np.savez(recording, drive_v=volts, acceleration_m_s2=acceleration)
@@ -229,7 +223,7 @@ def test_the_command_fits_and_stores(home: Path) -> None:
     assert level_of(options).taps == pytest.approx(fitted.taps)
 
 
-def test_the_command_explains_a_recording_that_it_cannot_use(home: Path) -> None:
+def test_the_command_explains_a_recording_that_it_cannot_use(home):
     wrong = home / "wrong.npz"
     np.savez(wrong, drive_v=np.zeros(10))
     for path in (wrong, home / "none.npz"):
@@ -238,7 +232,7 @@ def test_the_command_explains_a_recording_that_it_cannot_use(home: Path) -> None
         assert "drive_v" in str(result.exception)
 
 
-def test_an_equaliser_is_stored_whole(home: Path) -> None:
+def test_an_equaliser_is_stored_whole(home):
     fitted = Equaliser(
         0.2, (1.0, -0.5), 55.0, (50.0,), (9.0,), unevenness_db=3.0, remaining_db=0.1, coherence=0.99
     )
@@ -253,10 +247,8 @@ def test_an_equaliser_is_stored_whole(home: Path) -> None:
     st.lists(st.tuples(st.floats(0.0, 500.0), st.floats(0.0, 50.0)), max_size=6),
     st.lists(st.tuples(st.integers(0, 1), st.integers(0, 5), SPOILT), max_size=2),
 )
-def test_a_stored_response_is_taken_in_pairs_or_refused(
-    pairs: list[tuple[float, float]], spoils: list[tuple[int, int, object]]
-) -> None:
-    lists: list[list] = [[at for at, _ in pairs], [gain for _, gain in pairs]]
+def test_a_stored_response_is_taken_in_pairs_or_refused(pairs, spoils):
+    lists = [[at for at, _ in pairs], [gain for _, gain in pairs]]
     for which, place, value in spoils:
         lists[which][place : place + 1] = [value]
     with TemporaryDirectory() as home:

@@ -1,7 +1,6 @@
 """What a Haptuator gets: band, voltage limit, interpolation, and two clocks."""
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ from mmt.devices.haptuator.resampling import AFTER, BEFORE, SampleRing, tap_tabl
 from mmt.devices.protocols import ActuatorStatistics
 
 
-def drive(**changes: float) -> VoltageDrive:
+def drive(**changes):
     return VoltageDrive(
         HaptuatorOptions(**{"volts_per_m_s2": 0.1, "full_scale_v": 6.0, **changes}), 1000.0
     )
@@ -29,7 +28,7 @@ def drive(**changes: float) -> VoltageDrive:
 # --- the voltage
 
 
-def test_the_voltage_is_that_of_scipys_filters_scaled() -> None:
+def test_the_voltage_is_that_of_scipys_filters_scaled():
     samples = np.random.default_rng(1).normal(0.0, 5.0, 500)
     high = signal.butter(2, 90.0, "highpass", fs=1000.0, output="sos")
     low = signal.bessel(2, 300.0, norm="mag", fs=1000.0, output="sos")
@@ -41,9 +40,7 @@ def test_the_voltage_is_that_of_scipys_filters_scaled() -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.integers(0, 40), max_size=20), st.integers(1, 32), st.sampled_from([1e3, 4e3]))
-def test_an_equaliser_is_the_same_however_samples_come(
-    counts: list[int], taps: int, rate_hz: float
-) -> None:
+def test_an_equaliser_is_the_same_however_samples_come(counts, taps, rate_hz):
     """One by one, many at a time, or none; and with half the taps at twice the level."""
     random = np.random.default_rng(taps)
     level = ActuatorLevel(0.1, (1.0, *random.normal(0.0, 0.02, taps - 1).tolist()))
@@ -65,9 +62,7 @@ def test_an_equaliser_is_the_same_however_samples_come(
     st.floats(0.1, 20.0),
     st.floats(0.1, 20.0),
 )
-def test_no_voltage_is_ever_beyond_the_limit(
-    samples: list[float], volts_per_m_s2: float, limit_v: float, full_scale_v: float
-) -> None:
+def test_no_voltage_is_ever_beyond_the_limit(samples, volts_per_m_s2, limit_v, full_scale_v):
     volts = drive(volts_per_m_s2=volts_per_m_s2, limit_v=limit_v, full_scale_v=full_scale_v)
     played = volts.convert(samples)
     assert len(played) == len(samples)
@@ -76,7 +71,7 @@ def test_no_voltage_is_ever_beyond_the_limit(
     assert volts.statistics.samples == len(samples)
 
 
-def test_what_is_cut_or_not_finite_is_counted() -> None:
+def test_what_is_cut_or_not_finite_is_counted():
     volts = drive()
     assert volts.statistics == ActuatorStatistics(0, 0, 0.0, 0.0)
     played = volts.convert([100.0, -100.0] * 50) + volts.convert([math.nan, math.inf])
@@ -88,7 +83,7 @@ def test_what_is_cut_or_not_finite_is_counted() -> None:
     assert statistics.rms_m_s2 == pytest.approx(10.0 * np.sqrt(np.mean(np.square(played))))
 
 
-def test_options_that_cannot_be_are_explained() -> None:
+def test_options_that_cannot_be_are_explained():
     for options, words in (
         ({"volts_per_m_s2": 0.1}, "full_scale_v"),
         ({"full_scale_v": 6}, "serial"),
@@ -103,14 +98,14 @@ def test_options_that_cannot_be_are_explained() -> None:
 # --- between the samples
 
 
-def ring_of(samples: np.ndarray) -> SampleRing:
+def ring_of(samples):
     """One that holds as many samples, which have been written."""
     ring = SampleRing(len(samples).bit_length() - 1)
     ring.write(samples)
     return ring
 
 
-def test_samples_are_met_and_a_constant_is_kept() -> None:
+def test_samples_are_met_and_a_constant_is_kept():
     samples = np.random.default_rng(2).normal(size=64)
     reader = ring_of(samples)
     np.testing.assert_allclose(reader.read(10.0, 1.0, 40), samples[10:50], atol=1e-12)
@@ -122,7 +117,7 @@ def test_samples_are_met_and_a_constant_is_kept() -> None:
 @pytest.mark.parametrize(
     ("frequency_hz", "within"), [(90.0, 0.03), (200.0, 0.03), (300.0, 0.04), (400.0, 0.30)]
 )
-def test_a_tone_in_the_band_keeps_its_level(frequency_hz: float, within: float) -> None:
+def test_a_tone_in_the_band_keeps_its_level(frequency_hz, within):
     ring = np.sin(2.0 * np.pi * frequency_hz * np.arange(1024) / 1000.0)
     instants = 20.0 + np.arange(40_000) / 48.0
     played = ring_of(ring).read(20.0, 1.0 / 48.0, 40_000)
@@ -137,9 +132,7 @@ def test_a_tone_in_the_band_keeps_its_level(frequency_hz: float, within: float) 
     st.floats(1e-3, 3.0),
     st.integers(0, 200),
 )
-def test_a_ring_is_read_around_its_end(
-    ring: np.ndarray, position: float, step: float, count: int
-) -> None:
+def test_a_ring_is_read_around_its_end(ring, position, step, count):
     twice = np.concatenate([ring, ring, ring, ring])
     whole = 64 * (math.ceil((position + step * count + AFTER) / 64) + 1)
     if whole > len(twice):
@@ -153,16 +146,14 @@ def test_a_ring_is_read_around_its_end(
 # --- two clocks
 
 
-def tone() -> Iterator[float]:
+def tone():
     k = 0
     while True:
         yield math.sin(2.0 * math.pi * 200.0 * k / 1000.0)
         k += 1
 
 
-def run(
-    buffer: CardBuffer, seconds: float, *, session_ppm: float = 0.0, block: int = 96
-) -> np.ndarray:
+def run(buffer, seconds, *, session_ppm=0.0, block=96):
     """Write and read in turn, as the two clocks demand."""
     samples, due, played = tone(), 0.0, []
     for _ in range(round(seconds * 48_000 / block)):
@@ -174,7 +165,7 @@ def run(
 
 
 @pytest.mark.parametrize("session_ppm", [-1000.0, 0.0, 300.0])
-def test_a_drift_is_learnt_without_a_slip(session_ppm: float) -> None:
+def test_a_drift_is_learnt_without_a_slip(session_ppm):
     buffer = CardBuffer(1000.0, 48_000.0, 96, 4.0)
     played = run(buffer, 20.0, session_ppm=session_ppm)
     assert (buffer.underruns, buffer.slips) == (0, 0)
@@ -184,7 +175,7 @@ def test_a_drift_is_learnt_without_a_slip(session_ppm: float) -> None:
     assert np.max(np.abs(np.diff(played))) < 1.1 * 2.0 * np.pi * 200.0 / 48_000.0
 
 
-def test_a_drift_beyond_what_can_be_followed_slips_and_goes_on() -> None:
+def test_a_drift_beyond_what_can_be_followed_slips_and_goes_on():
     buffer = CardBuffer(1000.0, 48_000.0, 96, 4.0)
     played = run(buffer, 20.0, session_ppm=20_000.0)
     assert buffer.slips >= 3
@@ -193,7 +184,7 @@ def test_a_drift_beyond_what_can_be_followed_slips_and_goes_on() -> None:
     assert np.sqrt(np.mean(played[-48_000:] ** 2)) > 0.6
 
 
-def test_late_samples_make_one_underrun_that_fades_and_ends() -> None:
+def test_late_samples_make_one_underrun_that_fades_and_ends():
     buffer = CardBuffer(1000.0, 48_000.0, 96, 4.0)
     run(buffer, 0.5)
     starved = np.concatenate([buffer.read(96) for _ in range(20)])
@@ -206,7 +197,7 @@ def test_late_samples_make_one_underrun_that_fades_and_ends() -> None:
     assert np.sqrt(np.mean(played[-9600:] ** 2)) == pytest.approx(math.sqrt(0.5), rel=0.02)
 
 
-def test_a_clump_of_samples_is_no_loss_of_the_card_and_does_not_block() -> None:
+def test_a_clump_of_samples_is_no_loss_of_the_card_and_does_not_block():
     buffer = CardBuffer(1000.0, 48_000.0, 96, 4.0)
     run(buffer, 0.2)
     buffer.write([0.5] * 20_000)
@@ -216,7 +207,7 @@ def test_a_clump_of_samples_is_no_loss_of_the_card_and_does_not_block() -> None:
     assert np.max(np.abs(np.diff(played))) < 0.15
 
 
-def test_muting_fades_to_silence() -> None:
+def test_muting_fades_to_silence():
     buffer = CardBuffer(1000.0, 48_000.0, 96, 4.0)
     before = run(buffer, 0.2)
     buffer.mute()
@@ -233,9 +224,7 @@ def test_muting_fades_to_silence() -> None:
     st.floats(1.0, 50.0),
     st.sampled_from([8000.0, 44_100.0, 192_000.0]),
 )
-def test_whatever_comes_when_frames_are_whole_finite_and_bounded(
-    turns: list[tuple[int, int]], buffer_ms: float, card_rate_hz: float
-) -> None:
+def test_whatever_comes_when_frames_are_whole_finite_and_bounded(turns, buffer_ms, card_rate_hz):
     buffer = CardBuffer(1000.0, card_rate_hz, 96, buffer_ms)
     for samples, frames in turns:
         buffer.write([1.0] * samples)

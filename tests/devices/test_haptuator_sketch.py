@@ -4,8 +4,6 @@ import math
 import random
 import subprocess
 import time
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -52,7 +50,7 @@ int main() {
 """
 
 
-def played(program: Path, turns: list[tuple[bytes, int]]) -> list[tuple[list[int], bytes]]:
+def played(program, turns):
     """Give the sketch bytes and have it play, turn by turn; return samples and reports."""
     lines = [f"{len(received)} {play} {received.hex(' ')}" for received, play in turns]
     done = subprocess.run(
@@ -70,7 +68,7 @@ def played(program: Path, turns: list[tuple[bytes, int]]) -> list[tuple[list[int
     return answers
 
 
-def messy_turns(seed: int, number: int) -> list[bytes]:
+def messy_turns(seed, number):
     """Return what may come in a millisecond: frames, gaps, resets, spoilt bits, garbage."""
     chance = random.Random(seed)
     sequence, turns = 0, [b"\0"]
@@ -101,9 +99,9 @@ def messy_turns(seed: int, number: int) -> list[bytes]:
 
 
 @needs_compiler
-def test_the_sketch_plays_and_reports_as_the_emulated_board(tmp_path, monkeypatch) -> None:
+def test_the_sketch_plays_and_reports_as_the_emulated_board(tmp_path, monkeypatch):
     program = compiled(HARNESS, tmp_path, "-I", str(SKETCH.parent), "-DFADE=0")
-    wires: list[bytes] = []
+    wires = []
     board = EmulatedHaptuatorBoard()
     board.stop()  # it is stepped by hand
     monkeypatch.setattr(board, "write", wires.append)
@@ -125,7 +123,7 @@ def test_the_sketch_plays_and_reports_as_the_emulated_board(tmp_path, monkeypatc
 
 
 @needs_compiler
-def test_a_buffer_that_runs_dry_fades_out(tmp_path) -> None:
+def test_a_buffer_that_runs_dry_fades_out(tmp_path):
     program = compiled(HARNESS, tmp_path, "-I", str(SKETCH.parent), "-DFADE=32")
     for end in (b"", encode(Reset())):
         turns = [
@@ -150,18 +148,18 @@ def test_a_buffer_that_runs_dry_fades_out(tmp_path) -> None:
         ("ARDUINO_ARCH_SAMD",),
     ],
 )
-def test_the_whole_sketch_is_valid(tmp_path, macros: tuple[str, ...]) -> None:
+def test_the_whole_sketch_is_valid(tmp_path, macros):
     check_whole(SKETCH, tmp_path, *macros)
 
 
-def write_silence(device: Any) -> None:
+def write_silence(device):
     for _ in range(1000):
         device.write([0.0])
         time.sleep(0.001)
 
 
 @needs_compiler
-def test_the_driver_plays_a_tone_on_the_sketch(tmp_path) -> None:
+def test_the_driver_plays_a_tone_on_the_sketch(tmp_path):
     with running(SKETCH, tmp_path, "__MK66FX1M0__") as sketch:
         options = {"volts_per_m_s2": 0.1, "full_scale_v": 6.0, "buffer_ms": 50.0}
         device = load_device("haptuator-serial", {**options, "port": sketch.path})

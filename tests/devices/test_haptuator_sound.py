@@ -18,18 +18,18 @@ from mmt.testing.emulated.sound_card import EmulatedSoundCard
 OPTIONS = {"volts_per_m_s2": 0.1, "full_scale_v": 6.0}
 
 
-def haptuator(card: EmulatedSoundCard, **changes: object) -> SoundHaptuator:
+def haptuator(card, **changes):
     options = SoundOptions.model_validate({**OPTIONS, **changes})
     return SoundHaptuator(options, card, card.clock_ns)
 
 
-def play(device: SoundHaptuator, card: EmulatedSoundCard, seconds: float) -> None:
+def play(device, card, seconds):
     for k in range(round(1000 * seconds)):
         device.write([10.0 * math.sin(2.0 * math.pi * 250.0 * k / 1000.0 + 0.3)])
         card.advance(0.001)
 
 
-def test_a_tone_is_heard_at_its_level_on_its_channel_alone(connected: Keep) -> None:
+def test_a_tone_is_heard_at_its_level_on_its_channel_alone(connected):
     card = EmulatedSoundCard(clock_ppm=200.0)
     device = connected(haptuator(card, channel=2))
     device.calibrate()
@@ -45,9 +45,7 @@ def test_a_tone_is_heard_at_its_level_on_its_channel_alone(connected: Keep) -> N
 
 
 @pytest.mark.parametrize(("k", "tone_hz"), [(1, 250.0), (2, 250.0), (5, 1500.0), (10, 3000.0)])
-def test_a_tone_of_several_khz_is_heard_at_its_frequency_and_level(
-    k: int, tone_hz: float, connected: Keep
-) -> None:
+def test_a_tone_of_several_khz_is_heard_at_its_frequency_and_level(k, tone_hz, connected):
     card = EmulatedSoundCard(clock_ppm=200.0)
     device = haptuator(card, low_hz=20.0, high_hz=5000.0)
     device.set_rate(1000.0 * k)
@@ -65,14 +63,14 @@ def test_a_tone_of_several_khz_is_heard_at_its_frequency_and_level(
     assert (statistics.underruns, statistics.slips, statistics.clipped) == (0, 0, 0)
 
 
-def test_a_converter_that_is_too_slow_for_the_session_is_refused() -> None:
+def test_a_converter_that_is_too_slow_for_the_session_is_refused():
     device = haptuator(EmulatedSoundCard(), card_rate_hz=8000)
     device.set_rate(8000.0)
     with pytest.raises(InputError, match=r"8000 samples a second.*is 10000"):
         device.set_rate(10_000.0)
 
 
-def test_the_latency_stated_is_the_one_that_passes(connected: Keep) -> None:
+def test_the_latency_stated_is_the_one_that_passes(connected):
     card = EmulatedSoundCard(dac_latency_s=0.004)
     device = connected(haptuator(card, low_hz=1.0))
     for k in range(1000):
@@ -84,7 +82,7 @@ def test_the_latency_stated_is_the_one_that_passes(connected: Keep) -> None:
     assert device.statistics.latency_ms == pytest.approx(passed_ms, abs=1.5)
 
 
-def test_no_frame_is_beyond_the_limit_between_the_samples_either(connected: Keep) -> None:
+def test_no_frame_is_beyond_the_limit_between_the_samples_either(connected):
     card = EmulatedSoundCard()
     device = connected(haptuator(card, limit_v=1.0))
     generator = np.random.default_rng(1)
@@ -96,7 +94,7 @@ def test_no_frame_is_beyond_the_limit_between_the_samples_either(connected: Keep
     assert device.statistics.clipped > 0
 
 
-def test_a_card_that_runs_dry_and_samples_that_are_late_are_counted(connected: Keep) -> None:
+def test_a_card_that_runs_dry_and_samples_that_are_late_are_counted(connected):
     card = EmulatedSoundCard()
     device = connected(haptuator(card))
     play(device, card, 0.2)
@@ -108,7 +106,7 @@ def test_a_card_that_runs_dry_and_samples_that_are_late_are_counted(connected: K
     assert device.statistics.underruns == 1
 
 
-def test_an_unplugged_card_is_lost_and_found_again(connected: Keep) -> None:
+def test_an_unplugged_card_is_lost_and_found_again(connected):
     card = EmulatedSoundCard()
     device = connected(haptuator(card))
     play(device, card, 0.2)
@@ -126,7 +124,7 @@ def test_an_unplugged_card_is_lost_and_found_again(connected: Keep) -> None:
     assert device.statistics.samples == 400
 
 
-def test_a_card_that_asks_for_nothing_is_lost(connected: Keep) -> None:
+def test_a_card_that_asks_for_nothing_is_lost(connected):
     card = EmulatedSoundCard()
     device = connected(haptuator(card))
     play(device, card, 0.1)
@@ -135,7 +133,7 @@ def test_a_card_that_asks_for_nothing_is_lost(connected: Keep) -> None:
         play(device, card, 1.0)
 
 
-def test_what_cannot_be_opened_is_explained() -> None:
+def test_what_cannot_be_opened_is_explained():
     card = EmulatedSoundCard()
     for changes, words in (
         ({"device": "Focusrite"}, "outputs are 0 'Emulated card'"),
@@ -152,7 +150,7 @@ def test_what_cannot_be_opened_is_explained() -> None:
     second.close()
 
 
-def test_a_missing_library_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_library_is_explained(monkeypatch):
     monkeypatch.setitem(sys.modules, "sounddevice", None)
     with pytest.raises(InputError, match=r"\[sound\]"):
         load_sounddevice()
@@ -161,17 +159,17 @@ def test_a_missing_library_is_explained(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setitem(sys.modules, "sounddevice", found)
     whole = builtins.__import__
 
-    def load(name: str, *rest: object) -> types.ModuleType:
+    def load(name, *rest):
         if name == "sounddevice":
             raise OSError("PortAudio library not found")
-        return whole(name, *rest)  # type: ignore[arg-type]
+        return whole(name, *rest)
 
     monkeypatch.setattr(builtins, "__import__", load)
     with pytest.raises(MmtError, match="libportaudio2"):
         load_sounddevice()
 
 
-def test_the_driver_is_found_by_its_name_and_imports_no_library_before_it_is_connected() -> None:
+def test_the_driver_is_found_by_its_name_and_imports_no_library_before_it_is_connected():
     device = load_device("haptuator-sound", OPTIONS)
     assert isinstance(device, SoundHaptuator)
     with pytest.raises(InputError, match="full_scale_v"):

@@ -2,7 +2,6 @@
 
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -32,20 +31,20 @@ class Handle:
 
     largest_v = 2.0
 
-    def __init__(self, time: Time, shape: Callable[[float], float] = lambda v: GAIN * v) -> None:
+    def __init__(self, time, shape=lambda v: GAIN * v):
         self.time, self.shape = time, shape
-        self.volts: list[float] = []
+        self.volts = []
         self.begun_ns = time.now_ns
         self.given = 0
         self.closed = 0
 
-    def connect(self) -> None:
+    def connect(self):
         pass
 
-    def calibrate(self) -> None:
+    def calibrate(self):
         pass
 
-    def close(self) -> None:
+    def close(self):
         self.closed += 1
 
     @property
@@ -54,16 +53,16 @@ class Handle:
 
 
 class Coil(Handle):
-    def write(self, samples_m_s2) -> None:
+    def write(self, samples_m_s2):
         raise AssertionError("voltages are played, no accelerations")
 
-    def write_volts(self, volts) -> None:
+    def write_volts(self, volts):
         if not self.volts:
             self.begun_ns = self.time.now_ns
         late = (self.time.now_ns - self.begun_ns) // 1_000_000 - len(self.volts)
         self.volts += [0.0] * late + list(volts)
 
-    def acceleration(self, time_ns: int) -> float:
+    def acceleration(self, time_ns):
         """Return what a band-limited converter makes of the voltages, `DELAY` ms late."""
         place = (time_ns - self.begun_ns) / 1e6 - DELAY
         first = math.floor(place)
@@ -79,13 +78,13 @@ class Coil(Handle):
 class Sensor(Handle):
     latency_ns = 0
 
-    def __init__(self, time: Time, coil: Coil, rate_hz: float = RATE_HZ) -> None:
+    def __init__(self, time, coil, rate_hz=RATE_HZ):
         super().__init__(time)
         self.coil, self.rate_hz = coil, rate_hz
-        self.faults: dict[str, int] = {}
+        self.faults = {}
         self.noise = np.random.default_rng(1)
 
-    def read(self) -> list[SensorReading]:
+    def read(self):
         due = int((self.time.now_ns - self.begun_ns) * 1e-9 * self.rate_hz)
         come = []
         for number in range(self.given, due):
@@ -97,7 +96,7 @@ class Sensor(Handle):
 
 
 @pytest.fixture
-def time(monkeypatch: pytest.MonkeyPatch) -> Time:
+def time(monkeypatch):
     made = Time()
     monkeypatch.setattr(sweeping, "time", made.still)
     return made
@@ -106,10 +105,10 @@ def time(monkeypatch: pytest.MonkeyPatch) -> Time:
 SHORT = SweepSettings(duration_s=2.0, largest_m_s2=8.0)
 
 
-def test_the_level_is_found_quietly_and_what_is_felt_is_fitted(time: Time) -> None:
+def test_the_level_is_found_quietly_and_what_is_felt_is_fitted(time):
     coil = Coil(time)
     sensor = Sensor(time, coil, rate_hz=2000)
-    said: list[str] = []
+    said = []
     recording = record_sweep(coil, sensor, SHORT, said.append)
     assert said[0] == "listening to a sweep of 1 s at 0.0625 V"
     assert recording.level_v == pytest.approx(0.8 * 8.0 / GAIN, rel=0.1)
@@ -122,9 +121,7 @@ def test_the_level_is_found_quietly_and_what_is_felt_is_fitted(time: Time) -> No
     assert (coil.closed, sensor.closed) == (1, 1)
 
 
-def test_an_actuator_that_is_barely_felt_gets_its_limit_and_no_more(
-    time: Time, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_actuator_that_is_barely_felt_gets_its_limit_and_no_more(time, monkeypatch):
     monkeypatch.setattr(sweeping, "_PROBE_SHARE", 0.5)
     coil = Coil(time, lambda v: 0.8 * v)
     recording = record_sweep(coil, Sensor(time, coil), SHORT)
@@ -132,7 +129,7 @@ def test_an_actuator_that_is_barely_felt_gets_its_limit_and_no_more(
     assert max(map(abs, coil.volts)) <= coil.largest_v
 
 
-def test_a_handle_that_is_shaken_too_hard_ends_the_sweep(time: Time) -> None:
+def test_a_handle_that_is_shaken_too_hard_ends_the_sweep(time):
     coil = Coil(time, lambda v: v if abs(v) < 0.2 else 100.0 * v)  # it strikes something
     sensor = Sensor(time, coil)
     with pytest.raises(MmtError, match=r"ended: the handle is shaken by \d+"):
@@ -141,22 +138,18 @@ def test_a_handle_that_is_shaken_too_hard_ends_the_sweep(time: Time) -> None:
     assert (coil.closed, sensor.closed) == (1, 1)
 
 
-def test_an_accelerometer_that_gives_no_numbers_ends_the_sweep_before_it_is_loud(
-    time: Time,
-) -> None:
+def test_an_accelerometer_that_gives_no_numbers_ends_the_sweep_before_it_is_loud(time):
     coil = Coil(time, lambda v: math.nan if v else 0.0)
     with pytest.raises(MmtError, match="ended: the handle is shaken by nan"):
         record_sweep(coil, Sensor(time, coil), SHORT)
     assert max(map(abs, coil.volts)) <= 0.0625
 
 
-def test_the_accelerometer_is_closed_also_where_the_actuator_cannot_be(
-    time: Time, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_accelerometer_is_closed_also_where_the_actuator_cannot_be(time, monkeypatch):
     coil = Coil(time)
     sensor = Sensor(time, coil)
 
-    def fail() -> None:
+    def fail():
         raise MmtError("it cannot be closed")
 
     monkeypatch.setattr(coil, "close", fail)
@@ -165,22 +158,20 @@ def test_the_accelerometer_is_closed_also_where_the_actuator_cannot_be(
     assert sensor.closed == 1
 
 
-def test_an_accelerometer_that_feels_nothing_is_told(
-    time: Time, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_accelerometer_that_feels_nothing_is_told(time, monkeypatch):
     monkeypatch.setattr(sweeping, "_PROBE_SHARE", 0.5)
     coil = Coil(time, lambda v: 0.0)
     with pytest.raises(MmtError, match="feels nothing of 2 V: check that it sits on the handle"):
         record_sweep(coil, Sensor(time, coil), SHORT)
 
 
-def test_an_accelerometer_that_is_too_slow_is_told(time: Time) -> None:
+def test_an_accelerometer_that_is_too_slow_is_told(time):
     coil = Coil(time)
     with pytest.raises(InputError, match="800 readings a second, too few for 490 Hz"):
         record_sweep(coil, Sensor(time, coil, rate_hz=800), SHORT)
 
 
-def test_what_cannot_be_played_is_bad_input(time: Time) -> None:
+def test_what_cannot_be_played_is_bad_input(time):
     coil = Coil(time)
     sensor = Sensor(time, coil)
     with pytest.raises(InputError, match="level_v is 5 V; the actuator may get 2 V at most"):
@@ -191,9 +182,7 @@ def test_what_cannot_be_played_is_bad_input(time: Time) -> None:
         SweepSettings(largest_m_s2=0.0)
 
 
-def test_voltages_are_cut_at_the_limit_and_played_as_they_are(
-    started: Keep, connected: Keep
-) -> None:
+def test_voltages_are_cut_at_the_limit_and_played_as_they_are(started, connected):
     pytest.importorskip("pty", reason="there are no pseudo-terminals")
     board = started(EmulatedHaptuatorBoard())
     options = {"port": board.path, "full_scale_v": 3.0, "volts_per_m_s2": 1.0, "limit_v": 1.5}
@@ -207,13 +196,11 @@ def test_voltages_are_cut_at_the_limit_and_played_as_they_are(
     assert device.largest_v == 1.5
 
 
-def equalise(*arguments: object):
+def equalise(*arguments):
     return CliRunner().invoke(app, ["device", "equalise", *map(str, arguments)])
 
 
-def test_one_command_equalises_the_emulated_handle(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_one_command_equalises_the_emulated_handle(tmp_path, monkeypatch):
     pytest.importorskip("pty", reason="there are no pseudo-terminals")
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     drivers = ["--actuator", "virtual-haptuator", "--accelerometer", "virtual-handle-adxl335"]
@@ -252,7 +239,7 @@ def test_one_command_equalises_the_emulated_handle(
         ),
     ],
 )
-def test_what_cannot_be_equalised_is_bad_input(arguments: list[str], sentence: str) -> None:
+def test_what_cannot_be_equalised_is_bad_input(arguments, sentence):
     result = equalise(*arguments)
     assert isinstance(result.exception, InputError)
     assert sentence in str(result.exception)

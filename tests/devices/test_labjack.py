@@ -18,7 +18,7 @@ from mmt.testing.emulated.labjack_u6 import EmulatedU6
 # --- calibration
 
 
-def test_a_calibration_memory_is_read_as_it_is_written() -> None:
+def test_a_calibration_memory_is_read_as_it_is_written():
     lines = tuple(
         CentredLines(33_500.0 + k, 3.15e-4 / gain, -3.16e-4 / gain)
         for k, gain in enumerate(packets.GAINS)
@@ -31,7 +31,7 @@ def test_a_calibration_memory_is_read_as_it_is_written() -> None:
     assert line.volts(33_400) == pytest.approx(-0.0316)
 
 
-def test_an_erased_memory_is_no_calibration() -> None:
+def test_an_erased_memory_is_no_calibration():
     with pytest.raises(ValueError, match="calibration memory holds"):
         read_lines([b"\xff" * 32] * 4)
     assert nominal_lines()[0].volts(0) == pytest.approx(-10.587, abs=1e-3)
@@ -40,12 +40,12 @@ def test_an_erased_memory_is_no_calibration() -> None:
 # --- the stream
 
 
-def level(time_ns: int) -> list[float]:
+def level(time_ns):
     """Return an input of 0.1 V a number, which never quite stands still."""
     return [0.1 * n + 0.001 * (time_ns // 1_000_000 % 3) for n in range(14)]
 
 
-def test_nine_inputs_carry_a_force_sensors_gauges_and_an_accelerometer(connected) -> None:
+def test_nine_inputs_carry_a_force_sensors_gauges_and_an_accelerometer(connected):
     box = EmulatedU6(level)
     source = connected(U6Voltages([AnalogInput(n) for n in range(9)], 1000.0, backend=box))
     assert source.serial == "u6-360000001"
@@ -56,7 +56,7 @@ def test_nine_inputs_carry_a_force_sensors_gauges_and_an_accelerometer(connected
     assert not source.faults
 
 
-def test_differential_inputs_and_gains(connected) -> None:
+def test_differential_inputs_and_gains(connected):
     box = EmulatedU6(lambda _: [0.0, 0.0, 0.52, 0.5, -0.3] + [0.0] * 9)
     channels = [AnalogInput(2, 100, differential=True), AnalogInput(4, 10), AnalogInput(3)]
     source = connected(U6Voltages(channels, backend=box))
@@ -64,7 +64,7 @@ def test_differential_inputs_and_gains(connected) -> None:
         assert volts == pytest.approx([0.02, -0.3, 0.5], abs=2e-4)
 
 
-def test_what_is_lost_or_spoilt_is_counted_and_times_stay_true(connected) -> None:
+def test_what_is_lost_or_spoilt_is_counted_and_times_stay_true(connected):
     box = EmulatedU6(level)
     source = connected(U6Voltages([AnalogInput(0), AnalogInput(1), AnalogInput(2)], backend=box))
     got = read_some(source, 20)
@@ -84,7 +84,7 @@ def test_what_is_lost_or_spoilt_is_counted_and_times_stay_true(connected) -> Non
     assert source.faults["overflows"] == 1
 
 
-def test_a_stream_that_a_program_left_behind_is_ended(closing) -> None:
+def test_a_stream_that_a_program_left_behind_is_ended(closing):
     box = EmulatedU6(level)
     left = usb_link.U6Link(None, box)
     left.open()
@@ -100,7 +100,7 @@ def test_a_stream_that_a_program_left_behind_is_ended(closing) -> None:
         assert volts == pytest.approx([0.5], abs=0.0025)
 
 
-def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch) -> None:
+def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch):
     box = EmulatedU6(level)
     with pytest.raises(MmtError, match="with serial number 7 on USB: plug it in; there is 36000"):
         U6Voltages([AnalogInput(0)], box=7, backend=box).connect()
@@ -112,7 +112,7 @@ def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch) -> None:
     with pytest.raises(MmtError, match="is not calibrated"):
         U6Voltages([AnalogInput(0)], backend=box).connect()
 
-    def absent(**_: object) -> None:
+    def absent(**_):
         raise usb.core.NoBackendError("none")
 
     monkeypatch.setattr(usb_link.usb, "core", SimpleNamespace(**vars(usb.core) | {"find": absent}))
@@ -132,7 +132,7 @@ def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch) -> None:
         ([AnalogInput(n) for n in range(14)], 4000.0, "50000 samples a second, which is 3571 Hz"),
     ],
 )
-def test_what_a_box_cannot_do_is_refused(channels, rate_hz, message) -> None:
+def test_what_a_box_cannot_do_is_refused(channels, rate_hz, message):
     with pytest.raises(InputError, match=message):
         U6Voltages(channels, rate_hz)
 
@@ -140,7 +140,7 @@ def test_what_a_box_cannot_do_is_refused(channels, rate_hz, message) -> None:
 # --- the accelerometer
 
 
-def test_a_stuck_accelerometer_stays_lost_until_its_value_changes(connected) -> None:
+def test_a_stuck_accelerometer_stays_lost_until_its_value_changes(connected):
     still = {"volts": [1.65, 1.65, 1.98]}
     box = EmulatedU6(lambda _: [*still["volts"], *[0.0] * 11])
     board = {"driver": "labjack-u6", "backend": box, "inputs": [0, 1, 2]}
@@ -155,6 +155,6 @@ def test_a_stuck_accelerometer_stays_lost_until_its_value_changes(connected) -> 
     assert read_some(sensor, 20)
 
 
-def test_the_former_driver_of_the_accelerometer_says_what_to_write() -> None:
+def test_the_former_driver_of_the_accelerometer_says_what_to_write():
     with pytest.raises(InputError, match=r'no longer one; write driver = "adxl335-board".* inputs'):
         load_device("adxl335-u6", {"inputs": [1, 2, 3]})

@@ -18,7 +18,7 @@ from mmt.devices.labjack.packets import (
 u16 = st.integers(0, 2**16 - 1)
 
 
-def test_commands_are_those_of_the_vendors_library() -> None:
+def test_commands_are_those_of_the_vendors_library():
     # setChecksum of LabJackPython gives this one in its documentation.
     assert list(packets.command(0x0B, bytes(6))) == [7, 248, 3, 11, 0, 0, 0, 0, 0, 0, 0, 0]
     channels = (AnalogInput(0), AnalogInput(4, 10), AnalogInput(2, 1000, differential=True))
@@ -35,13 +35,13 @@ def test_commands_are_those_of_the_vendors_library() -> None:
             packets.command(0x0B, bytes(size))
 
 
-def test_checksums_are_folded_twice() -> None:
+def test_checksums_are_folded_twice():
     assert packets.checksum8(b"") == 0
     assert packets.checksum8(b"\xff" * 5) == 0xFF  # 0x4FB
     assert packets.checksum8(b"\x80\xff\x80") == 1  # 0x1FF, then 0x100
 
 
-def spoilt_ones(wire: bytes, data: st.DataObject) -> tuple[bytes, bytes]:
+def spoilt_ones(wire, data):
     """Return it with a bit flipped, and without its end."""
     at, bit = data.draw(st.integers(0, len(wire) - 1)), data.draw(st.integers(0, 7))
     return wire[:at] + bytes((wire[at] ^ (1 << bit),)) + wire[at + 1 :], wire[:at]
@@ -54,9 +54,7 @@ def spoilt_ones(wire: bytes, data: st.DataObject) -> tuple[bytes, bytes]:
     st.lists(u16, min_size=1, max_size=25).map(tuple),
     st.data(),
 )
-def test_streamed_packets_come_back_and_spoilt_ones_do_not(
-    counter, error, missed, samples, data
-) -> None:
+def test_streamed_packets_come_back_and_spoilt_ones_do_not(counter, error, missed, samples, data):
     packet = StreamPacket(counter, error, missed, samples)
     wire = encode_stream(packet)
     assert len(wire) == 14 + 2 * len(samples)
@@ -70,7 +68,7 @@ CONTENT = st.binary(max_size=40) | st.integers(0, 20).map(bytes)
 
 
 @given(st.integers(0, 255), CONTENT, st.binary(max_size=9), st.data())
-def test_replies_come_back_and_spoilt_ones_do_not(number, content, more, data) -> None:
+def test_replies_come_back_and_spoilt_ones_do_not(number, content, more, data):
     content = content[: len(content) // 2 * 2]
     reply = packets.command(number, bytes(2) + content)
     assert packets.read_reply(reply + more, number) == content
@@ -87,7 +85,7 @@ def test_replies_come_back_and_spoilt_ones_do_not(number, content, more, data) -
 
 
 @given(st.binary(max_size=64))
-def test_any_bytes_are_read_or_refused(content: bytes) -> None:
+def test_any_bytes_are_read_or_refused(content):
     decode_stream(content, 3)
     for read in (
         lambda: packets.read_reply(content, 8),
@@ -97,7 +95,7 @@ def test_any_bytes_are_read_or_refused(content: bytes) -> None:
             read()
 
 
-def test_an_error_in_a_reply_is_a_sentence() -> None:
+def test_an_error_in_a_reply_is_a_sentence():
     with pytest.raises(ValueError, match="error 50: the configuration is not valid"):
         packets.read_reply(packets.command(0x11, bytes((50, 0))), 0x11)
     with pytest.raises(ValueError, match="error 99: see its data sheet"):
@@ -108,7 +106,7 @@ def test_an_error_in_a_reply_is_a_sentence() -> None:
 
 @pytest.mark.parametrize("rate_hz", [100.0, 732.0, 733.0, 1000.0, 4000.0, 16_666.0])
 @pytest.mark.parametrize("number", [1, 3, 9, 14])
-def test_the_planned_rate_is_the_wanted_one(rate_hz: float, number: int) -> None:
+def test_the_planned_rate_is_the_wanted_one(rate_hz, number):
     scanning = plan([AnalogInput(n) for n in range(number)], rate_hz)
     assert 1 <= scanning.interval <= 65535
     scans = scanning.scans_per_packet

@@ -2,10 +2,7 @@
 
 import logging
 import math
-from collections.abc import Callable, Iterator
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,17 +25,17 @@ WAVE_HZ = 5.0
 GAUGES, AXES = (4, 6, 8, 10, 12, 13), (1, 2, 3)
 
 
-def level(time_ns: int) -> list[float]:
+def level(time_ns):
     """Return an input of 0.1 V a number, which never quite stands still."""
     return [0.1 * n + 0.001 * (time_ns // 1_000_000 % 3) for n in range(14)]
 
 
-def inputs(*numbers: int, backend: Any, **options: Any) -> U6Voltages:
+def inputs(*numbers, backend, **options):
     return U6Voltages([AnalogInput(number) for number in numbers], backend=backend, **options)
 
 
 @pytest.fixture
-def two(closing: Keep) -> tuple[EmulatedU6, U6Voltages, U6Voltages]:
+def two(closing):
     """A box, and two readers of it that are connected."""
     box = EmulatedU6(level)
     first, second = closing(inputs(1, backend=box)), closing(inputs(2, backend=box))
@@ -47,7 +44,7 @@ def two(closing: Keep) -> tuple[EmulatedU6, U6Voltages, U6Voltages]:
     return box, first, second
 
 
-def test_two_readers_have_one_stream_and_each_its_own_inputs(closing) -> None:
+def test_two_readers_have_one_stream_and_each_its_own_inputs(closing):
     box = EmulatedU6(level)
     first = closing(inputs(5, 3, backend=box))
     second = closing(inputs(0, 7, 1, backend=box))
@@ -65,7 +62,7 @@ def test_two_readers_have_one_stream_and_each_its_own_inputs(closing) -> None:
             assert volts == pytest.approx([0.1 * n for n in numbers], abs=0.0025)
 
 
-def test_a_reader_that_leaves_does_not_disturb_the_other(two) -> None:
+def test_a_reader_that_leaves_does_not_disturb_the_other(two):
     box, first, second = two
     read_some(second, 10)
     first.close()
@@ -81,7 +78,7 @@ def test_a_reader_that_leaves_does_not_disturb_the_other(two) -> None:
     assert not box.streaming
 
 
-def test_a_reader_that_is_made_late_has_its_inputs_added(connected) -> None:
+def test_a_reader_that_is_made_late_has_its_inputs_added(connected):
     box = EmulatedU6(level)
     first = connected(inputs(1, backend=box))
     read_some(first, 10)
@@ -90,7 +87,7 @@ def test_a_reader_that_is_made_late_has_its_inputs_added(connected) -> None:
     assert read_some(first, 10)[-1].volts == pytest.approx([0.1], abs=0.0025)
 
 
-def test_what_one_stream_cannot_do_is_refused_and_the_other_goes_on(connected) -> None:
+def test_what_one_stream_cannot_do_is_refused_and_the_other_goes_on(connected):
     box = EmulatedU6(level)
     gauges = connected(
         U6Voltages([AnalogInput(n, 1, differential=True) for n in range(0, 12, 2)], backend=box)
@@ -110,7 +107,7 @@ def test_what_one_stream_cannot_do_is_refused_and_the_other_goes_on(connected) -
         inputs(*range(9, 14), backend=box, rate_hz=4000.0).connect()
 
 
-def test_faults_of_the_board_are_told_to_both(two) -> None:
+def test_faults_of_the_board_are_told_to_both(two):
     box, first, second = two
     read_some(first, 5)
     read_some(second, 5)
@@ -131,7 +128,7 @@ def test_faults_of_the_board_are_told_to_both(two) -> None:
     assert len(box.table) == 2
 
 
-def test_a_stream_that_has_stopped_is_begun_anew_by_the_first_to_connect(two) -> None:
+def test_a_stream_that_has_stopped_is_begun_anew_by_the_first_to_connect(two):
     box, first, second = two
     box.stall()
     until(lambda: not first._shared.stream.is_streaming)  # which no reader can see
@@ -140,7 +137,7 @@ def test_a_stream_that_has_stopped_is_begun_anew_by_the_first_to_connect(two) ->
     assert read_some(second, 5)
 
 
-def test_a_driver_that_lets_its_readings_lie_holds_up_nobody(closing, monkeypatch) -> None:
+def test_a_driver_that_lets_its_readings_lie_holds_up_nobody(closing, monkeypatch):
     monkeypatch.setattr(board_sharing, "_MOST_WAITING", 50)
     box = EmulatedU6(level)
     first, lazy = closing(inputs(0, backend=box)), closing(inputs(1, backend=box))
@@ -155,10 +152,10 @@ def test_a_driver_that_lets_its_readings_lie_holds_up_nobody(closing, monkeypatc
 class TwoBoxes(usb.backend.IBackend):
     """Two U6 on one bus: passes on to theirs what each is asked."""
 
-    def __init__(self, *boxes: EmulatedU6) -> None:
+    def __init__(self, *boxes):
         super().__init__()
         self._boxes = boxes
-        self._owner: dict[object, EmulatedU6] = {}
+        self._owner = {}
 
     def enumerate_devices(self):
         return list(self._boxes)
@@ -169,8 +166,8 @@ class TwoBoxes(usb.backend.IBackend):
         return handle
 
 
-def passed_on(name: str) -> Callable:
-    def method(self: TwoBoxes, which: Any, *rest: Any) -> Any:
+def passed_on(name):
+    def method(self, which, *rest):
         return getattr(self._owner.get(which, which), name)(which, *rest)
 
     return method
@@ -184,7 +181,7 @@ for each in (
     setattr(TwoBoxes, each, passed_on(each))
 
 
-def test_two_boxes_are_told_apart_by_their_numbers(connected) -> None:
+def test_two_boxes_are_told_apart_by_their_numbers(connected):
     bus = TwoBoxes(EmulatedU6(level, serial=7), EmulatedU6(lambda _: [3.0] * 14, serial=8))
     with pytest.raises(MmtError, match="there are 2 LabJack U6: say which one"):
         inputs(0, backend=bus).connect()
@@ -205,9 +202,9 @@ def test_two_boxes_are_told_apart_by_their_numbers(connected) -> None:
 class Bench(RunningSource):
     """An emulated U6 that carries six gauges and an accelerometer, and a source on both."""
 
-    def __init__(self, tmp_path: Path) -> None:
+    def __init__(self, tmp_path):
         self.pressed = self.still = False
-        self.replaced_v: dict[int, float] = {}
+        self.replaced_v = {}
         """Voltages of inputs that measure something else."""
         self.box = EmulatedU6(self._volts, clock_ppm=60.0)
         file = write_calibration(tmp_path)
@@ -217,13 +214,13 @@ class Bench(RunningSource):
         self.accelerometer = load_device("adxl335-board", options)
         super().__init__(self.gauges, self.accelerometer)
 
-    def force_n(self, time_ns: Any) -> Any:
+    def force_n(self, time_ns):
         return 2.0 + np.sin(2e-9 * math.pi * WAVE_HZ * time_ns)
 
-    def acceleration_m_s2(self, time_ns: Any) -> Any:
+    def acceleration_m_s2(self, time_ns):
         return GRAVITY_M_S2 + 3.0 * np.cos(2e-9 * math.pi * WAVE_HZ * time_ns)
 
-    def _volts(self, time_ns: int) -> list[float]:
+    def _volts(self, time_ns):
         tremor = 0.0 if self.still else 2e-3 * (time_ns // 1_000_000 % 2)
         data = nominal(3.3)
         force = self.force_n(time_ns) if self.pressed else 0.0
@@ -237,7 +234,7 @@ class Bench(RunningSource):
 
 
 @pytest.fixture
-def idle(tmp_path: Path, closing: Keep) -> Bench:
+def idle(tmp_path, closing):
     made = Bench(tmp_path)
     closing(made.gauges)
     closing(made.accelerometer)
@@ -245,7 +242,7 @@ def idle(tmp_path: Path, closing: Keep) -> Bench:
 
 
 @pytest.fixture
-def bench(idle: Bench) -> Iterator[Bench]:
+def bench(idle):
     idle.start()
     idle.pressed = True
     idle.run(lambda number: number >= 50)  # some are still from before
@@ -254,7 +251,7 @@ def bench(idle: Bench) -> Iterator[Bench]:
     assert not idle.box.streaming
 
 
-def test_an_accelerometer_at_a_box_measures_gravity(idle, caplog) -> None:
+def test_an_accelerometer_at_a_box_measures_gravity(idle, caplog):
     sensor = idle.accelerometer
     with caplog.at_level(logging.WARNING, "mmt.devices"):
         sensor.connect()
@@ -266,7 +263,7 @@ def test_an_accelerometer_at_a_box_measures_gravity(idle, caplog) -> None:
     assert sensor.faults == {}
 
 
-def test_overload_and_saturation_are_counted_by_the_driver_that_they_befall(idle) -> None:
+def test_overload_and_saturation_are_counted_by_the_driver_that_they_befall(idle):
     for sensor in (idle.gauges, idle.accelerometer):
         sensor.connect()
     # an input beyond its range, and 21 N; 4.7 g
@@ -277,7 +274,7 @@ def test_overload_and_saturation_are_counted_by_the_driver_that_they_befall(idle
     assert "saturation" not in idle.accelerometer.faults
 
 
-def test_still_gauges_stay_lost_though_the_clock_of_their_box_begins_anew(idle) -> None:
+def test_still_gauges_stay_lost_though_the_clock_of_their_box_begins_anew(idle):
     idle.gauges.connect()
     read_some(idle.gauges, 50)
     idle.still = True
@@ -289,7 +286,7 @@ def test_still_gauges_stay_lost_though_the_clock_of_their_box_begins_anew(idle) 
     assert read_some(idle.gauges, 50)
 
 
-def test_a_box_that_sends_garbage_alone_is_two_lost_sensors_which_both_come_back(bench) -> None:
+def test_a_box_that_sends_garbage_alone_is_two_lost_sensors_which_both_come_back(bench):
     bench.box.flip(10**9)
     bench.run_until_told("force sensor.* no reading for", "accelerometer.* no reading for")
     bench.box.flip(0)
@@ -299,7 +296,7 @@ def test_a_box_that_sends_garbage_alone_is_two_lost_sensors_which_both_come_back
         assert any(kind.endswith("bad packets") for kind in sensor.faults)
 
 
-def test_one_box_carries_the_gauges_and_the_accelerometer_into_frames_of_1_khz(bench) -> None:
+def test_one_box_carries_the_gauges_and_the_accelerometer_into_frames_of_1_khz(bench):
     frames = bench.run(lambda number: number >= 600)
     assert len(bench.box.table) == 9
     assert np.median(np.diff(frames["time_ns"])) == pytest.approx(1e6, abs=1e4)
@@ -319,7 +316,7 @@ def test_one_box_carries_the_gauges_and_the_accelerometer_into_frames_of_1_khz(b
     )
 
 
-def test_an_unplugged_box_is_two_lost_sensors_which_both_come_back(bench) -> None:
+def test_an_unplugged_box_is_two_lost_sensors_which_both_come_back(bench):
     bench.box.unplug()
     bench.run(lambda _: len(bench.told) >= 2)
     lost = [sentence for _, sentence in bench.told[:2]]

@@ -5,10 +5,8 @@ And nothing of it lasts: after what was no number comes what is asked for again.
 
 import json
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +17,6 @@ from mmt.core.arrays import Vector, bounded, step_towards
 from mmt.core.guards import ForceGuard, SampleGuard
 from mmt.devices.haptuator.drive import VoltageDrive
 from mmt.devices.haptuator.options import HaptuatorOptions
-from mmt.devices.openhaptics.library import Vector3
 from mmt.devices.openhaptics.options import HdOptions, HdRobotOptions
 from mmt.devices.openhaptics.robot import PositionServo
 from mmt.devices.openhaptics.servo import Servo
@@ -35,14 +32,12 @@ EXTREME = st.sampled_from(
 )
 NUMBERS = st.one_of(EXTREME, st.floats(width=64))
 VECTORS = st.tuples(NUMBERS, NUMBERS, NUMBERS)
-GOOD: Vector = (0.5, -0.25, 1.0)
+GOOD = (0.5, -0.25, 1.0)
 LIMIT_N = 3.0
 
 
 @given(VECTORS, VECTORS, st.one_of(st.floats(0.0, 1e300), st.just(math.inf)))
-def test_a_way_towards_a_goal_is_finite_and_no_longer_than_it_may_be(
-    start: Vector, goal: Vector, most: float
-) -> None:
+def test_a_way_towards_a_goal_is_finite_and_no_longer_than_it_may_be(start, goal, most):
     point = step_towards(start, goal, most)
     if all(map(math.isfinite, start)):
         assert all(map(math.isfinite, point))
@@ -57,13 +52,13 @@ def test_a_way_towards_a_goal_is_finite_and_no_longer_than_it_may_be(
 # --- vibration: each case takes samples and gives what the converter would get, and its limit
 
 
-def _drive(**options: Any) -> tuple[Callable[[Sequence[float]], Sequence[float]], float]:
+def _drive(**options):
     made = VoltageDrive(HaptuatorOptions(volts_per_m_s2=0.1, full_scale_v=6.0, **options), 1000.0)
     return made.convert, 3.0
 
 
-def _in_place(change: Callable[[np.ndarray], object]) -> Callable[[Sequence[float]], list[float]]:
-    def play(samples: Sequence[float]) -> list[float]:
+def _in_place(change):
+    def play(samples):
         array = np.array(samples, dtype=float)
         change(array)
         return array.tolist()
@@ -71,10 +66,10 @@ def _in_place(change: Callable[[np.ndarray], object]) -> Callable[[Sequence[floa
     return play
 
 
-def _simulated() -> tuple[Callable[[Sequence[float]], Sequence[float]], float]:
+def _simulated():
     actuator = SimulatedActuator(limit_m_s2=20.0)
 
-    def play(samples: Sequence[float]) -> Sequence[float]:
+    def play(samples):
         actuator.connect()
         actuator.write(samples)
         return [actuator.statistics.rms_m_s2]
@@ -95,7 +90,7 @@ def _simulated() -> tuple[Callable[[Sequence[float]], Sequence[float]], float]:
 )
 @settings(max_examples=80, deadline=None)
 @given(st.lists(NUMBERS, max_size=40))
-def test_vibration_is_finite_and_bounded_and_goes_on(make: Callable, samples: list[float]) -> None:
+def test_vibration_is_finite_and_bounded_and_goes_on(make, samples):
     play, limit = make()
     played = [*play(samples[:7]), *play(samples[7:])]
     assert all(math.isfinite(value) and abs(value) <= limit * (1.0 + 1e-12) for value in played)
@@ -118,19 +113,19 @@ class Library:
     now_ns: int = 0
     shown: Vector = (0.0, 0.0, 0.0)
 
-    def hdBeginFrame(self, handle: Any) -> None:  # noqa: N802
+    def hdBeginFrame(self, handle):  # noqa: N802
         self.now_ns += 1_000_000
 
-    def hdGetDoublev(self, what: Any, values: Any) -> None:  # noqa: N802
+    def hdGetDoublev(self, what, values):  # noqa: N802
         values[:] = self.position if what.value == 0x2050 else self.velocity
 
-    def hdSetDoublev(self, what: Any, values: Vector3) -> None:  # noqa: N802
+    def hdSetDoublev(self, what, values):  # noqa: N802
         self.shown = tuple(values[:])
 
-    def hdEndFrame(self, handle: Any) -> None:  # noqa: N802
+    def hdEndFrame(self, handle):  # noqa: N802
         pass
 
-    def hdGetError(self) -> Any:  # noqa: N802
+    def hdGetError(self):  # noqa: N802
         from mmt.devices.openhaptics.library import ErrorInfo
 
         return ErrorInfo()
@@ -139,19 +134,19 @@ class Library:
 class HdHandle:
     """Commanded by what `tick` gets, and by nothing new where that is None."""
 
-    def __init__(self, ramp_ms: int = 10, axes_n: Vector | None = None) -> None:
+    def __init__(self, ramp_ms=10, axes_n=None):
         self.library = Library()
         self.servo = self.made(ramp_ms=ramp_ms, axes="x,y,z", force_limit_n=axes_n or LIMIT_N)
         self.servo.clock = lambda: self.library.now_ns
         self.servo.tick_ns = 0
 
-    def made(self, **options: Any) -> Servo:
+    def made(self, **options):
         return Servo(self.library, self.library, 0, HdOptions(stale_ms=100, **options), LIMIT_N)
 
-    def command(self, force_n: Vector) -> None:
+    def command(self, force_n):
         self.servo.force = force_n
 
-    def tick(self, force_n: Vector | None) -> Vector:
+    def tick(self, force_n):
         if force_n is not None:
             self.command(force_n)
             self.servo.command_ns = self.library.now_ns
@@ -162,17 +157,17 @@ class HdHandle:
 class HdRobot(HdHandle):
     """Gets the numbers as its velocity, and as its target."""
 
-    def made(self, **options: Any) -> Servo:
+    def made(self, **options):
         robot = HdRobotOptions(stiffness_n_mm=1.0, **options)
         return PositionServo(self.library, self.library, 0, robot, LIMIT_N)
 
-    def command(self, force_n: Vector) -> None:
+    def command(self, force_n):
         self.servo.target = force_n
         self.library.velocity = (0.0, 0.0, 0.0) if force_n is GOOD else force_n
 
 
 class Inverse3:
-    def __init__(self, ramp_ms: int = 10, axes_n: None = None) -> None:
+    def __init__(self, ramp_ms=10, axes_n=None):
         self.now_ns = 10**12
         state = {"x": 0.0, "y": -0.15, "z": 0.15}
         still = {"x": 0.0, "y": 0.0, "z": 0.0}
@@ -184,7 +179,7 @@ class Inverse3:
         found = ChosenDevice("049D", NAMES["3.5"], entry)
         self.servo = ForceServo(found, 50.0, ramp_ms, LIMIT_N, lambda: self.now_ns)
 
-    def tick(self, force_n: Vector | None) -> Vector:
+    def tick(self, force_n):
         self.now_ns += 1_000_000
         if force_n is not None:
             self.servo.command, self.servo.command_ns = force_n, self.now_ns
@@ -195,32 +190,32 @@ class Inverse3:
 class LeaderForce:
     """Force feedback as streamed, and the leader's own last step."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.display = GuardedDisplay(self, LIMIT_N, 0.5)
         self.feedback = StreamedForce(self.display, limit_n=LIMIT_N)
-        self.shown: Vector = (0.0, 0.0, 0.0)
+        self.shown = (0.0, 0.0, 0.0)
 
-    def write(self, force_n: Vector) -> None:
+    def write(self, force_n):
         self.shown = force_n
 
-    def tick(self, force_n: Vector) -> Vector:
+    def tick(self, force_n):
         self.feedback.on_frames(np.array([(force_n,)], dtype=[("force_n", "f8", 3)]))
         self.feedback.tick(1, None)
         return self.shown
 
 
 class Guard:
-    def __init__(self) -> None:
+    def __init__(self):
         self.guard = ForceGuard(LIMIT_N, (1.0, 2.0, LIMIT_N))
 
-    def tick(self, force_n: Vector) -> Vector:
+    def tick(self, force_n):
         return self.guard.step(force_n)
 
 
 @pytest.mark.parametrize("make", [Guard, LeaderForce, HdHandle, HdRobot, Inverse3])
 @settings(max_examples=80, deadline=None)
 @given(st.lists(VECTORS, max_size=25))
-def test_a_force_is_finite_and_bounded_and_comes_back(make: Any, forces_n: list[Vector]) -> None:
+def test_a_force_is_finite_and_bounded_and_comes_back(make, forces_n):
     device = make()
     for force_n in forces_n:
         shown = device.tick(force_n)
@@ -241,9 +236,7 @@ BEYOND = st.builds(math.copysign, st.floats(1e6, 1e300), st.sampled_from([-1.0, 
 )  # fmt: skip
 @settings(max_examples=30, deadline=None)
 @given(st.tuples(BEYOND, BEYOND, BEYOND))
-def test_a_force_beyond_the_limit_rises_and_falls_over_the_whole_ramp(
-    make: Any, axes_n: Vector | None, force_n: Vector
-) -> None:
+def test_a_force_beyond_the_limit_rises_and_falls_over_the_whole_ramp(make, axes_n, force_n):
     device = make(ramp_ms=100, axes_n=axes_n)
     full_n = LIMIT_N if axes_n is None else math.hypot(*axes_n)
     rising = [math.hypot(*device.tick(force_n)) for _ in range(150)]
@@ -255,7 +248,7 @@ def test_a_force_beyond_the_limit_rises_and_falls_over_the_whole_ramp(
 
 @settings(max_examples=80, deadline=None)
 @given(st.lists(st.tuples(VECTORS, VECTORS), max_size=25))
-def test_an_arm_in_a_box_is_sent_to_finite_places(moves: list[tuple[Vector, Vector]]) -> None:
+def test_an_arm_in_a_box_is_sent_to_finite_places(moves):
     bounds = ServoSettings(
         speed_m_s=0.25, acceleration_m_s2=5.0, force_limit_n=20.0, normal=(0.0, 0.0, 1.0),
         lookahead_s=0.05, gain=1000.0,

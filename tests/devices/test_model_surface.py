@@ -24,7 +24,7 @@ from mmt_bridges.hatt.models import export_hatt
 FREQUENCIES_HZ = np.arange(501.0)
 
 
-def made(inputs="isotropic", count=25, order=6, seed=3, fastest_mm_s=300.0) -> TextureModel:
+def made(inputs="isotropic", count=25, order=6, seed=3, fastest_mm_s=300.0):
     """A model whose filters have nothing in common."""
     rng = np.random.default_rng(seed)
     space = InputSpace(inputs, fastest_mm_s, 3.0)

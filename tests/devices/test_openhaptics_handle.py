@@ -1,7 +1,6 @@
 """The leader's handle through OpenHaptics HD, against the emulated library."""
 
 import math
-from collections.abc import Callable, Iterator
 
 import pytest
 from emulated_arm import emulated_arm
@@ -9,18 +8,16 @@ from waiting import until, until_lost
 
 from mmt.core.errors import DeviceLost, InputError
 from mmt.devices.drivers import load_device
-from mmt.devices.openhaptics.handle import OpenHapticsHandle
-from mmt.testing.emulated.hd import EmulatedHd
 from mmt.testing.emulated.phantom import VirtualPhantomHandle
 
 emulated = emulated_arm
 
 
 @pytest.fixture
-def make(emulated: EmulatedHd) -> Iterator[Callable[..., OpenHapticsHandle]]:
+def make(emulated):
     made = []
 
-    def handle(**options: object) -> OpenHapticsHandle:
+    def handle(**options):
         options = {"library": emulated.address, **options}
         made.append(load_device("openhaptics", options, role="handle"))
         made[-1].connect()
@@ -32,7 +29,7 @@ def make(emulated: EmulatedHd) -> Iterator[Callable[..., OpenHapticsHandle]]:
         each.close()
 
 
-def test_the_handle_says_where_it_is_and_how_it_moves(make, emulated) -> None:
+def test_the_handle_says_where_it_is_and_how_it_moves(make, emulated):
     handle = make(origin_mm=(0.0, 0.0, -30.0))
     assert handle.read(1).position_mm == pytest.approx((0.0, 0.0, 30.0))
     emulated.hold((0.0, 100.0, 0.0), 0.2)
@@ -41,7 +38,7 @@ def test_the_handle_says_where_it_is_and_how_it_moves(make, emulated) -> None:
     assert handle.read(1).force_n == 0.0
 
 
-def test_a_displayed_force_reaches_the_hand_and_fades_as_commands_stop(make, emulated) -> None:
+def test_a_displayed_force_reaches_the_hand_and_fades_as_commands_stop(make, emulated):
     handle = make()
     emulated.hold((0.0, 0.0, 0.0), 0.5)
     until(
@@ -57,7 +54,7 @@ def test_a_displayed_force_reaches_the_hand_and_fades_as_commands_stop(make, emu
     assert handle.faults == {"stale commands": 1}
 
 
-def test_the_displayed_force_is_cut_to_the_devices_limit(make, emulated) -> None:
+def test_the_displayed_force_is_cut_to_the_devices_limit(make, emulated):
     emulated.limits(2.0, 3.5)
     handle = make(force_limit_n=10.0)
     emulated.hold((0.0, 0.0, 0.0), 50.0)
@@ -74,7 +71,7 @@ def test_the_displayed_force_is_cut_to_the_devices_limit(make, emulated) -> None
     assert emulated.tip_state().motor_n[1] <= 1.2 + 1e-9
 
 
-def test_three_limits_hold_along_each_of_the_scenes_axes(make, emulated) -> None:
+def test_three_limits_hold_along_each_of_the_scenes_axes(make, emulated):
     """Friction takes nothing from the pressure: along the normal 3 N stay 3 N."""
     handle = make(force_limit_n=[1.0, 2.0, 3.0])
     emulated.hold((0.0, 0.0, 0.0), 50.0)
@@ -84,7 +81,7 @@ def test_three_limits_hold_along_each_of_the_scenes_axes(make, emulated) -> None
     )
 
 
-def test_a_handle_that_does_not_answer_is_lost_and_comes_back(make, emulated) -> None:
+def test_a_handle_that_does_not_answer_is_lost_and_comes_back(make, emulated):
     handle = make()
     emulated.unplug()
     until_lost(lambda: handle.read(1), "does not answer")
@@ -99,6 +96,6 @@ def test_a_handle_that_does_not_answer_is_lost_and_comes_back(make, emulated) ->
 
 
 @pytest.mark.parametrize("axes", ["x,y", "x,y,-z", 3])
-def test_axes_that_are_none_are_explained_by_the_emulated_handle_too(axes: object) -> None:
+def test_axes_that_are_none_are_explained_by_the_emulated_handle_too(axes):
     with pytest.raises(InputError, match="axes"):
         VirtualPhantomHandle(axes=axes)

@@ -5,8 +5,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from typing import Any
 
 import pytest
 from emulated_arm import emulated_arm
@@ -21,7 +19,6 @@ from mmt.devices.discovery import FoundPort
 from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH
-from mmt.testing.emulated.hd import EmulatedHd
 
 ENCODER_RESET, AUTO, INKWELL = 1, 2, 4
 NEEDS_UPDATE, NEEDS_HANDS = 0x5001, 0x5002
@@ -30,10 +27,10 @@ emulated = emulated_arm
 
 
 @pytest.fixture
-def make(emulated: EmulatedHd) -> Iterator[Callable[..., OpenHapticsRobot]]:
+def make(emulated):
     made = []
 
-    def robot(**options: object) -> OpenHapticsRobot:
+    def robot(**options):
         made.append(OpenHapticsRobot(library=emulated.address, **options))
         made[-1].connect()
         return made[-1]
@@ -44,15 +41,15 @@ def make(emulated: EmulatedHd) -> Iterator[Callable[..., OpenHapticsRobot]]:
 
 
 @pytest.fixture
-def robot(make: Callable[..., OpenHapticsRobot]) -> OpenHapticsRobot:
+def robot(make):
     return make()
 
 
-def distance(a: tuple[float, ...], b: tuple[float, ...]) -> float:
+def distance(a, b):
     return sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5
 
 
-def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, emulated) -> None:
+def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, emulated):
     robot = make(origin_mm=(0.0, 0.0, -20.0))
     robot.calibrate()
     target = (12.0, -7.0, 4.0)
@@ -61,9 +58,7 @@ def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, emulated) -> Non
     assert (x, y, z) == pytest.approx((12.0, -16.0, 7.0), abs=0.05)  # up is y, the user is at z
 
 
-def test_the_styluss_orientation_is_in_the_scenes_axes_and_measured_when_asked_for(
-    robot, emulated
-) -> None:
+def test_the_styluss_orientation_is_in_the_scenes_axes_and_measured_when_asked_for(robot, emulated):
     assert unit_quaternion(robot.orientation()) is None  # the first call asks for it
     to_scene = Rotation.from_euler("x", 90.0, degrees=True)  # HD's y, up, is the scene's z
     for turn in Rotation.random(3, random_state=1):
@@ -72,7 +67,7 @@ def test_the_styluss_orientation_is_in_the_scenes_axes_and_measured_when_asked_f
     assert robot.faults == {}
 
 
-def test_an_arm_without_commands_is_limp(robot, emulated) -> None:
+def test_an_arm_without_commands_is_limp(robot, emulated):
     emulated.place((5.0, 0.0, 0.0))
     before = emulated.ticks
     until(lambda: emulated.ticks > before + 20)
@@ -81,15 +76,13 @@ def test_an_arm_without_commands_is_limp(robot, emulated) -> None:
 
 
 @pytest.mark.parametrize(("limit_n", "expected_n"), [(1.0, 1.0), (3.0, 1.5)])
-def test_the_force_stays_below_the_smaller_of_both_limits(
-    make, emulated, limit_n, expected_n
-) -> None:
+def test_the_force_stays_below_the_smaller_of_both_limits(make, emulated, limit_n, expected_n):
     emulated.limits(1.5, 3.5)
     emulated.hold((0.0, 0.0, 0.0), 50.0)
     robot = make(force_limit_n=limit_n)
     largest_n = 0.0
 
-    def push() -> None:
+    def push():
         nonlocal largest_n
         robot.write((0.0, 0.0, -100.0))
         largest_n = max(largest_n, distance(emulated.tip_state().motor_n, (0.0, 0.0, 0.0)))
@@ -100,15 +93,15 @@ def test_the_force_stays_below_the_smaller_of_both_limits(
     assert largest_n == pytest.approx(expected_n, rel=1e-6)
 
 
-def servo_of(arm: Any) -> Any:
+def servo_of(arm):
     """What turns in the library's thread: no call from outside can see its turns."""
     return arm.servo
 
 
-def test_the_librarys_thread_keeps_its_state_between_two_calls(robot) -> None:
+def test_the_librarys_thread_keeps_its_state_between_two_calls(robot):
     servo, kept = servo_of(robot), threading.local()
 
-    def count() -> int:
+    def count():
         kept.calls = getattr(kept, "calls", 0) + 1
         return kept.calls
 
@@ -118,7 +111,7 @@ def test_the_librarys_thread_keeps_its_state_between_two_calls(robot) -> None:
         assert servo.answer == calls
 
 
-def test_its_turn_ends_with_a_tick_and_is_not_waited_for_long(robot, emulated) -> None:
+def test_its_turn_ends_with_a_tick_and_is_not_waited_for_long(robot, emulated):
     servo = servo_of(robot)
     before = servo.ticks
     robot.await_turn()
@@ -129,7 +122,7 @@ def test_its_turn_ends_with_a_tick_and_is_not_waited_for_long(robot, emulated) -
     assert time.monotonic() - began < 5.0
 
 
-def test_stale_commands_fade_and_new_ones_do_not_throw_the_arm(make, emulated) -> None:
+def test_stale_commands_fade_and_new_ones_do_not_throw_the_arm(make, emulated):
     robot = make(speed_limit_mm_s=50.0)
     emulated.hold((0.0, 0.0, 0.0), 5.0)
     until(lambda: emulated.tip_state().motor_n[0] > 1.0, lambda: robot.write((40.0, 0.0, 0.0)))
@@ -140,7 +133,7 @@ def test_stale_commands_fade_and_new_ones_do_not_throw_the_arm(make, emulated) -
     assert emulated.tip_state().motor_n[0] < 0.5  # the point starts again where the tip is
 
 
-def test_a_command_that_is_no_number_is_counted_and_not_obeyed(robot, emulated) -> None:
+def test_a_command_that_is_no_number_is_counted_and_not_obeyed(robot, emulated):
     for _ in range(20):
         robot.write((float("nan"), 0.0, 0.0))
         robot.write((0.0, float("inf"), 0.0))
@@ -150,7 +143,7 @@ def test_a_command_that_is_no_number_is_counted_and_not_obeyed(robot, emulated) 
     assert emulated.tip_state().motor_n == (0.0, 0.0, 0.0)
 
 
-def test_warm_motors_give_no_force_and_the_person_is_told_once(robot, emulated, caplog) -> None:
+def test_warm_motors_give_no_force_and_the_person_is_told_once(robot, emulated, caplog):
     with caplog.at_level(logging.WARNING):
         emulated.fail("warm")
         until(lambda: robot.faults.get("WARM_MOTORS", 0) > 5, lambda: robot.write((9.0, 0.0, 0.0)))
@@ -164,7 +157,7 @@ def test_warm_motors_give_no_force_and_the_person_is_told_once(robot, emulated, 
     until(lambda: robot.read()[0] > 8.0, lambda: robot.write((9.0, 0.0, 0.0)))
 
 
-def test_a_device_that_does_not_answer_is_lost_and_comes_back(robot, emulated) -> None:
+def test_a_device_that_does_not_answer_is_lost_and_comes_back(robot, emulated):
     robot.calibrate()
     emulated.unplug()
     until_lost(robot.read, r"does not answer.*check cable")
@@ -175,7 +168,7 @@ def test_a_device_that_does_not_answer_is_lost_and_comes_back(robot, emulated) -
     until(lambda: robot.read()[0] > 1.0, lambda: robot.write((2.0, 0.0, 0.0)))
 
 
-def test_a_moment_without_an_answer_is_survived(robot, emulated) -> None:
+def test_a_moment_without_an_answer_is_survived(robot, emulated):
     emulated.unplug()
     until(lambda: robot.faults.get("COMM_ERROR", 0) > 0)
     emulated.plug()
@@ -184,12 +177,12 @@ def test_a_moment_without_an_answer_is_survived(robot, emulated) -> None:
     until(lambda: robot.read()[0] > 1.0, lambda: robot.write((2.0, 0.0, 0.0)))
 
 
-def test_flipped_bits_and_what_is_no_number_are_counted_and_move_nothing(make, emulated) -> None:
+def test_flipped_bits_and_what_is_no_number_are_counted_and_move_nothing(make, emulated):
     robot = make(force_limit_n=1.0)
     emulated.fail("garbled")
     places = []
 
-    def stroke() -> None:
+    def stroke():
         robot.write((4.0, 0.0, 0.0))
         places.append(robot.read())
 
@@ -201,7 +194,7 @@ def test_flipped_bits_and_what_is_no_number_are_counted_and_move_nothing(make, e
     until(lambda: abs(robot.read()[0] - 4.0) < 0.2, lambda: robot.write((4.0, 0.0, 0.0)))
 
 
-def test_an_arm_whose_position_is_stuck_is_lost_without_force(make, emulated) -> None:
+def test_an_arm_whose_position_is_stuck_is_lost_without_force(make, emulated):
     robot = make(speed_limit_mm_s=2000.0)
     emulated.fail("stuck")
     until_lost(
@@ -222,7 +215,7 @@ def test_an_arm_whose_position_is_stuck_is_lost_without_force(make, emulated) ->
     ("fault", "sentence"),
     [("fault", "HD_DEVICE_FAULT"), ("stalled", "servo loop has stopped")],
 )
-def test_a_fault_or_a_loop_that_stands_still_is_a_loss(robot, emulated, fault, sentence) -> None:
+def test_a_fault_or_a_loop_that_stands_still_is_a_loss(robot, emulated, fault, sentence):
     emulated.fail(fault)
     until_lost(robot.read, sentence)
     emulated.fail(fault, on=False)
@@ -234,13 +227,13 @@ def test_a_fault_or_a_loop_that_stands_still_is_a_loss(robot, emulated, fault, s
     ("fault", "sentence"),
     [("absent", "is not there.*its power, its cable"), ("unlicensed", "licence is missing")],
 )
-def test_a_device_that_cannot_be_opened_says_why(make, emulated, fault, sentence) -> None:
+def test_a_device_that_cannot_be_opened_says_why(make, emulated, fault, sentence):
     emulated.fail(fault)
     with pytest.raises(MmtError, match=sentence):
         make()
 
 
-def test_ports_that_the_person_may_not_open_are_named(make, emulated, monkeypatch) -> None:
+def test_ports_that_the_person_may_not_open_are_named(make, emulated, monkeypatch):
     found = [
         FoundPort("/dev/ttyACM7", "Touch", "", "no permission for /dev/ttyACM7: ask"),
         FoundPort("/dev/ttyS0", "", "", ""),
@@ -251,9 +244,7 @@ def test_ports_that_the_person_may_not_open_are_named(make, emulated, monkeypatc
         make()
 
 
-def test_a_library_that_may_not_be_read_is_told_from_one_that_is_no_library(
-    tmp_path, monkeypatch
-) -> None:
+def test_a_library_that_may_not_be_read_is_told_from_one_that_is_no_library(tmp_path, monkeypatch):
     library = tmp_path / "libHD.so"
     library.write_text("no library")
     monkeypatch.setattr("os.access", lambda _path, _mode: False)
@@ -261,12 +252,12 @@ def test_a_library_that_may_not_be_read_is_told_from_one_that_is_no_library(
         Stack(str(library))
 
 
-def test_a_servo_loop_that_stands_still_does_not_hold_up_the_calibration(robot, emulated) -> None:
+def test_a_servo_loop_that_stands_still_does_not_hold_up_the_calibration(robot, emulated):
     emulated.stall()
     until_lost(robot.calibrate, "servo loop has stopped")  # the loop may have had a last tick
 
 
-def test_two_devices_share_the_stack_and_one_name_is_used_once(make, emulated) -> None:
+def test_two_devices_share_the_stack_and_one_name_is_used_once(make, emulated):
     first, second = make(device="Left"), make(device="Right")
     emulated.place((3.0, 0.0, 0.0), device=1)
     until(lambda: second.read()[0] == pytest.approx(3.0))
@@ -284,16 +275,14 @@ def test_two_devices_share_the_stack_and_one_name_is_used_once(make, emulated) -
         (ENCODER_RESET, NEEDS_HANDS, "reset_encoders = true"),
     ],
 )
-def test_a_calibration_that_needs_hands_says_what_to_do(
-    make, emulated, styles, status, sentence
-) -> None:
+def test_a_calibration_that_needs_hands_says_what_to_do(make, emulated, styles, status, sentence):
     robot = make(calibration_s=0.0)
     emulated.uncalibrate(styles, status)
     with pytest.raises(MmtError, match=sentence):
         robot.calibrate()
 
 
-def test_a_calibration_that_is_due_is_updated(make, robot, emulated, caplog) -> None:
+def test_a_calibration_that_is_due_is_updated(make, robot, emulated, caplog):
     emulated.uncalibrate(AUTO | INKWELL, NEEDS_UPDATE)
     robot.calibrate()
     until(lambda: robot.read()[0] > 100.0)  # the zero is another one, and nothing has jumped
@@ -311,26 +300,26 @@ def test_a_calibration_that_is_due_is_updated(make, robot, emulated, caplog) -> 
     reset.calibrate()  # a device without calibration needs none
 
 
-def make_again(robot: OpenHapticsRobot, emulated: EmulatedHd) -> None:
+def make_again(robot, emulated):
     """Connect a device that had been calibrated."""
     robot.close()
     robot.connect()
 
 
-def test_a_stiffness_beyond_the_device_is_refused(make, emulated) -> None:
+def test_a_stiffness_beyond_the_device_is_refused(make, emulated):
     emulated.limits(8.5, 0.4)
     with pytest.raises(InputError, match=r"at most 0\.4"):
         make()
 
 
 @pytest.mark.parametrize("force_n", [0.0, float("nan")])
-def test_a_device_that_knows_no_limit_of_its_force_is_refused(make, emulated, force_n) -> None:
+def test_a_device_that_knows_no_limit_of_its_force_is_refused(make, emulated, force_n):
     emulated.limits(force_n, 3.5)
     with pytest.raises(MmtError, match="no limit is known"):
         make()
 
 
-def run_alone(program: str) -> str:
+def run_alone(program):
     """Run a program in a process of its own, for the libraries that a process has."""
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
@@ -352,7 +341,7 @@ for library in {libraries!r}:
 """
 
 
-def test_a_library_that_cannot_be_loaded_says_what_to_do(tmp_path, emulated) -> None:
+def test_a_library_that_cannot_be_loaded_says_what_to_do(tmp_path, emulated):
     other = tmp_path / "libHD.so"
     other.write_text("no library")
     libraries = [str(tmp_path / "none.so"), "libnowhere.so", "libm.so.6", str(other)]
@@ -363,11 +352,11 @@ def test_a_library_that_cannot_be_loaded_says_what_to_do(tmp_path, emulated) -> 
     assert "cannot be loaded" in lines[3]
 
 
-def test_a_process_has_one_driver_stack(emulated, tmp_path) -> None:
+def test_a_process_has_one_driver_stack(emulated, tmp_path):
     program = PROGRAM.format(libraries=["emulated", "/usr/lib/libHD.so"])
     assert "must be driven by another process" in run_alone(program)
 
 
-def test_a_process_that_ends_without_closing_leaves_no_thread_behind(emulated) -> None:
+def test_a_process_that_ends_without_closing_leaves_no_thread_behind(emulated):
     program = PROGRAM.format(libraries=["emulated"]) + "\nprint('end')"
     assert run_alone(program) == "end\n"

@@ -1,8 +1,6 @@
 """The orientation of a tool: in frames, and used to turn what sensors in its axes measure."""
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +13,6 @@ from synthetic_sensors import MS, START_NS
 from mmt.core.errors import InputError
 from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, empty_frames
 from mmt.core.quaternions import (
-    Quaternion,
     product,
     quaternion_of_axes,
     quaternion_of_vector,
@@ -32,24 +29,24 @@ vectors = st.tuples(*[st.floats(-4.0, 4.0)] * 3)
 NO_NUMBER = (math.nan, 0.0, 0.0, 0.0)
 
 
-def rotation(quaternion: Quaternion) -> Rotation:
+def rotation(quaternion):
     return Rotation.from_quat(np.roll(quaternion, -1))
 
 
-def alike(first: Rotation, second: Rotation, degrees: float = 1e-5) -> bool:
+def alike(first, second, degrees=1e-5):
     return bool(np.degrees((first * second.inv()).magnitude()) < degrees)
 
 
 class Arm(Instrument):
     """A robot with a tool that turns, which measures no more than that."""
 
-    def __init__(self, turn: Callable[[], Quaternion]) -> None:
+    def __init__(self, turn):
         super().__init__()
         self.orientation = turn
 
 
 @given(vectors, vectors)
-def test_quaternions_are_those_of_an_independent_library(a: Any, b: Any) -> None:
+def test_quaternions_are_those_of_an_independent_library(a, b):
     first, second = Rotation.from_rotvec(a), Rotation.from_rotvec(b)
     assert alike(rotation(quaternion_of_vector(a)), first)
     of_axes = quaternion_of_axes(*map(tuple, first.as_matrix().T))
@@ -63,9 +60,7 @@ def test_quaternions_are_those_of_an_independent_library(a: Any, b: Any) -> None
 
 
 @given(st.permutations("xyz"), st.tuples(*[st.sampled_from(["", "-"])] * 3), vectors)
-def test_a_drivers_axes_turn_an_orientation_as_they_turn_vectors(
-    names: list[str], signs: tuple[str, ...], turn: Any
-) -> None:
+def test_a_drivers_axes_turn_an_orientation_as_they_turn_vectors(names, signs, turn):
     try:
         axes = Axes(",".join(map("".join, zip(signs, names, strict=True))))
     except ValueError:  # mirrored
@@ -77,7 +72,7 @@ def test_a_drivers_axes_turn_an_orientation_as_they_turn_vectors(
 
 
 @pytest.mark.parametrize("off", [NO_NUMBER, (math.inf, 0, 0, 0), (0.0,) * 4, (0.98, 0.0, 0.0, 0.0)])
-def test_what_is_no_unit_quaternion_is_found(off: Quaternion) -> None:
+def test_what_is_no_unit_quaternion_is_found(off):
     assert unit_quaternion(off) is None
     assert unit_quaternion((0.0, 1.009, 0.0, 0.0)) == (0.0, 1.0, 0.0, 0.0)
     for wrong in (math.nan, math.inf, 2.0):
@@ -89,8 +84,8 @@ def test_what_is_no_unit_quaternion_is_found(off: Quaternion) -> None:
 
 @given(vectors, vectors, st.floats(0.0, math.radians(20.0)), st.booleans(), st.floats(0.0, 1.0))
 def test_between_two_orientations_lies_one_near_the_rotation_at_constant_speed(
-    start: Any, axis: Any, angle: float, flips: bool, share: float
-) -> None:
+    start, axis, angle, flips, share
+):
     span = np.array(axis) * (angle / max(float(np.linalg.norm(axis)), 1e-9))
     first = Rotation.from_rotvec(start)
     last = Rotation.from_rotvec(span) * first
@@ -105,7 +100,7 @@ def test_between_two_orientations_lies_one_near_the_rotation_at_constant_speed(
     assert alike(rotation(found), exact, 0.01)
 
 
-def test_a_lane_gives_nothing_outside_in_long_gaps_and_beside_what_is_invalid() -> None:
+def test_a_lane_gives_nothing_outside_in_long_gaps_and_beside_what_is_invalid():
     lane = OrientationLane()
     assert isinstance(lane.at(START_NS), Waiting)
     turn = (1.0, 0.0, 0.0, 0.0)
@@ -117,7 +112,7 @@ def test_a_lane_gives_nothing_outside_in_long_gaps_and_beside_what_is_invalid() 
     assert isinstance(lane.at(START_NS + 104 * MS), Waiting)
 
 
-def test_an_orientation_that_is_none_makes_a_gap_and_no_force() -> None:
+def test_an_orientation_that_is_none_makes_a_gap_and_no_force():
     turns = [(1.0, 0.0, 0.0, 0.0), NO_NUMBER, (0.5, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.004)]
     devices = Arm(iter(turns).__next__), Instrument(20.0), Instrument(30.0)
     source = DeviceSource(*devices, ALL_CHANNELS, tool_axes=("force", "acceleration"))
@@ -130,7 +125,7 @@ def test_an_orientation_that_is_none_makes_a_gap_and_no_force() -> None:
     assert source.summary["robot"]["invalid_orientations"] == 2
 
 
-def test_merged_frames_wait_for_no_orientation_and_leave_out_those_without() -> None:
+def test_merged_frames_wait_for_no_orientation_and_leave_out_those_without():
     lane, dtype = OrientationLane(), empty_frames(0, ["orientation"]).dtype
     merger = FrameAssembler({"orientation": lane}, dtype, MS)
     blocks = []
@@ -150,7 +145,7 @@ def test_merged_frames_wait_for_no_orientation_and_leave_out_those_without() -> 
 
 @pytest.mark.parametrize("samples", [1, 10])
 @given(st.lists(vectors, min_size=1, max_size=5), st.integers(0, 2**31))
-def test_every_vector_of_a_frame_is_turned(samples: int, turns: list[Any], seed: int) -> None:
+def test_every_vector_of_a_frame_is_turned(samples, turns, seed):
     frames = empty_frames(len(turns), ALL_CHANNELS, samples)
     for channel in ("force", "acceleration"):
         field = frames[FIELD_OF_CHANNEL[channel]]
@@ -167,7 +162,7 @@ def test_every_vector_of_a_frame_is_turned(samples: int, turns: list[Any], seed:
     np.testing.assert_allclose(flipped, [unit, unit, turned, end], atol=1e-12)
 
 
-def test_who_cannot_give_an_orientation_is_told_who_can() -> None:
+def test_who_cannot_give_an_orientation_is_told_who_can():
     devices = Instrument(), Instrument(), Instrument()
     with pytest.raises(InputError, match=r"Instrument does not.* franka, openhaptics, .*ur, virt"):
         DeviceSource(*devices, ALL_CHANNELS)

@@ -6,10 +6,9 @@ from itertools import product
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.core.arrays import Vector
 from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH, PlausibilityCheck
 
-STILL: Vector = (0.0, 0.0, 0.0)
+STILL = (0.0, 0.0, 0.0)
 MS = 1_000_000
 
 
@@ -19,9 +18,7 @@ MS = 1_000_000
     steps_ms=st.lists(st.integers(0, 40), min_size=1, max_size=4),
     share=st.sampled_from([0.999, 1.001]),
 )
-def test_a_tip_goes_as_far_as_the_fastest_hand(
-    start: Vector, way: Vector, steps_ms: list[int], share: float
-) -> None:
+def test_a_tip_goes_as_far_as_the_fastest_hand(start, way, steps_ms, share):
     """The time without sense counts up to 5 ms."""
     check, now_ns = PlausibilityCheck(), 10**12
     assert check.problem(start, STILL, now_ns) is None
@@ -35,7 +32,7 @@ def test_a_tip_goes_as_far_as_the_fastest_hand(
     assert check.position == ((x, y, z) if share < 1.0 else start)
 
 
-def test_a_first_measurement_is_finite_and_within_reach() -> None:
+def test_a_first_measurement_is_finite_and_within_reach():
     told = ((2000.0, None), (2000.1, OUT_OF_REACH), (math.inf, NOT_FINITE))
     for axis, sign, (value, problem) in product(range(3), (-1.0, 1.0), told):
         x, y, z = (sign * value if axis == k else 0.0 for k in range(3))

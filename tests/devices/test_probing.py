@@ -13,30 +13,30 @@ PATIENCE_S = 20.0
 
 
 @pytest.fixture(autouse=True)
-def _precise_timers() -> None:
+def _precise_timers():
     timer = open_timer()
     if timer is None:
         pytest.skip("this system has no precise timers")
     timer.close()
 
 
-async def until(condition) -> None:
+async def until(condition):
     deadline = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < deadline, "it has not come to pass"
         await asyncio.sleep(0.001)
 
 
-def tried(ticks: int, lacks: int) -> int:
+def tried(ticks, lacks):
     """Return the looks after so many ticks without need and one that lacks something.
 
     `lacks` says how many looks find nothing.
     """
 
-    async def run() -> int:
+    async def run():
         looks = 0
 
-        def look(_: int) -> bool:
+        def look(_):
             nonlocal looks
             looks += 1
             return looks <= lacks
@@ -55,22 +55,22 @@ def tried(ticks: int, lacks: int) -> int:
     return asyncio.run(run())
 
 
-def test_a_tick_that_lacks_a_reading_is_followed_by_looks_until_it_is_there() -> None:
+def test_a_tick_that_lacks_a_reading_is_followed_by_looks_until_it_is_there():
     assert tried(100, 0) == 1
     assert 1 <= tried(100, 2) <= 3  # a machine held up for 20 ms sees fewer
 
 
-def test_looks_that_find_nothing_are_bounded() -> None:
+def test_looks_that_find_nothing_are_bounded():
     assert tried(0, 1000) == 0
     assert 1 <= tried(25, 1000) <= 2
     assert 1 <= tried(95, 1000) <= 9
 
 
-async def test_a_sensor_in_step_with_the_ticks_is_looked_for_at_each_of_them() -> None:
+async def test_a_sensor_in_step_with_the_ticks_is_looked_for_at_each_of_them():
     """For as long as it takes to drift on, out of what was not looked for before."""
     looks = 0
 
-    def look(_: int) -> bool:
+    def look(_):
         nonlocal looks
         looks += 1
         return True
@@ -84,8 +84,8 @@ async def test_a_sensor_in_step_with_the_ticks_is_looked_for_at_each_of_them() -
     retry.stop()
 
 
-async def test_nothing_is_looked_for_after_the_end() -> None:
-    calls: list[int] = []
+async def test_nothing_is_looked_for_after_the_end():
+    calls = []
     timer = LoopTimer(calls.append)
     timer.start()
     timer.set(time.monotonic_ns() + 1_000_000)
@@ -98,7 +98,7 @@ async def test_nothing_is_looked_for_after_the_end() -> None:
     assert len(calls) == 1
 
 
-def test_without_a_loop_there_are_no_looks() -> None:
+def test_without_a_loop_there_are_no_looks():
     timer = LoopTimer(lambda _: None)
     timer.start()
     timer.set(1)

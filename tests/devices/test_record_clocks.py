@@ -79,7 +79,7 @@ def test_an_interrupted_stream_that_went_on_keeps_its_count():
 # --- stamps
 
 
-def fed(clock: StampClock, stamps_us: list[int], period_ms: float = 1.0) -> list[int | None]:
+def fed(clock, stamps_us, period_ms=1.0):
     """Stamps that arrive evenly."""
     return [clock.stamp(us, round(i * period_ms * MS)) for i, us in enumerate(stamps_us)]
 

@@ -9,7 +9,7 @@ from synthetic_sensors import MS, START_NS
 from mmt.devices.sensor_clock import SensorClock
 
 
-def test_a_clock_that_is_set_back_or_forward_begins_anew() -> None:
+def test_a_clock_that_is_set_back_or_forward_begins_anew():
     clock = SensorClock()
     for k in range(1000):
         clock.add(START_NS + k * MS, k * MS)
@@ -22,7 +22,7 @@ def test_a_clock_that_is_set_back_or_forward_begins_anew() -> None:
     assert clock.sensor_time(START_NS + 2799 * MS) == (8_000 + 2799 - 50) * MS
 
 
-def test_a_busy_machine_is_not_taken_for_a_jump_of_the_clock() -> None:
+def test_a_busy_machine_is_not_taken_for_a_jump_of_the_clock():
     clock = SensorClock()
     for k in range(6000):
         busy_ms = 20 if k % 1000 >= 500 else 0  # for half a second of each second
@@ -32,7 +32,7 @@ def test_a_busy_machine_is_not_taken_for_a_jump_of_the_clock() -> None:
     assert clock.sensor_time(START_NS) == 0
 
 
-def test_growing_load_is_not_taken_for_a_drift() -> None:
+def test_growing_load_is_not_taken_for_a_drift():
     clock = SensorClock()
     for k in range(6000):
         delay_ns = k * 700  # 4 ms after six seconds, as of 700 ppm
@@ -41,9 +41,7 @@ def test_growing_load_is_not_taken_for_a_drift() -> None:
 
 
 @pytest.mark.parametrize(("seconds", "drift"), [(6.0, 200e-6), (7.0, 1000e-6)])
-def test_a_drift_beyond_quartz_is_believed_once_it_exceeds_any_load(
-    seconds: float, drift: float
-) -> None:
+def test_a_drift_beyond_quartz_is_believed_once_it_exceeds_any_load(seconds, drift):
     clock = SensorClock()
     for k in range(round(1000 * seconds)):
         clock.add(START_NS + k * MS + 1000 * k, k * MS)
@@ -52,7 +50,7 @@ def test_a_drift_beyond_quartz_is_believed_once_it_exceeds_any_load(
 
 
 @pytest.mark.parametrize("ahead_ms", [4.9, 5.1])
-def test_a_jump_is_told_from_five_milliseconds_on(ahead_ms: float) -> None:
+def test_a_jump_is_told_from_five_milliseconds_on(ahead_ms):
     """Ahead at once, behind after four blocks."""
     for sign, blocks in ((1, 0), (-1, 4)):
         clock = SensorClock()
@@ -65,7 +63,7 @@ def test_a_jump_is_told_from_five_milliseconds_on(ahead_ms: float) -> None:
         assert jumps == [0] * (250 * blocks) + [ahead_ms > 5.0]
 
 
-def test_nothing_is_known_of_a_sensor_that_has_sent_nothing() -> None:
+def test_nothing_is_known_of_a_sensor_that_has_sent_nothing():
     with pytest.raises(ValueError, match="nothing has arrived"):
         SensorClock().sensor_time(0)
 
@@ -76,9 +74,7 @@ def test_nothing_is_known_of_a_sensor_that_has_sent_nothing() -> None:
     st.floats(-200e-6, 200e-6),
     st.integers(0, 2**62),
 )
-def test_no_reading_is_placed_after_its_arrival(
-    delays_ns: list[int], drift: float, zero_ns: int
-) -> None:
+def test_no_reading_is_placed_after_its_arrival(delays_ns, drift, zero_ns):
     clock = SensorClock()
     for k, delay_ns in enumerate(delays_ns):
         stamp_ns = zero_ns + 10 * k * MS
@@ -89,7 +85,7 @@ def test_no_reading_is_placed_after_its_arrival(
 
 @settings(deadline=None, max_examples=20)
 @given(st.floats(-190e-6, 190e-6), st.integers(0, 1000), st.integers(-(2**60), 2**60))
-def test_a_drift_is_found_below_random_delays(drift: float, seed: int, zero_ns: int) -> None:
+def test_a_drift_is_found_below_random_delays(drift, seed, zero_ns):
     clock, delays = SensorClock(), np.random.default_rng(seed).exponential(200e3, 8000)
     assert not clock.known
     for k, delay in enumerate(delays.tolist()):
@@ -108,9 +104,7 @@ def test_a_drift_is_found_below_random_delays(drift: float, seed: int, zero_ns: 
 
 @settings(deadline=None, max_examples=50)
 @given(st.lists(st.integers(0, MS), min_size=6, max_size=25))
-def test_the_drift_is_that_of_the_line_below_every_block_within_its_doubt(
-    delays_ns: list[int],
-) -> None:
+def test_the_drift_is_that_of_the_line_below_every_block_within_its_doubt(delays_ns):
     """One reading in each block; the oracle tries every pair of them."""
     clock, points = SensorClock(), []
     for k, delay_ns in enumerate(delays_ns):

@@ -12,11 +12,11 @@ from mmt.devices.serial_ports import read_waiting
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo terminals")
 
 
-def read_nothing(descriptor: int, most: int) -> bytes:
+def read_nothing(descriptor, most):
     pytest.fail("an empty port was read, which waits for what is under way")
 
 
-def test_a_port_with_nothing_in_it_is_not_read(monkeypatch) -> None:
+def test_a_port_with_nothing_in_it_is_not_read(monkeypatch):
     import tty
 
     master, slave = os.openpty()
@@ -35,7 +35,7 @@ def test_a_port_with_nothing_in_it_is_not_read(monkeypatch) -> None:
     os.close(master)
 
 
-def test_a_port_that_is_gone_is_an_error() -> None:
+def test_a_port_that_is_gone_is_an_error():
     master, slave = os.openpty()
     os.close(master)
     with pytest.raises(OSError, match="Input/output error"):

@@ -4,8 +4,7 @@ import logging
 import math
 import random
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from instruments import Instrument
 from running_source import RunningSource
 from synthetic_sensors import MS, START_NS, SyntheticSensor, Time
 
-from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import acceleration_samples, frame_dtype
 from mmt.devices.adxl335.gravity import nominal
@@ -23,7 +21,7 @@ from mmt.devices.adxl335.serial_driver import SerialAdxl335
 from mmt.devices.drivers import load_device
 from mmt.devices.frame_assembly import FrameAssembler, ReadingAges
 from mmt.devices.lanes import WAITING, PolledLane
-from mmt.devices.protocols import SampledSensor, SensorReading
+from mmt.devices.protocols import SensorReading
 from mmt.devices.source import DeviceSource
 from mmt.devices.vibration_lane import VibrationLane
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
@@ -35,9 +33,7 @@ from mmt_devices.iio.emulated import EmulatedIio
 SAMPLES = st.integers(1, 10)
 
 
-def frames_of(
-    samples_per_frame: int, rate_hz: float, frequency_hz: float, phase: float = 0.3, count: int = 40
-) -> tuple[np.ndarray, np.ndarray]:
+def frames_of(samples_per_frame, rate_hz, frequency_hz, phase=0.3, count=40):
     """Samples (n k,) that are made of a sine as complex numbers, and what it is at their times."""
     lane = VibrationLane(0, samples_per_frame)
     found, expected = [], []
@@ -67,8 +63,8 @@ def frames_of(
 @settings(deadline=None, max_examples=60)
 @given(SAMPLES, st.floats(0.5, 4.0), st.floats(0.01, 0.3), st.floats(0.0, 6.0))
 def test_a_known_sine_comes_back_at_the_times_of_the_samples(
-    samples_per_frame: int, faster: float, share: float, phase: float
-) -> None:
+    samples_per_frame, faster, share, phase
+):
     """Up to 0.3 of the lower rate within 13 %; within 3 % where readings are filtered."""
     rate_hz = faster * 1000.0 * samples_per_frame
     frequency_hz = share * 1000.0 * samples_per_frame * min(1.0, faster)
@@ -79,18 +75,14 @@ def test_a_known_sine_comes_back_at_the_times_of_the_samples(
 
 @settings(deadline=None, max_examples=60)
 @given(st.integers(2, 10), st.floats(1.15, 4.0), st.floats(0.0, 1.0))
-def test_a_tone_above_half_the_rate_of_the_samples_is_40_db_down(
-    samples_per_frame: int, faster: float, place: float
-) -> None:
+def test_a_tone_above_half_the_rate_of_the_samples_is_40_db_down(samples_per_frame, faster, place):
     half_hz = 500.0 * samples_per_frame
     frequency_hz = half_hz + place * (faster - 1.0) * half_hz
     found, _ = frames_of(samples_per_frame, 2.0 * faster * half_hz, frequency_hz)
     assert np.abs(found).max() <= 0.01
 
 
-def merged(
-    sensor: SyntheticSensor, samples_per_frame: int, seconds: float
-) -> tuple[RecordArray, FrameAssembler]:
+def merged(sensor, samples_per_frame, seconds):
     """Look at the sensor ten times in a millisecond, with ticks that are late at times."""
     lane = VibrationLane(sensor.latency_ns, samples_per_frame)
     force = PolledLane()
@@ -122,9 +114,7 @@ def merged(
 @pytest.mark.parametrize(
     ("samples_per_frame", "rate_hz"), [(2, 2000), (2, 4000), (5, 3200), (10, 20_000)]
 )
-def test_each_sample_is_of_its_own_time(
-    samples_per_frame: int, rate_hz: float, drift: float
-) -> None:
+def test_each_sample_is_of_its_own_time(samples_per_frame, rate_hz, drift):
     sensor = SyntheticSensor(rate_hz, drift, transport_ns=0)
     frames, merger = merged(sensor, samples_per_frame, 4.0)
     times_ms = (frames["time_ns"] - START_NS)[:, None] / MS + np.arange(
@@ -142,9 +132,7 @@ def test_each_sample_is_of_its_own_time(
 
 
 @pytest.mark.parametrize(("samples_per_frame", "rate_hz"), [(2, 4000), (3, 2000), (10, 10_000)])
-def test_while_nothing_is_measured_there_are_no_frames(
-    samples_per_frame: int, rate_hz: float
-) -> None:
+def test_while_nothing_is_measured_there_are_no_frames(samples_per_frame, rate_hz):
     lane = VibrationLane(0, samples_per_frame)
     times_ns = [round(k * 1e9 / rate_hz) for k in range(round(0.2 * rate_hz))]
     for time_ns in times_ns:
@@ -157,14 +145,14 @@ def test_while_nothing_is_measured_there_are_no_frames(
         assert values is None or values == pytest.approx((1.0, 2.0, 3.0) * samples_per_frame)
 
 
-def test_a_lost_reading_costs_the_filter_and_no_frame() -> None:
+def test_a_lost_reading_costs_the_filter_and_no_frame():
     lane = VibrationLane(0, 2)
     for k in range(1000):
         if k != 500:
             lane.add([SensorReading(k * MS // 8, (math.cos(0.3 * k), 0.0, 1.0))], k * MS // 8)
     shaped = []
     for ms in range(20, 110):
-        x, _, z, u, _, w = lane.at(ms * MS)  # type: ignore[misc]
+        x, _, z, u, _, w = lane.at(ms * MS)
         assert (z, w) == pytest.approx((1.0, 1.0))
         errors = (x - math.cos(0.3 * (8 * ms - 4)), u - math.cos(0.3 * 8 * ms))
         assert np.abs(errors).max() < 0.06
@@ -174,7 +162,7 @@ def test_a_lost_reading_costs_the_filter_and_no_frame() -> None:
     assert max(shaped) <= 68
 
 
-def test_a_frame_may_be_asked_for_again() -> None:
+def test_a_frame_may_be_asked_for_again():
     lane = VibrationLane(0, 4)
     rng = np.random.default_rng(1)
     for k in range(400):
@@ -184,7 +172,7 @@ def test_a_frame_may_be_asked_for_again() -> None:
         assert lane.at(ms * MS) == lane.at(ms * MS)
 
 
-def test_ten_samples_a_frame_of_a_quick_sensor_take_little_time() -> None:
+def test_ten_samples_a_frame_of_a_quick_sensor_take_little_time():
     """Some 0.06 ms on the machine that this was written on."""
     lane = VibrationLane(0, 10)
     merger = FrameAssembler({"acceleration_m_s2": lane}, frame_dtype(["acceleration"], 10), MS)
@@ -202,7 +190,7 @@ def test_ten_samples_a_frame_of_a_quick_sensor_take_little_time() -> None:
     assert np.median(spent_ns) < 0.5 * MS
 
 
-def test_a_polled_accelerometer_is_refused() -> None:
+def test_a_polled_accelerometer_is_refused():
     with pytest.raises(InputError, match=r"1000 samples a second.* 5000 .*adxl335-board \(as many"):
         DeviceSource(
             Instrument(), None, Instrument(), ["position", "acceleration"], samples_per_frame=5
@@ -212,9 +200,7 @@ def test_a_polled_accelerometer_is_refused() -> None:
 
 @settings(deadline=None, max_examples=30)
 @given(st.floats(0.4, 2.0) | st.floats(2.0, 5000.0), SAMPLES)
-def test_however_slow_a_sensor_is_it_starts_or_is_said_to_give_nothing(
-    rate_hz: float, samples_per_frame: int
-) -> None:
+def test_however_slow_a_sensor_is_it_starts_or_is_said_to_give_nothing(rate_hz, samples_per_frame):
     """The slowest give one reading or none until the session begins."""
     time = Time()
     sensor = SyntheticSensor(rate_hz, time=time)
@@ -235,13 +221,13 @@ def test_however_slow_a_sensor_is_it_starts_or_is_said_to_give_nothing(
         running.source.close()
 
 
-def shaken(time_ns: int, fast_hz: float) -> Vector:
+def shaken(time_ns, fast_hz):
     slow, fast = (math.tau * f * time_ns * 1e-9 for f in (100.0, fast_hz))
     return 10.0 * math.sin(slow), 10.0 * math.sin(fast), 9.81
 
 
 @contextmanager
-def board_of_4_khz(fast_hz: float) -> Iterator[SampledSensor]:
+def board_of_4_khz(fast_hz):
     """A microcontroller's board at a serial line."""
     board = EmulatedAdxl335Board(
         lambda time_ns: shaken(time_ns, fast_hz),
@@ -253,12 +239,12 @@ def board_of_4_khz(fast_hz: float) -> Iterator[SampledSensor]:
 
 
 @contextmanager
-def u6_of_8_khz(fast_hz: float) -> Iterator[SampledSensor]:
+def u6_of_8_khz(fast_hz):
     """A LabJack U6 at its USB packets."""
     zero, gain, _ = nominal(3.3)
     delay_ns = round(1e9 / (math.tau * 1600.0))
 
-    def volts(time_ns: int) -> list[float]:
+    def volts(time_ns):
         felt = shaken(time_ns - delay_ns, fast_hz)
         return [zero[i] + gain[i] * felt[i] for i in range(3)] + [0.0] * 11
 
@@ -268,7 +254,7 @@ def u6_of_8_khz(fast_hz: float) -> Iterator[SampledSensor]:
 
 
 @contextmanager
-def iio_of_4_khz(fast_hz: float) -> Iterator[SampledSensor]:
+def iio_of_4_khz(fast_hz):
     """An ADXL355 at the buffer of industrial I/O."""
     emulated = EmulatedIio(lambda time_ns: shaken(time_ns, fast_hz), noise_m_s2=0.0)
     emulated.start()
@@ -280,11 +266,7 @@ def iio_of_4_khz(fast_hz: float) -> Iterator[SampledSensor]:
     ("sensor_of", "samples_per_frame", "fast_hz"),
     [(board_of_4_khz, 2, 1300.0), (u6_of_8_khz, 3, 2400.0), (iio_of_4_khz, 3, 1800.0)],
 )
-def test_emulated_devices_give_several_samples_a_frame(
-    sensor_of: Callable[[float], AbstractContextManager[SampledSensor]],
-    samples_per_frame: int,
-    fast_hz: float,
-) -> None:
+def test_emulated_devices_give_several_samples_a_frame(sensor_of, samples_per_frame, fast_hz):
     """What is slow comes through at its time, what the frames cannot hold does not."""
     pressed_n = [0.0]
     box = EmulatedNetFt(lambda _: (0.0, 0.0, pressed_n[0]), noise_n=1e-5)
@@ -307,7 +289,7 @@ def test_emulated_devices_give_several_samples_a_frame(
     assert np.median(frames["force_n"][:, 2]) == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_sensor_that_is_too_slow_says_so_at_the_start(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_sensor_that_is_too_slow_says_so_at_the_start(caplog):
     with board_of_4_khz(1300.0) as sensor, caplog.at_level(logging.WARNING, "mmt.devices"):
         running = RunningSource(None, sensor, samples_per_frame=10)
         running.start()

@@ -1,12 +1,11 @@
 """One device of a follower: what is taken of it at a tick, and what is left out."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import pytest
 import running_source
 
-from mmt.core.arrays import Vector
 from mmt.devices.protocols import SensorReading
 from mmt.devices.slots import RobotSlot, SampledSlot
 
@@ -19,7 +18,7 @@ class Arm(running_source.Arm):
     now_ns = 0
     faults: Mapping[str, int] = {}
 
-    def read(self) -> Vector:
+    def read(self):
         return (self.now_ns / MS, 0.0, 0.0)
 
 
@@ -28,13 +27,13 @@ class MeasuredArm(Arm):
 
     asked = 0
 
-    def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
+    def positions(self, after_ns, until_ns):
         self.asked += 1
         times = range(after_ns - after_ns % (2 * MS) + 2 * MS, until_ns, 2 * MS)
         return [(time_ns, (time_ns / MS, 0.0, 0.0)) for time_ns in times]
 
 
-def ticked(arm: Arm, ticks_ms: Sequence[int]) -> RobotSlot:
+def ticked(arm, ticks_ms):
     slot = RobotSlot("robot", arm, measures=True)
     for tick in ticks_ms:
         arm.now_ns = tick * MS
@@ -42,7 +41,7 @@ def ticked(arm: Arm, ticks_ms: Sequence[int]) -> RobotSlot:
     return slot
 
 
-def test_positions_of_while_ticks_were_held_up_are_taken_where_the_driver_keeps_them() -> None:
+def test_positions_of_while_ticks_were_held_up_are_taken_where_the_driver_keeps_them():
     held_up = [100, 101, 102, 140, 141]
     assert ticked(Arm(), held_up).lane.at(121 * MS) is None
     arm = MeasuredArm()
@@ -50,7 +49,7 @@ def test_positions_of_while_ticks_were_held_up_are_taken_where_the_driver_keeps_
     assert arm.asked == 2  # at the first tick, and after the pause
 
 
-def test_what_a_robots_driver_has_survived_is_in_its_summary() -> None:
+def test_what_a_robots_driver_has_survived_is_in_its_summary():
     arm = Arm()
     slot = RobotSlot("robot", arm, measures=True)
     assert slot.summary == {"device": "Arm", "losses": 0}
@@ -64,25 +63,25 @@ class BufferedSensor:
     latency_ns = 0
     faults: dict[str, int] = {}  # noqa: RUF012 - of a driver
 
-    def __init__(self) -> None:
+    def __init__(self):
         self._reads = [self._batch(time.monotonic_ns() - (8 - k) * 100 * MS) for k in range(8)]
 
-    def connect(self) -> None:
+    def connect(self):
         """It is there."""
 
     calibrate = close = connect
 
-    def _batch(self, begun_ns: int) -> list[SensorReading]:
+    def _batch(self, begun_ns):
         return [SensorReading(begun_ns + k * MS, (float(k), 0.0, 0.0)) for k in range(100)]
 
-    def read(self) -> Sequence[SensorReading]:
+    def read(self):
         return self._reads.pop(0) if self._reads else ()
 
-    def measure(self) -> None:
+    def measure(self):
         self._reads.append([SensorReading(time.monotonic_ns(), (1.0, 2.0, 3.0))])
 
 
-def test_what_has_waited_since_a_sensor_was_connected_moves_no_clock() -> None:
+def test_what_has_waited_since_a_sensor_was_connected_moves_no_clock():
     sensor = BufferedSensor()
     slot = SampledSlot("force sensor", sensor)
     assert not slot.poll()

@@ -24,11 +24,11 @@ LINKED = {"link": {}, "recording": {}}
 THREE = [get_surface(name) for name in ("glass", "sandpaper", "wood")]
 
 
-def drawn(seed: int = 1, when: str = "either", duration_s: float = 100.0) -> SurfaceCourse:
-    return SurfaceCourse.draw(THREE, stay_s=5.0, when=when, duration_s=duration_s, seed=seed)  # type: ignore[arg-type]
+def drawn(seed=1, when="either", duration_s=100.0):
+    return SurfaceCourse.draw(THREE, stay_s=5.0, when=when, duration_s=duration_s, seed=seed)
 
 
-def test_a_course_never_stays_and_depends_on_its_seed_alone() -> None:
+def test_a_course_never_stays_and_depends_on_its_seed_alone():
     course = drawn()
     places = [0, *(change.surface for change in course.changes)]
     assert all(a != b for a, b in pairwise(places))
@@ -40,11 +40,11 @@ def test_a_course_never_stays_and_depends_on_its_seed_alone() -> None:
 
 
 @pytest.mark.parametrize(("when", "kinds"), [("lifted", {False}), ("contact", {True})])
-def test_changes_are_of_the_kind_asked_for(when: str, kinds: set[bool]) -> None:
+def test_changes_are_of_the_kind_asked_for(when, kinds):
     assert {change.in_contact for change in drawn(when=when).changes} == kinds
 
 
-def test_a_change_waits_for_the_tool_to_be_off_the_surface_or_on_it() -> None:
+def test_a_change_waits_for_the_tool_to_be_off_the_surface_or_on_it():
     force = np.concatenate([np.ones(100), np.zeros(100), np.ones(100)])
     lifted = SurfaceCourse(THREE, [CourseChange(50, 1, in_contact=False)])
     assert int(np.argmax(lifted.places_by_frame(force) == 1)) == 100 + SETTLED_TICKS - 1
@@ -52,7 +52,7 @@ def test_a_change_waits_for_the_tool_to_be_off_the_surface_or_on_it() -> None:
     assert int(np.argmax(touching.places_by_frame(force) == 2)) == 200 + SETTLED_TICKS - 1
 
 
-def test_the_truth_comes_back_from_its_annotations() -> None:
+def test_the_truth_comes_back_from_its_annotations():
     course = drawn()
     again = course_from_annotations(course.annotations())
     assert again.changes == course.changes
@@ -60,7 +60,7 @@ def test_the_truth_comes_back_from_its_annotations() -> None:
     assert len(drawn(duration_s=86_400.0).annotations()) < 65_536
 
 
-def test_no_surface_is_no_course_and_a_course_is_not_one_surface() -> None:
+def test_no_surface_is_no_course_and_a_course_is_not_one_surface():
     with pytest.raises(InputError, match="needs a surface"):
         SurfaceCourse([], [])
     with pytest.raises(InputError, match="single surface"):
@@ -78,12 +78,12 @@ def test_no_surface_is_no_course_and_a_course_is_not_one_surface() -> None:
         {"surfaces": [json.loads(s.annotations()) for s in THREE], "changes": [[1]]},
     ],
 )
-def test_annotations_that_hold_no_course_are_refused(parameters: dict[str, object]) -> None:
+def test_annotations_that_hold_no_course_are_refused(parameters):
     with pytest.raises(InputError):
         course_from_annotations(json.dumps({"version": 3, "parameters": parameters}).encode())
 
 
-def test_a_scene_names_a_course() -> None:
+def test_a_scene_names_a_course():
     tables = {"surface": "glass", "course": {"surfaces": ["sandpaper", "wood"], "stay_s": 5.0}}
     simulated = Simulated.model_validate(tables)
     course = surface_of(simulated, 100.0, 1)
@@ -100,13 +100,13 @@ def test_a_scene_names_a_course() -> None:
 @pytest.mark.parametrize(
     "surfaces", [["plastic"], ["wood", "wood"], ["velvet"]], ids=["stays", "twice", "unknown"]
 )
-def test_a_course_over_wrong_surfaces_is_refused(surfaces: list[str]) -> None:
+def test_a_course_over_wrong_surfaces_is_refused(surfaces):
     simulated = Simulated.model_validate({"course": {"surfaces": surfaces}})
     with pytest.raises(InputError, match=surfaces[0]):
         surface_of(simulated, 10.0, 1)
 
 
-def test_the_recorded_vibration_is_that_of_the_surface_under_the_tool() -> None:
+def test_the_recorded_vibration_is_that_of_the_surface_under_the_tool():
     course = SurfaceCourse(THREE, [CourseChange(1500, 1, in_contact=True)])
     frames, annotations = simulate_session(Scene(), course, 3.0, 4)
     under = course_from_annotations(annotations).places_by_frame(

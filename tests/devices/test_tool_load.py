@@ -2,9 +2,6 @@
 
 import math
 import time
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,11 +12,8 @@ from typer.testing import CliRunner
 
 from mmt.cli import calibrating, device_testing
 from mmt.cli.main import app
-from mmt.core.arrays import Vector
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import ALL_CHANNELS, CHANNELS, empty_frames
-from mmt.core.quaternions import Quaternion
-from mmt.devices.protocols import SensorReading
 from mmt.devices.source import DeviceSource
 from mmt.devices.tool_load import LoadRemover, Pose, ToolLoad, identify, load_from, measure_pose
 from mmt.scene.files import load_scene
@@ -28,7 +22,7 @@ GRAVITY = 9.80665
 POSES = np.vstack([np.eye(3), -np.eye(3)])
 
 
-def vector(values: np.ndarray) -> Vector:
+def vector(values):
     x, y, z = values.tolist()
     return x, y, z
 
@@ -36,7 +30,7 @@ def vector(values: np.ndarray) -> Vector:
 class Tool:
     """A tool of 120 g; both sensors are fixed to it, the accelerometer at its centre of mass."""
 
-    def __init__(self, mass_kg: float = 0.12, noise: float = 0.0, seed: int = 1) -> None:
+    def __init__(self, mass_kg=0.12, noise=0.0, seed=1):
         self.mass_kg = mass_kg
         self.turned = Rotation.from_euler("xyz", [20.0, -50.0, 110.0], degrees=True)
         self.up = np.array([0.0, 0.0, 1.0])
@@ -44,18 +38,18 @@ class Tool:
         self.contact = np.zeros(3)
         self._noise, self._random = noise, np.random.default_rng(seed)
 
-    def proper(self) -> Vector:
+    def proper(self):
         """Return what the accelerometer measures, in its own axes."""
         true = self.turned.inv().apply(GRAVITY * self.up + self.acceleration)
         return vector(true + self._noise * self._random.standard_normal(3))
 
-    def force(self) -> Vector:
+    def force(self):
         """Return what the force sensor measures, with an offset of its own."""
         load = -self.mass_kg * (GRAVITY * self.up + self.acceleration)
         noise = 0.1 * self._noise * self._random.standard_normal(3)
         return vector(self.contact + load + np.array([0.5, -0.2, 3.0]) + noise)
 
-    def poses(self, ups: np.ndarray = POSES) -> list[Pose]:
+    def poses(self, ups=POSES):
         """Return the tool's poses with these axes up."""
         found = []
         for self.up in ups:
@@ -66,24 +60,24 @@ class Tool:
 class Sensor:
     """A polled sensor of a tool, without or with its bias taken."""
 
-    def __init__(self, read: Callable[[], Vector], *, takes_bias: bool = False) -> None:
+    def __init__(self, read, *, takes_bias=False):
         self._read, self._takes_bias = read, takes_bias
         self._bias = np.zeros(3)
 
-    def connect(self) -> None:
+    def connect(self):
         """It is always there."""
 
-    def close(self) -> None:
+    def close(self):
         """It stays."""
 
-    def calibrate(self) -> None:
+    def calibrate(self):
         if self._takes_bias:
             self._bias = np.array(self._read())
 
-    def read(self) -> Vector:
+    def read(self):
         return vector(np.array(self._read()) - self._bias)
 
-    def write(self, position_mm: Vector) -> None:
+    def write(self, position_mm):
         """The robot moves by itself."""
 
 
@@ -92,9 +86,7 @@ class Sensor:
     st.tuples(*[st.floats(-180.0, 180.0)] * 3),
     st.tuples(*[st.floats(-50.0, 50.0)] * 3),
 )
-def test_mass_and_rotation_are_found_from_any_tool(
-    mass_kg: float, angles: tuple[float, ...], offset: tuple[float, ...]
-) -> None:
+def test_mass_and_rotation_are_found_from_any_tool(mass_kg, angles, offset):
     turn = Rotation.from_euler("xyz", angles, degrees=True)
     poses = [
         Pose(
@@ -110,7 +102,7 @@ def test_mass_and_rotation_are_found_from_any_tool(
     assert load_from(load.as_dict()) == load
 
 
-def test_the_surfaces_force_is_left_while_the_tool_tilts_and_shakes() -> None:
+def test_the_surfaces_force_is_left_while_the_tool_tilts_and_shakes():
     """120 g, tilted to 60 degrees, shaken with 10 m/s2, noise as of an ADXL335."""
     tool = Tool(noise=0.06)
     load = identify(tool.poses())
@@ -136,21 +128,21 @@ def test_the_surfaces_force_is_left_while_the_tool_tilts_and_shakes() -> None:
 
 
 @pytest.mark.parametrize("oriented", [True, False])
-def test_the_normal_force_of_a_tilting_tool_is_found_by_its_orientation(oriented: bool) -> None:
+def test_the_normal_force_of_a_tilting_tool_is_found_by_its_orientation(oriented):
     """As before, but both sensors turn with the tool, and begin tilted by 20 degrees."""
     tool = Tool(noise=0.06)
     tool.turned = Rotation.identity()  # the sensors' options say how they are mounted
     load = identify(tool.poses())
     tilt = Rotation.from_euler("xyz", [20.0, 0.0, 5.0], degrees=True)
 
-    def in_tool(vector_of_scene: np.ndarray) -> np.ndarray:
+    def in_tool(vector_of_scene):
         return tilt.inv().apply(vector_of_scene)
 
-    def orientation() -> Quaternion:
+    def orientation():
         x, y, z, w = tilt.as_quat().tolist()
         return (w, x, y, z)
 
-    arm: Any = Sensor(lambda: (0.0, 0.0, 0.0))
+    arm = Sensor(lambda: (0.0, 0.0, 0.0))
     arm.orientation = orientation
     tool.up = in_tool(np.array([0.0, 0.0, 1.0]))
     sensors = Sensor(tool.force, takes_bias=True), Sensor(tool.proper)
@@ -176,7 +168,7 @@ def test_the_normal_force_of_a_tilting_tool_is_found_by_its_orientation(oriented
 
 
 @pytest.mark.parametrize("samples", [1, 10])
-def test_the_newest_sample_of_a_frame_counts(samples: int) -> None:
+def test_the_newest_sample_of_a_frame_counts(samples):
     frames = empty_frames(2, CHANNELS, samples)
     frames["acceleration_m_s2"].reshape(2, samples, 3)[:, -1] = [[0.0, 0.0, 9.8], [1.0, 0.0, 9.8]]
     identity = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -186,7 +178,7 @@ def test_the_newest_sample_of_a_frame_counts(samples: int) -> None:
     np.testing.assert_allclose(frames["force_n"], [[0.0] * 3, [0.5, 0.0, 0.0]], atol=1e-6)
 
 
-def test_poses_that_do_not_determine_a_load_are_refused_with_the_reason() -> None:
+def test_poses_that_do_not_determine_a_load_are_refused_with_the_reason():
     poses = Tool().poses()
     tetrahedron = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / math.sqrt(3.0)
     assert identify(Tool().poses(tetrahedron)).mass_kg == pytest.approx(0.12)
@@ -229,16 +221,16 @@ def test_poses_that_do_not_determine_a_load_are_refused_with_the_reason() -> Non
         {"residual_n": "much"},
     ],
 )
-def test_a_stored_load_that_is_damaged_is_refused(wrong: dict[str, Any]) -> None:
+def test_a_stored_load_that_is_damaged_is_refused(wrong):
     stored = identify(Tool().poses()).as_dict()
     with pytest.raises(InputError, match="calibrate again with mmt device calibrate"):
         load_from(stored | wrong)
 
 
-def test_a_tool_that_moves_or_a_silent_sensor_is_no_pose() -> None:
+def test_a_tool_that_moves_or_a_silent_sensor_is_no_pose():
     tool = Tool()
 
-    def swung() -> Vector:
+    def swung():
         tool.acceleration = tool.acceleration + 0.05
         return tool.proper()
 
@@ -254,17 +246,17 @@ def test_a_tool_that_moves_or_a_silent_sensor_is_no_pose() -> None:
     class Silent(Sensor):
         latency_ns = 0
 
-        def read(self) -> list[SensorReading]:  # type: ignore[override]
+        def read(self):
             return []
 
-    silent: Any = Silent(tool.proper)
+    silent = Silent(tool.proper)
     with pytest.raises(MmtError, match=r"^accelerometer: 0 readings came in 0\.1 s"):
         measure_pose(Sensor(tool.force), silent, 0.1)
     with pytest.raises(MmtError, match=r"^force sensor: 0 readings came"):
         measure_pose(silent, Sensor(tool.proper), 0.1)
 
 
-def test_frames_without_acceleration_keep_no_load() -> None:
+def test_frames_without_acceleration_keep_no_load():
     load = identify(Tool().poses())
     robot = Sensor(lambda: (0.0, 0.0, 0.0))
     with pytest.raises(InputError, match="must need force and acceleration"):
@@ -282,16 +274,16 @@ tool = "probe"
 
 
 def test_the_command_asks_for_six_poses_and_the_follower_finds_what_it_stored(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    tmp_path, monkeypatch
+):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     (tmp_path / "lab.toml").write_text(SCENE, encoding="utf-8")
     tool, up = Tool(noise=0.02), iter(POSES)
 
-    def device(driver: str, options: object, *, role: str) -> Sensor:
+    def device(driver, options, *, role):
         return Sensor(tool.force if role == "force_sensor" else tool.proper)
 
-    def prompt(text: str, **_: object) -> str:
+    def prompt(text, **_):
         if text.startswith("pose 2"):
             next(up)
             return "s"
@@ -316,7 +308,7 @@ def test_the_command_asks_for_six_poses_and_the_follower_finds_what_it_stored(
         build_source(scene)
 
 
-def test_a_tool_without_both_sensors_or_with_a_driver_is_refused(tmp_path: Path) -> None:
+def test_a_tool_without_both_sensors_or_with_a_driver_is_refused(tmp_path):
     lacking = SCENE.replace('accelerometer = "virtual-adxl335"\n', "")
     (tmp_path / "lab.toml").write_text(lacking, encoding="utf-8")
     with pytest.raises(InputError, match="needs a force_sensor and an accelerometer"):

@@ -12,9 +12,7 @@ from mmt.devices.protocols import SensorReading
 from mmt.devices.vibration_lane import BEFORE, PHASES, VibrationLane, weights, weights_for
 
 
-def readings_of(
-    rate_hz: float, frequency_hz: float, count: int, phase: float = 0.3
-) -> list[SensorReading]:
+def readings_of(rate_hz, frequency_hz, count, phase=0.3):
     """A sine along x and its quadrature along y, on top of a line along z."""
     readings = []
     for k in range(count):
@@ -26,21 +24,21 @@ def readings_of(
     return readings
 
 
-def lane_of(readings: list[SensorReading], kind: type[Lane] = VibrationLane) -> Lane:
+def lane_of(readings, kind=VibrationLane):
     lane = kind()
     for reading in readings:
         lane.add([reading], reading.time_ns)
     return lane
 
 
-def responses(rate_hz: float, frequency_hz: float, kind: type[Lane] = VibrationLane) -> np.ndarray:
+def responses(rate_hz, frequency_hz, kind=VibrationLane):
     """The complex gain at instants that lie anywhere between two readings."""
     readings = readings_of(rate_hz, frequency_hz, 500)
     lane = lane_of(readings, kind)
     found = []
     for k in range(97):
         time_ns = readings[10].time_ns + k * round(2.61803e9 / rate_hz)
-        x, y, _ = lane.at(time_ns)  # type: ignore[misc]
+        x, y, _ = lane.at(time_ns)
         angle = 2 * math.pi * frequency_hz * time_ns * 1e-9 + 0.3
         found.append(complex(x, y) / complex(math.cos(angle), math.sin(angle)))
     return np.array(found)
@@ -60,9 +58,7 @@ def responses(rate_hz: float, frequency_hz: float, kind: type[Lane] = VibrationL
         (1000, 400, 0.97, 1.1, 0.15),
     ],
 )
-def test_a_sine_comes_out_with_the_stated_gain_and_error(
-    rate_hz: float, frequency_hz: float, least: float, most: float, error: float
-) -> None:
+def test_a_sine_comes_out_with_the_stated_gain_and_error(rate_hz, frequency_hz, least, most, error):
     """The figures of docs/explanation/sensor-clocks.md, with little room."""
     gains = responses(rate_hz, frequency_hz)
     print(
@@ -74,7 +70,7 @@ def test_a_sine_comes_out_with_the_stated_gain_and_error(
     assert abs(gains - 1).max() <= error
 
 
-def test_a_straight_line_would_lose_what_is_fast() -> None:
+def test_a_straight_line_would_lose_what_is_fast():
     assert abs(responses(1000, 400, Lane)).min() == pytest.approx(math.cos(0.4 * math.pi), abs=0.01)
     assert abs(responses(2000, 400, Lane)).min() == pytest.approx(math.cos(0.2 * math.pi), abs=0.01)
 
@@ -86,13 +82,11 @@ def test_a_straight_line_would_lose_what_is_fast() -> None:
     slope=st.floats(-1e4, 1e4),
     instant=st.floats(0.0, 1.0),
 )
-def test_what_stands_or_moves_evenly_comes_out_as_it_is(
-    rate_hz: float, start: float, slope: float, instant: float
-) -> None:
+def test_what_stands_or_moves_evenly_comes_out_as_it_is(rate_hz, start, slope, instant):
     times_ns = [round(k * 1e9 / rate_hz) for k in range(30)]
     lane = lane_of([SensorReading(t, (start, start + slope * t * 1e-9, -start)) for t in times_ns])
     time_ns = times_ns[12] + round(instant * 1e9 / rate_hz)
-    x, y, z = lane.at(time_ns)  # type: ignore[misc]
+    x, y, z = lane.at(time_ns)
     step = abs(slope) / rate_hz
     assert x == pytest.approx(start, abs=1e-9 * (1 + abs(start)))
     assert z == pytest.approx(-start, abs=1e-9 * (1 + abs(start)))
@@ -104,9 +98,7 @@ def test_what_stands_or_moves_evenly_comes_out_as_it_is(
     st.lists(st.integers(100_000, 4_000_000), min_size=1, max_size=40),
     st.lists(st.integers(0, 2_000_000), min_size=1, max_size=30),
 )
-def test_a_value_is_there_exactly_when_that_of_a_straight_line_is(
-    steps_ns: list[int], moves_ns: list[int]
-) -> None:
+def test_a_value_is_there_exactly_when_that_of_a_straight_line_is(steps_ns, moves_ns):
     """So that what is fast costs no time, and no frame more is left out."""
     times_ns = np.cumsum(steps_ns).tolist()
     readings = [SensorReading(t, (1.0, 2.0, 3.0)) for t in times_ns]
@@ -119,7 +111,7 @@ def test_a_value_is_there_exactly_when_that_of_a_straight_line_is(
             assert found == pytest.approx((1.0, 2.0, 3.0))
 
 
-def test_a_lost_reading_costs_the_values_around_it_their_shape_and_no_more() -> None:
+def test_a_lost_reading_costs_the_values_around_it_their_shape_and_no_more():
     readings = readings_of(2000, 300, 60)
     del readings[30]
     shaped, straight = lane_of(readings), lane_of(readings, Lane)
@@ -139,7 +131,7 @@ def test_a_lost_reading_costs_the_values_around_it_their_shape_and_no_more() -> 
     assert by_shape[-1]
 
 
-def test_the_first_values_lie_on_a_straight_line() -> None:
+def test_the_first_values_lie_on_a_straight_line():
     readings = readings_of(2000, 300, 20)
     shaped, straight = lane_of(readings), lane_of(readings, Lane)
     for k in range(BEFORE - 1):
@@ -151,7 +143,7 @@ def test_the_first_values_lie_on_a_straight_line() -> None:
     assert lane_of(readings).at(-1) is None
 
 
-def test_a_sensor_that_comes_back_at_another_rate_has_other_weights() -> None:
+def test_a_sensor_that_comes_back_at_another_rate_has_other_weights():
     lane = lane_of(readings_of(1000, 300, 400))
     assert isinstance(lane.at(300_000_000), tuple)
     lane.reset()
@@ -159,7 +151,7 @@ def test_a_sensor_that_comes_back_at_another_rate_has_other_weights() -> None:
     for reading in readings:
         lane.add([reading], reading.time_ns)
     time_ns = readings[1900].time_ns + 120_000
-    x, y, _ = lane.at(time_ns)  # type: ignore[misc]
+    x, y, _ = lane.at(time_ns)
     angle = 2 * math.pi * 300 * time_ns * 1e-9 + 0.3
     assert math.dist((x, y), (math.cos(angle), math.sin(angle))) < 0.02
 
@@ -172,8 +164,8 @@ def test_a_sensor_that_comes_back_at_another_rate_has_other_weights() -> None:
     samples_per_frame=st.integers(1, 4),
 )
 def test_a_rate_that_changes_costs_no_frame_beside_those_of_its_gaps(
-    rate_hz: float, later_hz: float, lost: set[int], samples_per_frame: int
-) -> None:
+    rate_hz, later_hz, lost, samples_per_frame
+):
     """Also a rate that seems another one, because readings are lost at regular intervals."""
     steps_ns = np.repeat([1e9 / rate_hz, 1e9 / later_hz], 200)
     times_ns = np.cumsum(steps_ns).astype(int).tolist()
@@ -195,7 +187,7 @@ def test_a_rate_that_changes_costs_no_frame_beside_those_of_its_gaps(
     assert frame_ns > kept[-1] - 20_000_000
 
 
-def test_noise_is_not_amplified() -> None:
+def test_noise_is_not_amplified():
     for rate_hz in (1000, 2000, 4000, 8000):
         table = np.array(weights_for(rate_hz).rows)
         assert np.sqrt((table**2).sum(axis=1)).max() < 1.15
@@ -203,6 +195,6 @@ def test_noise_is_not_amplified() -> None:
 
 
 @pytest.mark.parametrize("band", [0.0, -0.1, 0.5, math.nan])
-def test_a_band_that_is_none_is_refused(band: float) -> None:
+def test_a_band_that_is_none_is_refused(band):
     with pytest.raises(ValueError, match="must lie within"):
         weights(band)

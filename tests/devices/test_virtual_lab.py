@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -26,12 +26,12 @@ class Turns:
 
     turn: Callable[[int], int]
 
-    def add(self, turn: Callable[[int], int]) -> None:
+    def add(self, turn):
         self.turn = turn
 
 
 @pytest.fixture
-def world() -> Iterator[World]:
+def world():
     world = World("wood", 3)
     world.start()
     yield world
@@ -39,7 +39,7 @@ def world() -> Iterator[World]:
     world.stop()
 
 
-def test_the_world_waits_above_its_surface_and_follows_commands(world: World) -> None:
+def test_the_world_waits_above_its_surface_and_follows_commands(world):
     now_ns = time.monotonic_ns()
     assert world.position_mm(now_ns) == pytest.approx((0.0, 0.0, 5.0))
     assert world.force_n(now_ns) == pytest.approx((0.0, 0.0, 0.0))
@@ -49,7 +49,7 @@ def test_the_world_waits_above_its_surface_and_follows_commands(world: World) ->
     until(lambda: world.position_mm(time.monotonic_ns())[0] > 3.0)
 
 
-def test_the_world_moves_smoothly_between_its_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_world_moves_smoothly_between_its_ticks(monkeypatch):
     monkeypatch.setattr("time.monotonic_ns", lambda: 0)
     world = World("wood", 3, turns := Turns())
     world.start()
@@ -63,7 +63,7 @@ def test_the_world_moves_smoothly_between_its_ticks(monkeypatch: pytest.MonkeyPa
     assert max(steps) < 0.5  # a quarter of a tick; without anything between, a whole one: 1 mm
 
 
-def test_the_world_shakes_as_fast_as_its_frames_tell(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_world_shakes_as_fast_as_its_frames_tell(monkeypatch):
     """Its acceleration passes through the samples of each frame, each at its time."""
     ticks = 100
     frames = empty_frames(ticks, samples_per_frame=4)
@@ -84,7 +84,7 @@ def test_the_world_shakes_as_fast_as_its_frames_tell(monkeypatch: pytest.MonkeyP
         assert world.position_mm(time_ns)[0] == pytest.approx(place_ms)
 
 
-def test_the_labs_accelerometer_measures_at_twice_the_rate_of_its_world(connected: Keep) -> None:
+def test_the_labs_accelerometer_measures_at_twice_the_rate_of_its_world(connected):
     options = {"surface": "wood", "acceleration_rate_hz": 3000}
     connected(load_device("virtual-robot", options))
     sensor = load_device("virtual-adxl335", {**options, "band_hz": 1500}, role="accelerometer")
@@ -95,13 +95,13 @@ def test_the_labs_accelerometer_measures_at_twice_the_rate_of_its_world(connecte
     assert math.hypot(*felt) == pytest.approx(9.81, abs=0.3)
 
 
-def test_a_surface_that_does_not_exist_is_explained() -> None:
+def test_a_surface_that_does_not_exist_is_explained():
     robot = VirtualRobot(surface="velcro")
     with pytest.raises(MmtError, match=r"does not start: .*velcro"):
         robot.connect()
 
 
-def test_what_is_not_connected_is_lost() -> None:
+def test_what_is_not_connected_is_lost():
     for device in (VirtualRobot(), VirtualNetFt()):
         with pytest.raises(DeviceLost, match="not connected"):
             device.read()
@@ -118,9 +118,7 @@ def test_what_is_not_connected_is_lost() -> None:
         ),
     ],
 )
-def test_the_devices_share_a_lab_which_ends_with_the_last_of_them(
-    force_sensor: tuple[str, dict[str, int]], accelerometer: tuple[str, dict[str, int]]
-) -> None:
+def test_the_devices_share_a_lab_which_ends_with_the_last_of_them(force_sensor, accelerometer):
     robot = load_device("virtual-robot", {"surface": "wood"})
     force, shaken = load_device(*force_sensor), load_device(*accelerometer)
     devices = (robot, force, shaken)
@@ -132,16 +130,16 @@ def test_the_devices_share_a_lab_which_ends_with_the_last_of_them(
         assert process is not None
         assert robot.read() == pytest.approx((0.0, 0.0, 5.0), abs=0.01)
         robot.write((0.0, 0.0, -2.0))
-        pressed: list[float] = []
+        pressed = []
 
-        def pressing() -> bool:
+        def pressing():
             pressed.extend(reading.value[2] for reading in force.read())
             return bool(pressed) and pressed[-1] > 1.0
 
         until(pressing)
-        felt: list[float] = []
+        felt = []
 
-        def resting() -> bool:  # the tip has struck the surface, and rings first
+        def resting():  # the tip has struck the surface, and rings first
             felt.extend(math.hypot(*reading.value) for reading in shaken.read())
             newest = sorted(felt[-50:])
             return len(felt) > 50 and newest[25] == pytest.approx(9.8, abs=1.0)
@@ -160,10 +158,9 @@ def test_the_devices_share_a_lab_which_ends_with_the_last_of_them(
     assert drivers_module.LAB.process is None
 
 
-def test_a_lab_that_dies_is_a_lost_robot_and_comes_back(connected: Keep) -> None:
+def test_a_lab_that_dies_is_a_lost_robot_and_comes_back(connected):
     robot = connected(VirtualRobot())
     process = drivers_module.LAB.process
-    assert process is not None
     process.kill()
     process.wait(60.0)
     until_lost(lambda: (robot.read(), robot.write((0.0, 0.0, 5.0))), "its lab has ended|is gone")
@@ -183,7 +180,7 @@ def test_a_lab_that_dies_is_a_lost_robot_and_comes_back(connected: Keep) -> None
         ("virtual-inverse3", "inverse3"),
     ],
 )
-def test_a_wrong_option_is_told_before_the_lab_starts(name: str, driver: str) -> None:
+def test_a_wrong_option_is_told_before_the_lab_starts(name, driver):
     message = f"^{name}: device '{driver}': foo is not a key; allowed are "
     with pytest.raises(InputError, match=message):
         load_device(name, {"foo": 1, "seed": 3})

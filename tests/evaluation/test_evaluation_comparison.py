@@ -1,7 +1,6 @@
 """Two reports side by side: what differs, by how much, and nothing that does not."""
 
 import json
-from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -14,7 +13,7 @@ from mmt.evaluation.comparison_report import write_comparison
 PNG = b"\x89PNG\r\n\x1a\n and so on"
 
 
-def report(folder: Path, data: object, *pictures: str, name: str = "summary.json") -> Path:
+def report(folder, data, *pictures, name="summary.json"):
     (folder / "figures").mkdir(parents=True)
     (folder / name).write_text(json.dumps(data))
     for picture in pictures:
@@ -22,7 +21,7 @@ def report(folder: Path, data: object, *pictures: str, name: str = "summary.json
     return folder
 
 
-def evaluation(**changes: object) -> dict[str, object]:
+def evaluation(**changes):
     session = {
         "session": "wood",
         "order": 8,
@@ -32,7 +31,7 @@ def evaluation(**changes: object) -> dict[str, object]:
     return {**session, "sessions": [session], "environment": {"python": "3.11"}}
 
 
-def test_what_differs_is_said_once_with_its_place_and_size(tmp_path: Path) -> None:
+def test_what_differs_is_said_once_with_its_place_and_size(tmp_path):
     other = [{"time_s": 2.5, "gfc": 0.9}, {"time_s": 5.0, "gfc": 0.855}]
     found = compare_reports(
         report(tmp_path / "a", evaluation()), report(tmp_path / "b", evaluation(steps=other))
@@ -44,14 +43,14 @@ def test_what_differs_is_said_once_with_its_place_and_size(tmp_path: Path) -> No
     assert found.verdict == "1 figures and settings differ, 6 are equal."
 
 
-def test_equal_reports_have_no_difference(tmp_path: Path) -> None:
+def test_equal_reports_have_no_difference(tmp_path):
     nan = {"value": float("nan"), "list": [1, 2], "none": None}
     found = compare_reports(report(tmp_path / "a", nan), report(tmp_path / "b", nan))
     assert found.differences == ()
     assert found.equal == 3
 
 
-def test_items_are_told_apart_by_their_names_wherever_they_stand(tmp_path: Path) -> None:
+def test_items_are_told_apart_by_their_names_wherever_they_stand(tmp_path):
     rows = [{"case": "stiff", "held": True}, {"case": "soft", "held": True}]
     found = compare_reports(
         report(tmp_path / "a", {"rows": rows}),
@@ -62,7 +61,7 @@ def test_items_are_told_apart_by_their_names_wherever_they_stand(tmp_path: Path)
     assert only.row[3:] == ("", "")
 
 
-def test_what_only_one_has_is_shown(tmp_path: Path) -> None:
+def test_what_only_one_has_is_shown(tmp_path):
     found = compare_reports(
         report(tmp_path / "a", {"x": 0.0, "old": 1}), report(tmp_path / "b", {"x": 2.0, "new": "y"})
     )
@@ -73,7 +72,7 @@ def test_what_only_one_has_is_shown(tmp_path: Path) -> None:
     ]
 
 
-def test_a_part_that_only_one_has_is_a_sentence(tmp_path: Path) -> None:
+def test_a_part_that_only_one_has_is_a_sentence(tmp_path):
     run = {"leader": {"ticks": {"late": 1}, "link": {"frames": 9}}}
     a = report(tmp_path / "a", {**evaluation(), "run": run})
     other = {"leader": {"ticks": {"late": 2}, "texture": {"samples": 3}}}
@@ -95,7 +94,7 @@ def test_a_part_that_only_one_has_is_a_sentence(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("about", ["environment", "machine"])
-def test_what_was_found_stands_before_what_it_was_found_with(tmp_path: Path, about: str) -> None:
+def test_what_was_found_stands_before_what_it_was_found_with(tmp_path, about):
     a, b = (
         report(tmp_path / name, {about: {"numpy": version}, "order": {"time_ms": time_ms}})
         for name, version, time_ms in (("a", "2.1", 1.0), ("b", "2.2", 1.1))
@@ -105,8 +104,8 @@ def test_what_was_found_stands_before_what_it_was_found_with(tmp_path: Path, abo
     assert settings.rows == [(about, "numpy", "2.1", "2.2")]
 
 
-def test_headlines_say_which_is_better_and_settings_stand_apart(tmp_path: Path) -> None:
-    def one(name: str, start_s: float | None, right: float, order: int) -> Path:
+def test_headlines_say_which_is_better_and_settings_stand_apart(tmp_path):
+    def one(name, start_s, right, order):
         data = evaluation(start_s=start_s, at_end={"within_jnd": right}, settings={"order": order})
         late = {"leader": {"ticks": {"late_share_1ms": 0.01}}}
         return report(tmp_path / name, {**data, "run": late})
@@ -131,14 +130,14 @@ def test_headlines_say_which_is_better_and_settings_stand_apart(tmp_path: Path) 
     assert page.index("worse") < page.index("<img") < page.index("<details>")
 
 
-def test_items_without_names_are_numbered() -> None:
+def test_items_without_names_are_numbered():
     assert list(figures({"cells": [{"far": True}, {"far": False}]})) == [
         (("cells 1", "far"), True),
         (("cells 2", "far"), False),
     ]
 
 
-def test_the_page_shows_both_figures_side_by_side(tmp_path: Path) -> None:
+def test_the_page_shows_both_figures_side_by_side(tmp_path):
     found = compare_reports(
         report(tmp_path / "a", {"x": 1.0}, "gfc.png", "old.png"),
         report(tmp_path / "b", {"x": 3.0}, "gfc.png"),
@@ -152,7 +151,7 @@ def test_the_page_shows_both_figures_side_by_side(tmp_path: Path) -> None:
     assert data["differences"] == [{"section": "", "name": "x", "a": 1.0, "b": 3.0}]
 
 
-def test_the_command_prints_writes_and_explains(tmp_path: Path) -> None:
+def test_the_command_prints_writes_and_explains(tmp_path):
     a, b = report(tmp_path / "a", {"x": 1.0}), report(tmp_path / "b", {"x": 2.0})
     bench = report(tmp_path / "c", {"x": 2.0}, name="bench.json")
     run = CliRunner()
@@ -167,7 +166,7 @@ def test_the_command_prints_writes_and_explains(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", ["[1]", "{", ""])
-def test_a_spoilt_report_is_explained(content: str, tmp_path: Path) -> None:
+def test_a_spoilt_report_is_explained(content, tmp_path):
     good = report(tmp_path / "a", {})
     bad = report(tmp_path / "b", {})
     (bad / "summary.json").write_text(content)

@@ -18,7 +18,7 @@ from mmt.texture.segmentation.segments import Segment
 from mmt.texture.signals.amplitude_spectra import Spectra
 
 
-def segment(start: int, stop: int, vibration: np.ndarray | None = None) -> Segment:
+def segment(start, stop, vibration=None):
     values = np.zeros(stop - start) if vibration is None else vibration
     return Segment(
         start=start,
@@ -32,7 +32,7 @@ def segment(start: int, stop: int, vibration: np.ndarray | None = None) -> Segme
     )
 
 
-def even_model(vibration: np.ndarray, order: int, power: float = 1.0) -> TextureModel:
+def even_model(vibration, order, power=1.0):
     """Return a model that is the same everywhere but near the edges of zero level."""
     fit = burg(vibration, order)
     lsf = reflection_to_lsf(fit.reflection)

@@ -51,11 +51,11 @@ RUN = {
 class Outline(HTMLParser):
     """Check that tags are nested properly, and collect what they hold."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
-        self.open: list[str] = []
-        self.count: dict[str, int] = {}
-        self.sources: list[str] = []
+        self.open = []
+        self.count = {}
+        self.sources = []
         self.text = ""
 
     def handle_starttag(self, tag, attrs):
@@ -71,7 +71,7 @@ class Outline(HTMLParser):
         self.text += data
 
 
-def outline(page: str) -> Outline:
+def outline(page):
     parser = Outline()
     parser.feed(page)
     parser.close()

@@ -24,9 +24,7 @@ from mmt.texture.settings import ModellingSettings
 ORDER = 24
 
 
-def exact_filters(
-    surface: Surface, speed_mm_s: np.ndarray, force_n: np.ndarray, order: int
-) -> TextureSamples:
+def exact_filters(surface, speed_mm_s, force_n, order):
     """Solve the Yule-Walker equations for the surface's exact autocorrelation."""
     frequencies_hz = np.arange(2049) * 500.0 / 2048
     density = surface.spectrum(speed_mm_s, force_n, frequencies_hz)
@@ -38,14 +36,7 @@ def exact_filters(
     return TextureSamples.isotropic(speed_mm_s, force_n, lsf, variance, correlation[:, 0])
 
 
-def model_of(
-    surface: Surface,
-    speeds: np.ndarray = GRID_SPEED_MM_S,
-    forces: np.ndarray = GRID_FORCE_N,
-    *,
-    order: int = ORDER,
-    level: float = 1.0,
-) -> TextureModel:
+def model_of(surface, speeds=GRID_SPEED_MM_S, forces=GRID_FORCE_N, *, order=ORDER, level=1.0):
     speed, force = np.meshgrid(speeds, forces)
     samples = exact_filters(surface, speed.ravel(), force.ravel(), order)
     scaled = TextureSamples.isotropic(
@@ -58,7 +49,7 @@ def model_of(
     return TextureModel(scaled, method="published")
 
 
-def resonant_model(rate_hz: float) -> TextureModel:
+def resonant_model(rate_hz):
     """Return a model of a resonance at 150 Hz and one at a third of the rate, the same anywhere."""
     ar = np.ones(1)
     for frequency_hz, bandwidth_hz in ((150.0, 60.0), (rate_hz / 3.0, rate_hz / 10.0)):
@@ -157,8 +148,6 @@ def test_dft321_adds_the_tangential_power():
     surface = Surface("made", (Resonance(1.0, 1.0, 1.0, 120.0, 80.0),), tangential_share=0.5)
     normal, _ = known_texture(surface.annotations(), ModellingSettings())
     all_axes, _ = known_texture(surface.annotations(), ModellingSettings(axis="dft321"))
-    assert normal is not None
-    assert all_axes is not None
     point = Strokes(*np.array([[100.0], [1.0], [0.0]])), np.array([120.0])
     np.testing.assert_allclose(all_axes.spectrum(*point), 1.25 * normal.spectrum(*point))
 
@@ -178,7 +167,7 @@ def test_without_a_usable_truth_the_reason_is_said(annotations, settings, said):
     assert said in reason
 
 
-def worst_of(model: TextureModel, surface: Surface):
+def worst_of(model, surface):
     truth = KnownTexture(surface)
     errors = truth.plane.errors(model)
     return errors, truth.worst(model, errors)
@@ -256,9 +245,7 @@ def test_what_nobody_feels_counts_as_silence():
 
 @pytest.mark.parametrize("tone_hz", [40.0, 700.0, 1800.0, 3999.7])
 @pytest.mark.parametrize("radius", [0.9, 0.99, 0.9999])
-def test_what_is_not_felt_of_a_tone_in_noise_is_the_part_above_1_khz(
-    tone_hz: float, radius: float
-) -> None:
+def test_what_is_not_felt_of_a_tone_in_noise_is_the_part_above_1_khz(tone_hz, radius):
     rate_hz = 10_000.0
     ar = np.array([[-2.0 * radius * np.cos(2.0 * np.pi * tone_hz / rate_hz), radius**2]])
     frequencies_hz = np.linspace(0.0, rate_hz / 2.0, 2_000_001)
@@ -272,5 +259,5 @@ def test_what_is_not_felt_of_a_tone_in_noise_is_the_part_above_1_khz(
     assert found / whole == pytest.approx(above / whole, abs=0.01)
 
 
-def test_at_1_khz_everything_is_felt() -> None:
+def test_at_1_khz_everything_is_felt():
     assert power_above_felt(np.array([[-0.9]]), np.array([2.0]), 1000.0).tolist() == [0.0]

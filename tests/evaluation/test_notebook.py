@@ -10,7 +10,7 @@ NOTEBOOK = Path(__file__).parents[2] / "docs/how-to/first-model.ipynb"
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning:zmq")
-def test_the_notebook_runs_and_each_of_its_outputs_shows_something(tmp_path: Path) -> None:
+def test_the_notebook_runs_and_each_of_its_outputs_shows_something(tmp_path):
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     shown = [len(cell.outputs) for cell in notebook.cells if cell.cell_type == "code"]
     NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()

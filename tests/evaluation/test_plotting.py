@@ -2,7 +2,6 @@
 
 import base64
 import re
-from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -10,14 +9,13 @@ import numpy as np
 import pytest
 
 import mmt
-from mmt.core.plottable import Plottable
 from mmt.texture.model.json_form import model_json
 
 mpl.use("agg")
 
 
 @pytest.fixture(scope="module")
-def drawn() -> dict[str, Any]:
+def drawn():
     frames, truth = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=6.0, seed=1)
     session = mmt.RecordedSession(frames, annotations=truth)
     history = mmt.build_model(frames)
@@ -31,7 +29,7 @@ def drawn() -> dict[str, Any]:
     }
 
 
-def shown(what: Plottable) -> Any:
+def shown(what):
     """The axes on which it is plotted, which are those that are given."""
     figure, axes = plt.subplots()
     assert what.plot(ax=axes) is axes
@@ -41,9 +39,7 @@ def shown(what: Plottable) -> Any:
 
 
 @pytest.mark.parametrize("name", ["session", "history", "model", "directed", "evaluation"])
-def test_what_the_library_returns_is_plotted_on_axes_with_units(
-    drawn: dict[str, Any], name: str
-) -> None:
+def test_what_the_library_returns_is_plotted_on_axes_with_units(drawn, name):
     axes = shown(drawn[name])
     assert "(" in axes.get_xlabel()
     assert axes.get_ylabel()
@@ -52,7 +48,7 @@ def test_what_the_library_returns_is_plotted_on_axes_with_units(
     plt.close(own.figure)
 
 
-def test_a_session_shows_its_largest_and_least_sample(drawn: dict[str, Any]) -> None:
+def test_a_session_shows_its_largest_and_least_sample(drawn):
     normal = drawn["session"].frames["acceleration_m_s2"][:, 2].astype(float)
     normal -= normal.mean()
     (area,) = shown(drawn["session"]).collections
@@ -60,7 +56,7 @@ def test_a_session_shows_its_largest_and_least_sample(drawn: dict[str, Any]) -> 
     np.testing.assert_allclose([heights.min(), heights.max()], [normal.min(), normal.max()])
 
 
-def test_a_history_shows_each_update_and_when_it_started(drawn: dict[str, Any]) -> None:
+def test_a_history_shows_each_update_and_when_it_started(drawn):
     history = drawn["history"]
     axes = shown(history)
     np.testing.assert_array_equal(
@@ -69,7 +65,7 @@ def test_a_history_shows_each_update_and_when_it_started(drawn: dict[str, Any]) 
     assert f"start at {history.start_s:.1f} s" in [text.get_text() for text in axes.texts]
 
 
-def test_a_model_shows_its_samples_where_they_are(drawn: dict[str, Any]) -> None:
+def test_a_model_shows_its_samples_where_they_are(drawn):
     samples = drawn["model"].samples
     _, points = shown(drawn["model"]).collections
     np.testing.assert_allclose(
@@ -77,10 +73,9 @@ def test_a_model_shows_its_samples_where_they_are(drawn: dict[str, Any]) -> None
     )
 
 
-def test_a_notebook_shows_the_page_that_plays_a_model(drawn: dict[str, Any]) -> None:
+def test_a_notebook_shows_the_page_that_plays_a_model(drawn):
     element = drawn["model"]._repr_html_()
     found = re.search(r'src="data:text/html;base64,([^"]+)"', element)
-    assert found is not None
     page = base64.b64decode(found[1]).decode()
     assert model_json(drawn["model"], "model").replace("<", "\\u003c") in page
 
@@ -89,13 +84,13 @@ def test_a_notebook_shows_the_page_that_plays_a_model(drawn: dict[str, Any]) -> 
     "bound", ["texture.model.json_form.MOST_ROWS", "web.texture_page.MOST_BYTES"]
 )
 def test_a_notebook_shows_a_model_that_is_too_large_for_a_page_by_its_text(
-    drawn: dict[str, Any], monkeypatch: pytest.MonkeyPatch, bound: str
-) -> None:
+    drawn, monkeypatch, bound
+):
     monkeypatch.setattr(f"mmt.{bound}", 1)
     assert drawn["model"]._repr_html_() is None
 
 
-def test_what_has_nothing_to_plot_says_so(drawn: dict[str, Any]) -> None:
+def test_what_has_nothing_to_plot_says_so(drawn):
     frames = drawn["session"].frames[["sequence", "time_ns", "force_n"]]
     with pytest.raises(mmt.InputError, match="no acceleration"):
         mmt.RecordedSession(frames).plot()

@@ -1,7 +1,6 @@
 """The verdict on a run that has ended, from what its services say of themselves."""
 
 import copy
-from typing import Any
 
 import pytest
 
@@ -10,7 +9,7 @@ from mmt.evaluation.headlines import headlines
 from mmt.evaluation.run_verdict import fault_sentences, run_verdict
 from mmt.texture.signals.faults import SignalFaults
 
-LEADER: dict[str, Any] = {
+LEADER = {
     "outcome": "completed",
     "session": {"name": "demo", "id": "68f96b578b83", "duration_s": 18.003},
     "link": {"frames": 18003, "dropped": 0, "lost": 0, "rejected": {}, "clock": {"jumps": 0}},
@@ -30,7 +29,7 @@ LEADER: dict[str, Any] = {
     "ticks": {"ticks": 19306, "missed": 12, "late_share_1ms": 0.003},
     "recording": {"file": "mmt-demo/session.mcap", "frames": 18003, "dropped": 0, "error": None},
 }
-FOLLOWER: dict[str, Any] = {
+FOLLOWER = {
     "outcome": "leader stopped (completed)",
     "link": {"frames": 18003, "dropped": 0, "lost": 0},
     "ticks": {"ticks": 18003, "late_share_1ms": 0.002},
@@ -38,7 +37,7 @@ FOLLOWER: dict[str, Any] = {
     "backfill": {"kept": 10000, "asked": 0, "sent": 0, "gone": 0},
     "devices": {},
 }
-EVALUATION: dict[str, Any] = {
+EVALUATION = {
     "session": "demo",
     "surface": "plastic",
     "basis": "truth",
@@ -61,7 +60,7 @@ EVALUATION: dict[str, Any] = {
 }
 
 
-def leader(**changes: Any) -> dict[str, Any]:
+def leader(**changes):
     """Return a leader's summary, with these keys (``table__key``) changed."""
     summary = copy.deepcopy(LEADER)
     for name, value in changes.items():
@@ -73,7 +72,7 @@ def leader(**changes: Any) -> dict[str, Any]:
     return summary
 
 
-def test_a_good_run_is_told_with_its_error_and_its_readiness() -> None:
+def test_a_good_run_is_told_with_its_error_and_its_readiness():
     found = run_verdict({"leader": LEADER, "follower": FOLLOWER}, EVALUATION)
     assert found.state == "running"
     assert found.parts == (
@@ -84,13 +83,13 @@ def test_a_good_run_is_told_with_its_error_and_its_readiness() -> None:
     )
 
 
-def test_the_error_at_the_skin_is_told_where_the_actuator_is_known() -> None:
+def test_the_error_at_the_skin_is_told_where_the_actuator_is_known():
     at_skin = {"played_share": 0.4, "low_hz": 90.0, "power_error_db": 4.26}
     assert run_verdict({}, {**EVALUATION, "at_skin": at_skin}).error == "0.5 dB, 4.3 at the skin"
     assert run_verdict({}, {**EVALUATION, "at_skin": None}).error == "0.5 dB"
 
 
-def test_a_session_that_was_evaluated_alone_is_told_likewise() -> None:
+def test_a_session_that_was_evaluated_alone_is_told_likewise():
     found = run_verdict({}, EVALUATION)
     assert (found.state, found.now) == ("running", "model ready since 4.0 s, complete at 9.0 s")
     assert (found.error, found.readiness) == ("0.5 dB", "97 % should feel right")
@@ -98,7 +97,7 @@ def test_a_session_that_was_evaluated_alone_is_told_likewise() -> None:
     assert run_verdict({}, published).readiness == "completion sum 1.0"
 
 
-def test_of_several_surfaces_the_medians_are_told() -> None:
+def test_of_several_surfaces_the_medians_are_told():
     errors = [0.4, 0.9, 3.0]
     sessions = [
         {**EVALUATION, "at_stop": {**EVALUATION["at_stop"], "power_error_db": error}}
@@ -108,7 +107,7 @@ def test_of_several_surfaces_the_medians_are_told() -> None:
 
 
 @pytest.mark.parametrize("complete", range(6))
-def test_verdict_and_headlines_agree_on_whether_sessions_were_complete(complete: int) -> None:
+def test_verdict_and_headlines_agree_on_whether_sessions_were_complete(complete):
     stops_s = [9.0] * complete + [None] * (5 - complete)
     sessions = [{**EVALUATION, "stop_s": stop_s} for stop_s in stops_s]
     (headline,) = (
@@ -121,19 +120,19 @@ def test_verdict_and_headlines_agree_on_whether_sessions_were_complete(complete:
 
 
 @pytest.mark.parametrize("without", range(4))
-def test_the_error_is_that_of_the_sessions_that_have_a_model(without: int) -> None:
+def test_the_error_is_that_of_the_sessions_that_have_a_model(without):
     lacking = {**EVALUATION, "at_stop": {"power_error_db": None}}
     found = run_verdict({}, {"sessions": [EVALUATION, *[lacking] * without]})
     assert found.error == run_verdict({}, EVALUATION).error != ""
 
 
-def test_a_follower_alone_says_how_it_ended() -> None:
+def test_a_follower_alone_says_how_it_ended():
     found = run_verdict({"follower": FOLLOWER})
     assert (found.state, found.parts) == ("running", ("leader stopped (completed)",))
 
 
 @pytest.mark.parametrize("outcome", ["follower lost", "failed: no device", "stopped", "completed"])
-def test_only_a_failure_fails(outcome: str) -> None:
+def test_only_a_failure_fails(outcome):
     found = run_verdict({"leader": leader(outcome=outcome)})
     assert (found.state == "failed") == has_failed(outcome)
     assert outcome == "completed" or outcome in found.sentence
@@ -163,7 +162,7 @@ def test_only_a_failure_fails(outcome: str) -> None:
         ("handle__faults", {"stale commands": 2}, "2 faults of the handle (stale commands)"),
     ],
 )
-def test_what_is_unusual_is_named(key: str, value: Any, sentence: str) -> None:
+def test_what_is_unusual_is_named(key, value, sentence):
     assert fault_sentences("leader", LEADER) == []
     assert fault_sentences("leader", leader(**{key: value})) == [f"leader: {sentence}"]
     found = run_verdict({"leader": leader(**{key: value})})
@@ -173,7 +172,7 @@ def test_what_is_unusual_is_named(key: str, value: Any, sentence: str) -> None:
 
 @pytest.mark.parametrize("modelled_s", [0.0, 17.0, 18.0])
 @pytest.mark.parametrize("sessions", [0, 1, 2])
-def test_a_fault_of_the_signals_is_told_once(modelled_s: float, sessions: int) -> None:
+def test_a_fault_of_the_signals_is_told_once(modelled_s, sessions):
     """The leader's sentence ends with its last update, that of the evaluation with the session."""
     told = leader(texture__faults=SignalFaults(constant_s=modelled_s).as_dict())
     session = {**EVALUATION, "faults": SignalFaults(constant_s=18.0).as_dict()}
@@ -183,19 +182,19 @@ def test_a_fault_of_the_signals_is_told_once(modelled_s: float, sessions: int) -
 
 
 @pytest.mark.parametrize("texture", [None, {}, {"faults": None}])
-def test_a_leader_without_a_model_has_no_faults_of_its_signals(texture: Any) -> None:
+def test_a_leader_without_a_model_has_no_faults_of_its_signals(texture):
     assert fault_sentences("leader", {**LEADER, "texture": texture}) == []
     found = {"faults": SignalFaults().as_dict()}
     assert fault_sentences("leader", {**LEADER, "texture": found}) == []
 
 
-def test_a_followers_devices_are_named_one_by_one() -> None:
+def test_a_followers_devices_are_named_one_by_one():
     lost = {**FOLLOWER, "devices": {"robot": {"class": "Arm", "losses": 2}}}
     assert fault_sentences("follower", lost) == ["follower: 2 losses of the robot"]
 
 
 @pytest.mark.parametrize("lost", [0, 3])
-def test_only_frames_that_were_never_filled_in_are_a_fault(lost: int) -> None:
+def test_only_frames_that_were_never_filled_in_are_a_fault(lost):
     gaps = {"missing": 12, "filled": 12 - lost, "lost": lost, "waiting": 0, "unwanted": 0}
     summary = {**LEADER, "link": {**LEADER["link"], "lost": 12}, "backfill": gaps}
     faults = ("leader: 3 frames missing and never filled in",) if lost else ()

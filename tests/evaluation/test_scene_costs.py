@@ -1,7 +1,6 @@
 """What a part costs: which scenes are compared, and how noise is kept from being a cost."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -18,18 +17,17 @@ from mmt.cli.scene.costs import (
     variants_of,
 )
 from mmt.core.errors import MmtError
-from mmt.scene import Scene
 from mmt.scene.files import example_scenes, load_scene, scene_from_tables
 
 
-def example(name: str) -> Scene:
+def example(name):
     return load_scene(example_scenes()[name])
 
 
 # --- which scenes are compared
 
 
-def test_what_others_need_is_left_out_with_them() -> None:
+def test_what_others_need_is_left_out_with_them():
     variants, kept = variants_of(example("demo"))
     assert [variant.left_out for variant in variants] == [
         ("texture", "rendering"),
@@ -44,7 +42,7 @@ def test_what_others_need_is_left_out_with_them() -> None:
 
 
 @pytest.mark.parametrize("name", example_scenes())
-def test_every_variant_is_the_scene_less_what_it_says(name: str) -> None:
+def test_every_variant_is_the_scene_less_what_it_says(name):
     scene = example(name)
     variants, kept = variants_of(scene)
     for variant in variants:
@@ -55,7 +53,7 @@ def test_every_variant_is_the_scene_less_what_it_says(name: str) -> None:
     assert len({frozenset(variant.left_out) for variant in variants}) == len(variants)
 
 
-def test_the_last_thing_that_the_link_carries_stays() -> None:
+def test_the_last_thing_that_the_link_carries_stays():
     scene = scene_from_tables({"link": {}, "replay": {}, "recording": {}})
     assert variants_of(scene) == ([], ["link", "replay", "recording"])
 
@@ -63,7 +61,7 @@ def test_the_last_thing_that_the_link_carries_stays() -> None:
 # --- figures
 
 
-def scene_run(start_s: float, *modules: str) -> SceneRun:
+def scene_run(start_s, *modules):
     others = {"core_share": 0.25, "memory_mb": 80.0}
     return SceneRun(
         {"leader": {"start_s": start_s, **others}, "follower": {"start_s": 1.0, **others}},
@@ -73,18 +71,18 @@ def scene_run(start_s: float, *modules: str) -> SceneRun:
     )
 
 
-def runs_of(seen: list[Scene], start_s: Callable[[Scene], float]) -> Callable[[Scene], SceneRun]:
-    def run(scene: Scene) -> SceneRun:
+def runs_of(seen, start_s):
+    def run(scene):
         seen.append(scene)
         return scene_run(start_s(scene), *(["zope"] if scene.playout is not None else []))
 
     return run
 
 
-def test_a_part_costs_the_difference_beyond_the_scatter() -> None:
+def test_a_part_costs_the_difference_beyond_the_scatter():
     scatter = iter(np.random.default_rng(1).normal(0.0, 0.01, 100).tolist())
 
-    def start_s(scene: Scene) -> float:
+    def start_s(scene):
         return 1.0 + (0.3 if scene.playout is not None else 0.0) + next(scatter)
 
     costs = measure_scene(example("stream-only"), runs_of([], start_s), rounds=4)
@@ -98,9 +96,9 @@ def test_a_part_costs_the_difference_beyond_the_scatter() -> None:
     assert feedback["packages"] == []
 
 
-def test_the_scenes_take_turns() -> None:
-    seen: list[Scene] = []
-    steps: list[tuple[str, int, int]] = []
+def test_the_scenes_take_turns():
+    seen = []
+    steps = []
     costs = measure_scene(
         example("stream-only"),
         runs_of(seen, lambda _: 1.0),
@@ -118,15 +116,15 @@ def test_the_scenes_take_turns() -> None:
     assert {tuple(sorted(order)) for order in orders} == {tuple(sorted(orders[0]))}
 
 
-def test_the_whole_alone_is_measured_where_no_parts_are_wanted() -> None:
-    seen: list[Scene] = []
+def test_the_whole_alone_is_measured_where_no_parts_are_wanted():
+    seen = []
     costs = measure_scene(example("demo"), runs_of(seen, lambda _: 1.0), rounds=2, parts=False)
     assert seen == [example("demo")] * 2
     assert not costs.variants
 
 
-def test_a_scene_without_a_part_that_does_not_run_is_said() -> None:
-    def start_s(scene: Scene) -> float:
+def test_a_scene_without_a_part_that_does_not_run_is_said():
+    def start_s(scene):
         if scene.force_feedback is None:
             raise MmtError("the device is gone")
         return 1.0
@@ -137,15 +135,15 @@ def test_a_scene_without_a_part_that_does_not_run_is_said() -> None:
     assert "force_feedback: not measured, the device is gone" in figures["remarks"]
 
 
-def test_a_whole_scene_that_does_not_run_is_an_error() -> None:
-    def run(_: Scene) -> SceneRun:
+def test_a_whole_scene_that_does_not_run_is_an_error():
+    def run(_):
         raise MmtError("no such port")
 
     with pytest.raises(MmtError, match="no such port"):
         measure_scene(example("demo"), run, rounds=2)
 
 
-def test_the_half_width_of_two_groups_is_that_of_the_t_test() -> None:
+def test_the_half_width_of_two_groups_is_that_of_the_t_test():
     generator = np.random.default_rng(2)
     first, second = generator.normal(0, 1, 5), generator.normal(3, 1, 4)
     interval = stats.ttest_ind(first, second).confidence_interval(0.95)
@@ -153,11 +151,11 @@ def test_the_half_width_of_two_groups_is_that_of_the_t_test() -> None:
     assert half_width([first.tolist(), second.tolist()], 5, 4) == pytest.approx(expected)
 
 
-def test_without_a_repetition_nothing_is_told_apart() -> None:
+def test_without_a_repetition_nothing_is_told_apart():
     assert half_width([[1.0], [2.0]], 1, 1) == math.inf
 
 
-def test_the_figures_for_a_program_are_plain_values() -> None:
+def test_the_figures_for_a_program_are_plain_values():
     scene = example("stream-only")
     figures = measure_scene(scene, runs_of([], lambda _: 1.0), rounds=2).as_dict()
     leader = figures["services"]["leader"]
@@ -172,13 +170,13 @@ def test_the_figures_for_a_program_are_plain_values() -> None:
 
 
 @pytest.mark.parametrize("began_s", [None, 4.0])
-def test_it_says_when_the_model_was_not_in_use(began_s: float | None) -> None:
+def test_it_says_when_the_model_was_not_in_use(began_s):
     run = replace(scene_run(1.0), model_from_s=began_s)
     costs = SceneCosts(Variant((), example("demo"), [run]))
     said = " ".join(costs.as_dict()["remarks"])
     assert ("no model was in use within 18 s" in said) == (began_s is None)
 
 
-def test_packages_are_others_than_pythons_and_our_own() -> None:
+def test_packages_are_others_than_pythons_and_our_own():
     modules = ["json.decoder", "mmt.scene", "numpy", "numpy.linalg", "_cffi_backend", "Zope.x"]
     assert packages_of(modules) == ["numpy", "Zope"]

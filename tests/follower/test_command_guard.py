@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.core.arrays import RecordArray, Vector
+from mmt.core.arrays import Vector
 from mmt.core.frames import COMMAND_DTYPE, frame_dtype
 from mmt.follower.command_guard import CommandGuard
 from mmt.scene import Link
@@ -16,9 +16,7 @@ HOME = (0.0, 0.0, 5.0)
 SECOND_NS = 1_000_000_000
 
 
-def command(
-    *position_mm: float, round_trip_ns: int = 0, time_ns: int = 0, number: int = 0
-) -> tuple[RecordArray, int]:
+def command(*position_mm, round_trip_ns=0, time_ns=0, number=0):
     """A command and its arrival; it echoes a frame of time 1 s, which the leader had for 2 s."""
     block = np.zeros(1, dtype=COMMAND_DTYPE)
     block["position_mm"] = position_mm
@@ -29,7 +27,7 @@ def command(
     return block, 3 * SECOND_NS + round_trip_ns
 
 
-def sent_at(*times_ns: int) -> RecordArray:
+def sent_at(*times_ns):
     """Frames of these times."""
     frames = np.zeros(len(times_ns), dtype=frame_dtype())
     frames["time_ns"] = times_ns
@@ -40,17 +38,11 @@ class Guarded:
     """A guard whose positions and sentences are noted."""
 
     def __init__(
-        self,
-        measured: Vector | None = HOME,
-        normal: str = "z",
-        box_mm: tuple[Vector, Vector] | None = None,
-        rate_hz: float = 1000.0,
-        measures_position: bool = True,
-        **keys: object,
-    ) -> None:
-        self.said: list[str] = []
+        self, measured=HOME, normal="z", box_mm=None, rate_hz=1000.0, measures_position=True, **keys
+    ):
+        self.said = []
         self.measured = measured
-        self.positions: list[Vector | None] = []
+        self.positions = []
         self.guard = CommandGuard(
             Link.model_validate(keys),
             rate_hz,
@@ -61,11 +53,11 @@ class Guarded:
         )
         self.send(SECOND_NS)
 
-    def send(self, *times_ns: int) -> None:
+    def send(self, *times_ns):
         """Send frames of these times."""
         self.guard.echoes.note(sent_at(*times_ns))
 
-    def run(self, ticks: int, position_mm: Vector | None = None) -> None:
+    def run(self, ticks, position_mm=None):
         """Let ticks pass, with a command before each where there is one."""
         for _ in range(ticks):
             if position_mm is not None:
@@ -79,12 +71,12 @@ class Guarded:
         return position
 
 
-def steps_mm(positions: list[Vector | None]) -> list[float]:
+def steps_mm(positions):
     known = np.array([position for position in positions if position is not None])
     return [float(step) for step in np.linalg.norm(np.diff(known, axis=0), axis=1)]
 
 
-def test_nothing_is_commanded_before_the_leader_commands() -> None:
+def test_nothing_is_commanded_before_the_leader_commands():
     robot = Guarded()
     robot.run(300)
     assert robot.positions == [None] * 300
@@ -92,7 +84,7 @@ def test_nothing_is_commanded_before_the_leader_commands() -> None:
     assert robot.guard.summary["silences"] == 0
 
 
-def test_commands_pass_as_they_are_where_the_robot_is_there_already() -> None:
+def test_commands_pass_as_they_are_where_the_robot_is_there_already():
     robot = Guarded()
     path = [(0.2 * k, -0.1 * k, 5.0 - 0.1 * k) for k in range(200)]
     for position in path:
@@ -111,7 +103,7 @@ def test_commands_pass_as_they_are_where_the_robot_is_there_already() -> None:
     }
 
 
-def test_the_robot_begins_where_it_is() -> None:
+def test_the_robot_begins_where_it_is():
     robot = Guarded(measured=None)
     robot.run(3, (10.0, 0.0, 5.0))
     assert robot.positions == [None] * 3
@@ -122,7 +114,7 @@ def test_the_robot_begins_where_it_is() -> None:
     assert robot.newest == (10.0, 0.0, 5.0)
 
 
-def test_a_robot_that_is_not_measured_begins_at_the_first_command() -> None:
+def test_a_robot_that_is_not_measured_begins_at_the_first_command():
     guard = CommandGuard(Link(), 1000.0, "z", measures_position=False, say=lambda _: None)
     guard.echoes.note(sent_at(SECOND_NS))
     guard.receive(*command(3.0, 2.0, 1.0))
@@ -130,7 +122,7 @@ def test_a_robot_that_is_not_measured_begins_at_the_first_command() -> None:
 
 
 @pytest.mark.parametrize("normal", ["x", "y", "z"])
-def test_in_silence_the_robot_retracts_along_the_normal(normal: str) -> None:
+def test_in_silence_the_robot_retracts_along_the_normal(normal):
     robot = Guarded(normal=normal, on_silence="retract", retract_mm=8.0, silence_ms=40.0)
     robot.run(10, HOME)
     robot.run(39)
@@ -160,13 +152,13 @@ def test_in_silence_the_robot_retracts_along_the_normal(normal: str) -> None:
 @pytest.mark.parametrize("first", [1000, 2**32 - 120])
 @pytest.mark.parametrize("stale", [0, 5])
 def test_why_commands_were_missing_is_told_when_they_come_again(
-    sent_meanwhile: int, lost: int, reason: str, first: int, stale: int
-) -> None:
+    sent_meanwhile, lost, reason, first, stale
+):
     """A backlog that arrives at once, its first commands stale, was held up by the network."""
     robot = Guarded(recovery_mm_s=100.0)
     period_ns = SECOND_NS // 1000
 
-    def receive(k: int, tick: int, round_trip_ns: int = 0) -> None:
+    def receive(k, tick, round_trip_ns=0):
         number = (first + k) % 2**32
         robot.guard.receive(
             *command(*HOME, time_ns=tick * period_ns, number=number, round_trip_ns=round_trip_ns)
@@ -186,7 +178,7 @@ def test_why_commands_were_missing_is_told_when_they_come_again(
     )
 
 
-def test_stale_commands_are_thrown_away_and_are_no_end_of_the_silence() -> None:
+def test_stale_commands_are_thrown_away_and_are_no_end_of_the_silence():
     robot = Guarded(stale_ms=300.0)
     robot.run(10, HOME)
     for _ in range(150):
@@ -200,7 +192,7 @@ def test_stale_commands_are_thrown_away_and_are_no_end_of_the_silence() -> None:
     assert robot.newest == pytest.approx((5.0, 0.0, 5.0))
 
 
-def test_a_command_that_echoes_nothing_is_as_old_as_the_first_frame() -> None:
+def test_a_command_that_echoes_nothing_is_as_old_as_the_first_frame():
     robot = Guarded(stale_ms=300.0)
     block, _ = command(1.0, 0.0, 5.0)
     block["echo_time_ns"] = block["echo_age_ns"] = 0
@@ -231,9 +223,7 @@ def test_a_command_that_echoes_nothing_is_as_old_as_the_first_frame() -> None:
         (SECOND_NS, -(2**63)),
     ],
 )
-def test_an_echo_that_cannot_be_true_makes_no_command_fresh(
-    echo_time_ns: int, echo_age_ns: int
-) -> None:
+def test_an_echo_that_cannot_be_true_makes_no_command_fresh(echo_time_ns, echo_age_ns):
     robot = Guarded()
     robot.send(SECOND_NS + 2_000_000)
     robot.run(10, HOME)
@@ -248,7 +238,7 @@ def test_an_echo_that_cannot_be_true_makes_no_command_fresh(
     assert robot.said[0] == "the leader's commands echo no frame that was sent: they are left out"
 
 
-def test_a_frame_of_a_minute_ago_may_be_echoed_but_none_of_an_earlier_connection() -> None:
+def test_a_frame_of_a_minute_ago_may_be_echoed_but_none_of_an_earlier_connection():
     robot = Guarded()
     robot.send(*range(2 * SECOND_NS, 200 * SECOND_NS, 1_000_000))
     block, _ = command(*HOME)
@@ -260,7 +250,7 @@ def test_a_frame_of_a_minute_ago_may_be_echoed_but_none_of_an_earlier_connection
     assert robot.guard.summary["implausible_commands"] == 1
 
 
-def test_after_the_frames_clock_jumped_back_newer_echoes_count_again() -> None:
+def test_after_the_frames_clock_jumped_back_newer_echoes_count_again():
     robot = Guarded()
     robot.send(SECOND_NS // 2, SECOND_NS)
     robot.run(1, HOME)
@@ -268,7 +258,7 @@ def test_after_the_frames_clock_jumped_back_newer_echoes_count_again() -> None:
     assert robot.guard.summary["implausible_commands"] == 0
 
 
-def test_a_jump_of_the_commands_is_slowed_down_and_counted() -> None:
+def test_a_jump_of_the_commands_is_slowed_down_and_counted():
     robot = Guarded(limit_mm_s=500.0)
     robot.run(10, HOME)
     robot.run(900, (40.0, 0.0, 5.0))
@@ -278,7 +268,7 @@ def test_a_jump_of_the_commands_is_slowed_down_and_counted() -> None:
     assert robot.guard.summary["slowed_ticks"] == pytest.approx(790, abs=1)
 
 
-def stroke(robot: Guarded, stalled: range, *, late_ticks: bool = False) -> list[Vector]:
+def stroke(robot, stalled, *, late_ticks=False):
     """Lead 1.5 s at 300 mm/s; commands of the stall come with the first one after it.
 
     With `late_ticks` the follower is what stalls: its ticks are made up for by one call.
@@ -298,9 +288,7 @@ def stroke(robot: Guarded, stalled: range, *, late_ticks: bool = False) -> list[
 
 
 @pytest.mark.parametrize("stall_ms", [80, 165, 500, 1000])
-def test_after_a_stall_of_the_commands_it_recovers_at_its_rate_beyond_the_hand(
-    stall_ms: int,
-) -> None:
+def test_after_a_stall_of_the_commands_it_recovers_at_its_rate_beyond_the_hand(stall_ms):
     positions = stroke(Guarded(), range(400, 400 + stall_ms))
     assert max(steps_mm(list(positions))) <= 0.35 + 1e-4
     travel = [b[0] - a[0] for a, b in zip(positions, positions[100:], strict=False)]
@@ -308,14 +296,14 @@ def test_after_a_stall_of_the_commands_it_recovers_at_its_rate_beyond_the_hand(
 
 
 @pytest.mark.parametrize("stall_ms", [10, 80, 1000])
-def test_after_missed_ticks_a_call_moves_by_no_more_than_the_limit_of_one(stall_ms: int) -> None:
+def test_after_missed_ticks_a_call_moves_by_no_more_than_the_limit_of_one(stall_ms):
     positions = stroke(Guarded(), range(400, 400 + stall_ms), late_ticks=True)
     steps = sorted(steps_mm(list(positions)))
     assert steps[-1] <= 1.0 + 1e-4
     assert steps[-2] <= 0.35 + 1e-4
 
 
-def test_commands_that_come_in_bunches_are_followed_at_the_pace_of_the_hand() -> None:
+def test_commands_that_come_in_bunches_are_followed_at_the_pace_of_the_hand():
     robot = Guarded()
     for k in range(900):
         if k % 5 == 4:
@@ -325,7 +313,7 @@ def test_commands_that_come_in_bunches_are_followed_at_the_pace_of_the_hand() ->
     assert robot.newest[0] == pytest.approx(0.3 * 899, abs=1.5)
 
 
-def test_a_robot_that_is_behind_is_not_hastened_by_uneven_stamps() -> None:
+def test_a_robot_that_is_behind_is_not_hastened_by_uneven_stamps():
     robot = Guarded(measured=(0.0, 0.0, 0.0))
     robot.run(1, (0.0, 0.0, 0.0))
     robot.guard.receive(*command(60.0, 0.0, 0.0, time_ns=SECOND_NS))  # the hand is ahead
@@ -336,11 +324,11 @@ def test_a_robot_that_is_behind_is_not_hastened_by_uneven_stamps() -> None:
             place = (60.0 + 0.2 * tick, 0.0, 0.0)
             robot.guard.receive(*command(*place, time_ns=SECOND_NS + tick * 1_000_000 + late_ns))
         robot.run(1)
-    travelled_mm = robot.newest[0] - robot.positions[100][0]  # type: ignore[index]
+    travelled_mm = robot.newest[0] - robot.positions[100][0]
     assert 60.0 < travelled_mm < (0.2 + 0.05) * 300 + 0.5  # the hand's motion, and the recovery
 
 
-def test_a_fast_stroke_along_the_surface_does_not_hasten_the_way_to_it() -> None:
+def test_a_fast_stroke_along_the_surface_does_not_hasten_the_way_to_it():
     robot = Guarded()
     for k in range(200):
         robot.guard.receive(*command(0.3 * k, 0.0, 0.0, time_ns=k * 1_000_000))
@@ -362,9 +350,7 @@ coordinates = st.floats(-1e6, 1e6)
         max_size=60,
     ),
 )
-def test_whatever_comes_and_whenever_the_robot_never_jumps(
-    on_silence: str, ticks: list[tuple[Vector | None, int]]
-) -> None:
+def test_whatever_comes_and_whenever_the_robot_never_jumps(on_silence, ticks):
     robot = Guarded(on_silence=on_silence)
     limit_mm = Link().limit_mm_s / 1000.0
     before = HOME
@@ -379,9 +365,7 @@ def test_whatever_comes_and_whenever_the_robot_never_jumps(
 
 
 @pytest.mark.parametrize("along", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.6, -0.8)])
-def test_on_each_axis_the_robot_begins_and_recovers_at_its_rate_beyond_the_hand(
-    along: Vector,
-) -> None:
+def test_on_each_axis_the_robot_begins_and_recovers_at_its_rate_beyond_the_hand(along):
     """The hand goes at 300 mm/s and commands every second tick, with a silence in between."""
     robot = Guarded(silence_ms=50.0)
     start = np.add(HOME, np.multiply(3.0, along))
@@ -402,7 +386,7 @@ def test_on_each_axis_the_robot_begins_and_recovers_at_its_rate_beyond_the_hand(
 @pytest.mark.parametrize(
     ("silence_ms", "rate_hz", "ticks"), [(1000.0, 1000.0, 1000), (10.0, 100.0, 1)]
 )
-def test_silence_is_counted_in_ticks(silence_ms: float, rate_hz: float, ticks: int) -> None:
+def test_silence_is_counted_in_ticks(silence_ms, rate_hz, ticks):
     robot = Guarded(silence_ms=silence_ms, rate_hz=rate_hz)
     robot.run(1, HOME)
     robot.run(ticks - 1)
@@ -414,14 +398,13 @@ def test_silence_is_counted_in_ticks(silence_ms: float, rate_hz: float, ticks: i
     assert robot.guard.summary["silences"] == 2
 
 
-def test_missed_ticks_count_for_the_retraction_and_the_recovery() -> None:
+def test_missed_ticks_count_for_the_retraction_and_the_recovery():
     robot = Guarded(on_silence="retract", silence_ms=10.0)
     robot.guard.receive(*command(9.0, 0.0, 5.0))
     assert robot.guard.step(4, lambda: HOME) == pytest.approx((4 * 0.05, 0.0, 5.0))
     robot.run(10)
     before = robot.newest
     after = robot.guard.step(4, lambda: HOME)
-    assert after is not None
     assert after[2] - before[2] == pytest.approx(4 * 0.05)
 
 
@@ -430,7 +413,7 @@ def test_missed_ticks_count_for_the_retraction_and_the_recovery() -> None:
 BOX_MM = ((-10.0, -10.0, 0.0), (10.0, 10.0, 12.0))
 
 
-def test_a_command_outside_the_workspace_is_clipped_counted_and_said_once() -> None:
+def test_a_command_outside_the_workspace_is_clipped_counted_and_said_once():
     robot = Guarded(box_mm=BOX_MM, recovery_mm_s=1000.0)
     robot.run(5, HOME)
     robot.run(60, (30.0, 3.0, -40.0))
@@ -442,9 +425,7 @@ def test_a_command_outside_the_workspace_is_clipped_counted_and_said_once() -> N
     assert robot.guard.summary["clipped_commands"] == 60
 
 
-def test_commands_that_stay_outside_the_workspace_are_said_when_they_leave_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_commands_that_stay_outside_the_workspace_are_said_when_they_leave_it(monkeypatch):
     monkeypatch.setattr("mmt.core.logs.REPEAT_PERIOD_S", 0.0)
     robot = Guarded(box_mm=BOX_MM)
     for _ in range(2):
@@ -453,14 +434,14 @@ def test_commands_that_stay_outside_the_workspace_are_said_when_they_leave_it(
     assert robot.said == ["commanded to (30, 0, 5) mm, outside workspace_mm: clipped"] * 2
 
 
-def test_a_retraction_ends_at_the_workspace() -> None:
+def test_a_retraction_ends_at_the_workspace():
     robot = Guarded(box_mm=BOX_MM, on_silence="retract", retract_mm=50.0, recovery_mm_s=100.0)
     robot.run(20, HOME)
     robot.run(400)
     assert robot.newest == pytest.approx((0.0, 0.0, 12.0))
 
 
-def test_a_robot_outside_its_workspace_comes_in_at_the_recovery_speed() -> None:
+def test_a_robot_outside_its_workspace_comes_in_at_the_recovery_speed():
     robot = Guarded(measured=(30.0, 0.0, 5.0), box_mm=BOX_MM, recovery_mm_s=50.0)
     robot.run(500, (40.0, 0.0, 5.0))
     assert robot.newest == pytest.approx((10.0, 0.0, 5.0))
@@ -468,7 +449,7 @@ def test_a_robot_outside_its_workspace_comes_in_at_the_recovery_speed() -> None:
 
 
 @pytest.mark.parametrize("broken", [math.nan, math.inf, -math.inf])
-def test_a_command_that_is_not_finite_counts_as_none(broken: float) -> None:
+def test_a_command_that_is_not_finite_counts_as_none(broken):
     robot = Guarded()
     robot.run(20, HOME)
     robot.run(300, (broken, 0.0, 0.0))
@@ -479,7 +460,7 @@ def test_a_command_that_is_not_finite_counts_as_none(broken: float) -> None:
 # --- a device is lost
 
 
-def test_a_halt_holds_whatever_the_leader_commands() -> None:
+def test_a_halt_holds_whatever_the_leader_commands():
     robot = Guarded()
     robot.run(20, HOME)
     robot.guard.halt("hold")
@@ -494,7 +475,7 @@ def test_a_halt_holds_whatever_the_leader_commands() -> None:
     assert robot.guard.summary["silences"] == 0
 
 
-def test_a_halt_retracts_along_the_normal_where_the_scene_says_so() -> None:
+def test_a_halt_retracts_along_the_normal_where_the_scene_says_so():
     robot = Guarded(normal="x", on_silence="hold", retract_mm=5.0, recovery_mm_s=100.0)
     robot.run(20, HOME)
     robot.guard.halt("retract")
@@ -506,7 +487,7 @@ def test_a_halt_retracts_along_the_normal_where_the_scene_says_so() -> None:
 
 
 @pytest.mark.parametrize("measured", [HOME, (3.0, 0.0, 5.0)])
-def test_after_a_halt_the_robot_begins_where_it_is(measured: Vector) -> None:
+def test_after_a_halt_the_robot_begins_where_it_is(measured):
     robot = Guarded(recovery_mm_s=50.0)
     robot.run(20, HOME)
     robot.guard.halt("hold")
@@ -515,12 +496,12 @@ def test_after_a_halt_the_robot_begins_where_it_is(measured: Vector) -> None:
     robot.measured = measured
     robot.positions.clear()
     robot.run(1000, (10.0, 0.0, 5.0))
-    assert math.dist(robot.positions[0], measured) <= 0.05 + 1e-9  # type: ignore[arg-type]
+    assert math.dist(robot.positions[0], measured) <= 0.05 + 1e-9
     assert max(steps_mm(robot.positions)) <= 0.05 + 1e-9
     assert robot.newest == pytest.approx((10.0, 0.0, 5.0))
 
 
-def test_halts_are_counted_and_are_no_silence_of_the_leader() -> None:
+def test_halts_are_counted_and_are_no_silence_of_the_leader():
     robot = Guarded(measures_position=False)
     for _ in range(2):
         robot.run(20, HOME)
@@ -538,7 +519,7 @@ def test_halts_are_counted_and_are_no_silence_of_the_leader() -> None:
     assert robot.guard.summary["silent_s"] == pytest.approx(0.007)
 
 
-def test_after_a_halt_the_hand_is_followed_at_its_own_speed() -> None:
+def test_after_a_halt_the_hand_is_followed_at_its_own_speed():
     robot = Guarded()
     robot.run(20, HOME)
     robot.guard.halt("hold")
@@ -550,7 +531,7 @@ def test_after_a_halt_the_hand_is_followed_at_its_own_speed() -> None:
     assert robot.newest == pytest.approx((29.7, 0.0, 5.0))
 
 
-def test_a_halt_before_the_first_command_commands_nothing() -> None:
+def test_a_halt_before_the_first_command_commands_nothing():
     robot = Guarded()
     robot.guard.halt("retract")
     robot.run(50, HOME)

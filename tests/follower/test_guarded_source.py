@@ -1,18 +1,16 @@
 """The robot is driven within its limits, and holds or retracts while a device is lost."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 
-from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import COMMAND_DTYPE, empty_frames
 from mmt.follower.guarded_source import GuardedSource
 from mmt.scene.files import scene_from_tables
 
 BOX_MM = ((-50.0, -40.0, -10.0), (50.0, 60.0, 80.0))
-LIMITS: dict[str, Any] = {"workspace_mm": BOX_MM, "acceleration_limit_mm_s2": 20_000.0}
+LIMITS = {"workspace_mm": BOX_MM, "acceleration_limit_mm_s2": 20_000.0}
 ARM = {"robot": "a:B"}
 
 
@@ -23,26 +21,26 @@ class Source:
     annotations = b""
     summary = {"robot": {"losses": 1}}  # noqa: RUF012 - it does not change
 
-    def __init__(self) -> None:
-        self.taken: list[Vector | None] = []
-        self.measures: Vector | None = None
+    def __init__(self):
+        self.taken = []
+        self.measures = None
 
-    def start(self, start_time_ns: int) -> None: ...
+    def start(self, start_time_ns): ...
 
-    def open(self) -> None: ...
+    def open(self): ...
 
-    def close(self) -> None: ...
+    def close(self): ...
 
-    def describe(self) -> str:
+    def describe(self):
         return "notes"
 
-    def on_loss(self, callback: Any) -> None:
+    def on_loss(self, callback):
         self.lose = callback
 
-    def on_late_frames(self, callback: Any) -> None:
+    def on_late_frames(self, callback):
         self.come_late = callback
 
-    def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
+    def step(self, elapsed, now_ns, command_position_mm):
         assert elapsed == 1 < now_ns
         self.taken.append(command_position_mm)
         frames = empty_frames(0 if self.measures is None else 1)
@@ -57,32 +55,32 @@ class Feedback:
     summary = {"method": "none"}  # noqa: RUF012 - it does not change
     ticks = 0
 
-    def command(self, position_mm: Vector | None) -> Vector | None:
+    def command(self, position_mm):
         self.ticks += 1
         if position_mm is None or self.ticks % 3:
             return position_mm
         x, y, z = position_mm
         return (x + 30.0, y, z)
 
-    def measured(self, frames: RecordArray) -> RecordArray | None:
+    def measured(self, frames):
         return frames[["time_ns"]]
 
-    def on_records(self, records: RecordArray) -> None: ...
+    def on_records(self, records): ...
 
-    def restart(self) -> None: ...
+    def restart(self): ...
 
 
 class Driven:
     """A guarded source, and what it says and sends."""
 
-    def __init__(self, feedback: Feedback | None = None, **tables: Any) -> None:
+    def __init__(self, feedback=None, **tables):
         scene = scene_from_tables({"link": {}, "texture": {"normal": "y"}, **tables})
         self.source, self.said, self.sent = Source(), [], []
         self.guarded = GuardedSource(
             scene, self.source, feedback, self.said.append, lambda *some: self.sent.append(some)
         )
 
-    def command(self, position_mm: Vector, ticks: int = 1, echo_ns: int = 0) -> Vector | None:
+    def command(self, position_mm, ticks=1, echo_ns=0):
         block = np.zeros(1, COMMAND_DTYPE)
         block["position_mm"], block["echo_time_ns"] = position_mm, echo_ns
         for _ in range(ticks):
@@ -92,7 +90,7 @@ class Driven:
 
 
 @pytest.mark.parametrize("tables", [{"simulated": LIMITS}, {"devices": LIMITS | ARM}])
-def test_the_limits_of_a_scene_hold_behind_guard_and_feedback(tables: dict[str, Any]) -> None:
+def test_the_limits_of_a_scene_hold_behind_guard_and_feedback(tables):
     driven = Driven(Feedback(), hand={}, link={"limit_mm_s": 120.0}, **tables)
     driven.source.measures = (0.0, 0.0, 0.0)
     for tick in range(900):
@@ -109,7 +107,7 @@ def test_the_limits_of_a_scene_hold_behind_guard_and_feedback(tables: dict[str, 
 @pytest.mark.parametrize(
     ("on_lost", "said"), [("hold", "holding"), ("retract", "retracting"), ("stop", None)]
 )
-def test_while_a_device_is_lost_the_robot_takes_no_commands(on_lost: str, said: str | None) -> None:
+def test_while_a_device_is_lost_the_robot_takes_no_commands(on_lost, said):
     driven = Driven(hand={}, devices=LIMITS | ARM | {"on_lost": on_lost})
     source = driven.source
     assert driven.command((5.0, 5.0, 5.0)) is None  # not measured yet
@@ -132,7 +130,7 @@ def test_while_a_device_is_lost_the_robot_takes_no_commands(on_lost: str, said: 
 
 
 @pytest.mark.parametrize("feedback", [None, Feedback()])
-def test_frames_go_with_the_news_of_the_feedback_and_may_be_echoed(feedback: Any) -> None:
+def test_frames_go_with_the_news_of_the_feedback_and_may_be_echoed(feedback):
     driven = Driven(feedback, hand={}, devices=ARM)
     assert driven.guarded.step(1)[1] is None  # no frame
     driven.source.measures = (1.0, 2.0, 3.0)
@@ -150,7 +148,7 @@ def test_frames_go_with_the_news_of_the_feedback_and_may_be_echoed(feedback: Any
     assert driven.guarded.summary["feedback"] == ({"method": "none"} if feedback else {})
 
 
-def test_a_recording_follows_no_commands() -> None:
+def test_a_recording_follows_no_commands():
     driven = Driven(replay={"file": "a.mcap"})
     driven.guarded.connect()
     assert driven.command((1.0, 2.0, 3.0), 50) is None

@@ -14,7 +14,7 @@ from mmt.scene.files import scene_from_tables
 MS = 1_000_000
 
 
-def settled(limit: SilenceLimit, round_trips_ms: "list[float] | np.ndarray") -> float:
+def settled(limit, round_trips_ms):
     """The limit (ms) after commands of a second and more, one a millisecond."""
     for tick, round_trip_ms in enumerate(round_trips_ms):
         limit.add(round(round_trip_ms * MS), tick * MS)
@@ -24,13 +24,11 @@ def settled(limit: SilenceLimit, round_trips_ms: "list[float] | np.ndarray") -> 
 @pytest.mark.parametrize(
     ("round_trip_ms", "limit_ms"), [(1, 100), (40, 100), (80, 180), (500, 250)]
 )
-def test_over_an_even_path_it_is_two_round_trips_and_a_margin(
-    round_trip_ms: float, limit_ms: float
-) -> None:
+def test_over_an_even_path_it_is_two_round_trips_and_a_margin(round_trip_ms, limit_ms):
     assert settled(SilenceLimit(Link()), [round_trip_ms] * 4000) == pytest.approx(limit_ms, abs=1)
 
 
-def test_it_follows_the_estimator_of_rfc_6298_one_sample_a_round_trip() -> None:
+def test_it_follows_the_estimator_of_rfc_6298_one_sample_a_round_trip():
     limit = SilenceLimit(Link())
     limits_ms = [limit.limit_ns / MS]
     for round_trip_ms, arrival_ms in ((40, 0), (72, 39), (72, 40), (72, 83)):
@@ -40,12 +38,12 @@ def test_it_follows_the_estimator_of_rfc_6298_one_sample_a_round_trip() -> None:
     assert limits_ms == [100, 160, 160, 180, 180]
 
 
-def test_it_is_longer_where_round_trips_differ() -> None:
+def test_it_is_longer_where_round_trips_differ():
     uneven = 50.0 + np.random.default_rng(1).exponential(20.0, 6000)
     assert settled(SilenceLimit(Link()), uneven) > settled(SilenceLimit(Link()), [70.0] * 6000)
 
 
-def test_a_burst_of_commands_counts_as_one_sample() -> None:
+def test_a_burst_of_commands_counts_as_one_sample():
     limit = SilenceLimit(Link())
     settled(limit, [80.0] * 3000)
     one = SilenceLimit(Link())
@@ -57,24 +55,24 @@ def test_a_burst_of_commands_counts_as_one_sample() -> None:
 
 
 @given(st.lists(st.integers(0, 2**62), min_size=1, max_size=50), st.floats(10, 10_000))
-def test_it_never_leaves_its_bounds(round_trips_ns: list[int], longest_ms: float) -> None:
+def test_it_never_leaves_its_bounds(round_trips_ns, longest_ms):
     limit = SilenceLimit(Link(silence_ms=10.0, longest_silence_ms=longest_ms))
     for number, round_trip_ns in enumerate(round_trips_ns):
         limit.add(round_trip_ns, number * 500 * MS)
         assert 10 * MS <= limit.limit_ns <= round(longest_ms * MS)
 
 
-def test_a_scene_that_sets_the_silence_keeps_it() -> None:
+def test_a_scene_that_sets_the_silence_keeps_it():
     assert settled(SilenceLimit(Link(silence_ms=50.0)), [300.0] * 3000) == 50
 
 
-def test_a_longest_silence_below_the_usual_one_is_refused() -> None:
+def test_a_longest_silence_below_the_usual_one_is_refused():
     link = {"silence_ms": 200.0, "longest_silence_ms": 150.0}
     with pytest.raises(InputError, match=r"longest_silence_ms is 150.*200"):
         scene_from_tables({"link": link})
 
 
-def note(echoes: EchoCheck, *times_ns: int) -> EchoCheck:
+def note(echoes, *times_ns):
     frames = empty_frames(len(times_ns), ["force"])
     frames["time_ns"] = times_ns
     echoes.note(frames)
@@ -82,7 +80,7 @@ def note(echoes: EchoCheck, *times_ns: int) -> EchoCheck:
 
 
 @pytest.mark.parametrize("age_ns", [0, 1, 999_999, 10**12])
-def test_a_round_trip_may_be_below_zero_by_what_two_clocks_differ(age_ns: int) -> None:
+def test_a_round_trip_may_be_below_zero_by_what_two_clocks_differ(age_ns):
     assert EchoCheck().round_trip_ns(0, 0, 5 * MS) == 0
     echoes = note(note(EchoCheck(), 2 * MS, 3 * MS), 3 * MS)  # its clock stood still
     assert echoes.round_trip_ns(2 * MS, 0, 5 * MS) == 3 * MS
@@ -93,9 +91,7 @@ def test_a_round_trip_may_be_below_zero_by_what_two_clocks_differ(age_ns: int) -
     assert echoes.round_trip_ns(3 * MS, age_ns, 2 * MS + age_ns - age_ns // 1000 - 1) is None
 
 
-def test_the_newest_frames_are_known_and_no_more_than_twice_as_many(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_newest_frames_are_known_and_no_more_than_twice_as_many(monkeypatch):
     monkeypatch.setattr("mmt.follower.round_trips._KEPT", 10)
     echoes, newest = EchoCheck(), 0
     for count in (*[1] * 50, 9, 11, 50):

@@ -3,8 +3,6 @@
 import os
 import struct
 import time
-from collections.abc import Callable
-from typing import Any
 
 import msgpack
 from hypothesis import HealthCheck, given, seed, settings
@@ -47,14 +45,14 @@ _CHUNK = settings(
 )
 
 
-def fuzz(body: Callable[..., None], *strategies: st.SearchStrategy[Any], share: float = 1.0) -> int:
+def fuzz(body, *strategies, share=1.0):
     """Run a test on made examples for a share of `SECONDS`; return how many there were.
 
     The examples are the same in every run; a longer one goes on where a shorter one stops.
     """
     count = 0
 
-    def example(values: tuple[Any, ...]) -> None:
+    def example(values):
         nonlocal count
         count += 1
         body(*values)
@@ -66,7 +64,7 @@ def fuzz(body: Callable[..., None], *strategies: st.SearchStrategy[Any], share: 
     return count
 
 
-def numbers(kind: str) -> st.SearchStrategy[Any]:
+def numbers(kind):
     """Numbers of a struct code, the extremes more often than chance would."""
     if kind in "df":
         return st.floats(width=32) | st.sampled_from([0.0, 1e38, -1e38, 1e6, 1.0])
@@ -76,7 +74,7 @@ def numbers(kind: str) -> st.SearchStrategy[Any]:
     return near | st.sampled_from([low, high, high - 1, 2**31]) | st.integers(low, high)
 
 
-def records(layout: str) -> st.SearchStrategy[bytes]:
+def records(layout):
     """One to five packed records, or something that is nearly that."""
     codes = list(layout)
     one = st.tuples(*(numbers(code) for code in codes)).map(
@@ -115,10 +113,10 @@ ANYTHING = st.recursive(
 ARGUMENTS = st.lists(ANYTHING, max_size=3)
 
 
-def packet(kind: object, data: object, **more: object) -> bytes:
+def packet(kind, data, **more):
     """Return a Socket.IO packet as the link's serializer writes it."""
     content = {"type": kind, "data": data, "nsp": "/", **more}
-    return msgpack.packb(content)  # type: ignore[no-any-return]
+    return msgpack.packb(content)
 
 
 EVENT_PACKETS = st.builds(

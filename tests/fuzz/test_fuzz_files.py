@@ -7,10 +7,8 @@ import io
 import resource
 import time
 import zipfile
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import fuzzing
 import numpy as np
@@ -36,20 +34,20 @@ TIME_S = np.arange(200) / 500
 VECTORS = np.random.default_rng(1).standard_normal((200, 3))
 
 
-def _packed(**arrays: Any) -> bytes:
+def _packed(**arrays):
     stream = io.BytesIO()
     np.savez_compressed(stream, **arrays)
     return stream.getvalue()
 
 
-def _recorded(path: Path) -> bytes:
+def _recorded(path):
     frames, truth = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=0.3)
     events = [{"time_s": 0.1, "event": "mark"}]
     write_session(path, frames, scene=mmt.Scene().dump(), annotations=truth, events=events)
     return path.read_bytes()
 
 
-def _workbook() -> bytes:
+def _workbook():
     openpyxl = pytest.importorskip("openpyxl")
     book, stream = openpyxl.Workbook(), io.BytesIO()
     book.active.append(["time_s", "force_x_n", "force_y_n", "force_z_n"])
@@ -59,7 +57,7 @@ def _workbook() -> bytes:
     return stream.getvalue()
 
 
-def _table() -> bytes:
+def _table():
     rows = [",".join(map(str, row)) for row in np.column_stack([TIME_S, VECTORS]).tolist()]
     return "\n".join(["time_s,force_x_n,force_y_n,force_z_n", *rows]).encode()
 
@@ -71,7 +69,7 @@ HATT = b"""<?xml version="1.0"?><modelSet><material>x</material><numMod>1</numMo
 <value>2</value></ARlsf></model></modelSet>"""
 
 
-def _bytes_of(reads: Callable[[bytes], object]) -> Callable[[Path], object]:
+def _bytes_of(reads):
     return lambda path: reads(path.read_bytes())
 
 
@@ -80,7 +78,7 @@ READ_CAL = _bytes_of(parse_calibration_file)
 
 MODEL = next(Path(mmt.__file__).parent.glob("models/*.npz"), None)
 
-KINDS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]]] = {
+KINDS = {
     "archive": (".npz", lambda _: _packed(time_s=TIME_S, force_n=VECTORS), import_session),
     "table": (".csv", lambda _: _table(), import_session),
     "workbook": (".xlsx", lambda _: _workbook(), import_session),
@@ -102,12 +100,11 @@ KINDS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]]] 
 }
 
 
-def _model() -> bytes:
-    assert MODEL is not None
+def _model():
     return MODEL.read_bytes()
 
 
-def _changed(data: bytes, changes: list[tuple[str, int, bytes]]) -> bytes:
+def _changed(data, changes):
     for how, at, piece in changes:
         place = at % (len(data) + 1)
         match how:
@@ -151,7 +148,7 @@ CHANGES = st.lists(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_damaged_file_is_read_or_refused_in_a_sentence(tmp_path: Path, kind: str) -> None:
+def test_a_damaged_file_is_read_or_refused_in_a_sentence(tmp_path, kind):
     suffix, make, reads = KINDS[kind]
     path = tmp_path / f"file{suffix}"
     whole = make(path)
@@ -159,7 +156,7 @@ def test_a_damaged_file_is_read_or_refused_in_a_sentence(tmp_path: Path, kind: s
     if kind != "calibration":  # of which none may be passed on
         reads(path)
 
-    def body(changes: list[tuple[str, int, bytes]]) -> None:
+    def body(changes):
         path.write_bytes(_changed(whole, changes))
         began_s = time.monotonic()
         try:
@@ -174,12 +171,12 @@ def test_a_damaged_file_is_read_or_refused_in_a_sentence(tmp_path: Path, kind: s
     assert fuzzing.fuzz(body, CHANGES, share=0.2) > 5
 
 
-def _deep_toml() -> bytes:
+def _deep_toml():
     return b"x = " + b"[" * 100_000
 
 
 @cache
-def _bomb(size: int) -> bytes:
+def _bomb(size):
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         header = io.BytesIO()
@@ -193,7 +190,7 @@ def _bomb(size: int) -> bytes:
     return stream.getvalue()
 
 
-def _laughs(encoding: str) -> bytes:
+def _laughs(encoding):
     entities = "".join(f'<!ENTITY a{n} "{f"&a{n - 1};" * 10}">' for n in range(1, 10))
     text = f'<?xml version="1.0" encoding="{encoding}"?><!DOCTYPE x [<!ENTITY a0 "ha">{entities}]>'
     return (text + "<modelSet>&a9;</modelSet>").encode(encoding)
@@ -220,13 +217,7 @@ def _laughs(encoding: str) -> bytes:
         ),
     ],
 )  # fmt: skip
-def test_a_hostile_file_is_refused_at_once(
-    tmp_path: Path,
-    name: str,
-    content: Callable[[], bytes],
-    reads: Callable[[Path], object],
-    reason: str,
-) -> None:
+def test_a_hostile_file_is_refused_at_once(tmp_path, name, content, reads, reason):
     path = tmp_path / name
     path.write_bytes(content())
     before_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -2,17 +2,13 @@
 
 import asyncio
 import math
-from collections.abc import Callable, Iterator
-from typing import Any
 
 import fuzzing
 import pytest
 from hypothesis import strategies as st
 
-from mmt.core.arrays import Vector
 from mmt.follower.service import Follower
 from mmt.link.connection import LeaderConnection
-from mmt.link.websocket import Handlers
 from mmt.scene.files import scene_from_tables
 
 LIMIT_MM_S = 200.0
@@ -21,31 +17,31 @@ LIMIT_MM_S = 200.0
 class Watched:
     """A follower in its session whose robot notes what it is told."""
 
-    def __init__(self) -> None:
-        tables: dict[str, Any] = {
+    def __init__(self):
+        tables = {
             "link": {"limit_mm_s": LIMIT_MM_S},
             "simulated": {},
             "hand": {},
             "force_feedback": {},
             "network": {},
         }
-        self.told: list[Vector] = []
+        self.told = []
         self.service = Follower(scene_from_tables(tables))
         self.service.source.start(0)
         self.client = self.service.client
-        self.handlers: dict[str, Callable[..., None]] = {}
+        self.handlers = {}
         self._step = self.service.source.step
-        self.service.source.step = self._note  # type: ignore[method-assign]
+        self.service.source.step = self._note
 
-    def _note(self, elapsed: int, now_ns: int, command: Vector | None) -> Any:
+    def _note(self, elapsed, now_ns, command):
         if command is not None:
             self.told.append(command)
         return self._step(elapsed, now_ns, command)
 
-    async def connect(self) -> None:
+    async def connect(self):
         """Take the place of the library, which a leader's events come from."""
 
-        async def open_(_: Any, handlers: Handlers, frequent: Handlers, timeout_s: float) -> None:
+        async def open_(_, handlers, frequent, timeout_s):
             self.handlers = {**handlers, **frequent}
 
         with pytest.MonkeyPatch.context() as patch:
@@ -53,21 +49,19 @@ class Watched:
             await self.client.connect(1.0)
         self.client.endpoint.restart()
 
-    def tick(self) -> None:
+    def tick(self):
         self.service._tick(1)  # its run would need a leader, and a second for each example
 
 
 @pytest.fixture(scope="module")
-def runner() -> Iterator[asyncio.Runner]:
+def runner():
     with asyncio.Runner() as made:
         yield made
 
 
-def test_nothing_that_a_leader_sends_ends_the_follower_or_moves_the_robot_too_fast(
-    runner: asyncio.Runner,
-) -> None:
-    def attack(messages: list[tuple[str, list[Any]]]) -> None:
-        async def session() -> None:
+def test_nothing_that_a_leader_sends_ends_the_follower_or_moves_the_robot_too_fast(runner):
+    def attack(messages):
+        async def session():
             watched = Watched()
             await watched.connect()
             for event, arguments in messages:

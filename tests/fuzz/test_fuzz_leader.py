@@ -3,9 +3,6 @@
 import asyncio
 import contextlib
 import math
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import aiohttp
 import fuzzing
@@ -15,8 +12,7 @@ import pytest
 from hypothesis import strategies as st
 
 from mmt.core.errors import FAILED, MmtError
-from mmt.core.frames import CONTACT, ENERGY, Channel, frame_dtype
-from mmt.leader.reports import LeaderSummary
+from mmt.core.frames import CONTACT, ENERGY, frame_dtype
 from mmt.leader.service import Leader
 from mmt.link.access import Access
 from mmt.link.client import FollowerClient
@@ -32,7 +28,7 @@ LIMIT_N = 2.0
 MOST_GROWTH_MB = 300.0
 
 CHANNELS = frame_dtype()
-NAMES: tuple[Channel, ...] = ("position", "force", "acceleration")
+NAMES = ("position", "force", "acceleration")
 HELLO = FollowerHello(channels=NAMES, source="fuzz").to_auth()
 
 MOVES = (
@@ -65,7 +61,7 @@ EXTRA = {"streamed": "", "passive": ENERGY, "model": CONTACT}
 class Attacked:
     """A leader that is started anew when a session has ended, and what came out of it."""
 
-    def __init__(self, directory: Path, method: str) -> None:
+    def __init__(self, directory, method):
         self.extra = EXTRA[method]
         self._scene = scene_from_tables(
             {
@@ -82,11 +78,11 @@ class Attacked:
                 "session": {"duration_s": 3600},
             }
         )
-        self.http: aiohttp.ClientSession | None = None
-        self.leader: Leader | None = None
-        self._running: asyncio.Task[LeaderSummary] | None = None
+        self.http = None
+        self.leader = None
+        self._running = None
 
-    async def ready(self) -> Leader:
+    async def ready(self):
         """Return a leader that listens: the one that there is, or a new one."""
         self.http = self.http or aiohttp.ClientSession()
         if self.leader is not None and self._running is not None:
@@ -102,7 +98,7 @@ class Attacked:
         waiting.cancel()
         return leader
 
-    async def close(self) -> None:
+    async def close(self):
         if self.leader is not None and self._running is not None:
             self.leader.stop()
             check_end(await asyncio.wait_for(self._running, 30))
@@ -110,31 +106,31 @@ class Attacked:
             await self.http.close()
 
 
-def check_end(summary: LeaderSummary) -> None:
+def check_end(summary):
     assert not summary.outcome.startswith(FAILED), summary.outcome
 
 
-def watch(leader: Leader) -> None:
+def watch(leader):
     """Let whatever leaves the limits raise in the tick, which ends the session as failed."""
     actuator = leader.parts.vibration.actuator
     hand = leader.parts.hand.device
     play, show = actuator.write, hand.write
 
-    def write(samples_m_s2: Any) -> None:
+    def write(samples_m_s2):
         values = np.asarray(samples_m_s2)
         assert np.isfinite(values).all()
         assert (np.abs(values) <= LIMIT_M_S2).all()
         play(samples_m_s2)
 
-    def display(force_n: Any) -> None:
+    def display(force_n):
         assert math.hypot(*force_n) <= LIMIT_N * (1 + 1e-9)
         show(force_n)
 
-    actuator.write = write  # type: ignore[method-assign]
-    hand.write = display  # type: ignore[method-assign]
+    actuator.write = write
+    hand.write = display
 
 
-async def attack(attacked: Attacked, moves: list[tuple[str, Any]]) -> None:
+async def attack(attacked, moves):
     leader = await attacked.ready()
     assert attacked.http is not None
     url = f"http://127.0.0.1:{leader.port}/socket.io/?EIO=4&transport=websocket"
@@ -157,7 +153,7 @@ async def attack(attacked: Attacked, moves: list[tuple[str, Any]]) -> None:
             pass  # it may cut off who behaves so
 
 
-async def send_raw(port: int | None, content: bytes) -> None:
+async def send_raw(port, content):
     _, writer = await asyncio.open_connection("127.0.0.1", port)
     writer.write(content)
     with contextlib.suppress(ConnectionError):
@@ -167,7 +163,7 @@ async def send_raw(port: int | None, content: bytes) -> None:
         await writer.wait_closed()
 
 
-async def serve_a_good_one(attacked: Attacked) -> None:
+async def serve_a_good_one(attacked):
     """Whatever went before, the next follower is served."""
     leader = await attacked.ready()
     async with asyncio.timeout(30):
@@ -196,21 +192,21 @@ async def serve_a_good_one(attacked: Attacked) -> None:
 
 
 @pytest.fixture(scope="module")
-def runner() -> Iterator[asyncio.Runner]:
+def runner():
     with asyncio.Runner() as made:
         yield made
 
 
 @pytest.mark.parametrize("method", ["streamed", "passive", "model"])
 def test_nothing_that_anybody_sends_ends_the_leader_or_leaves_its_limits(
-    method: str, runner: asyncio.Runner, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+    method, runner, tmp_path, caplog
+):
     attacked = Attacked(tmp_path, method)
     process = psutil.Process()
     runner.run(serve_a_good_one(attacked))
     before_mb = process.memory_info().rss / 1e6
 
-    def example(polite: bool, moves: list[tuple[str, Any]]) -> None:
+    def example(polite, moves):
         caplog.clear()
         first = [("hello", {**HELLO, "extra": attacked.extra})] if polite else []
         runner.run(attack(attacked, [*first, *moves]))
@@ -223,10 +219,10 @@ def test_nothing_that_anybody_sends_ends_the_leader_or_leaves_its_limits(
     assert process.memory_info().rss / 1e6 - before_mb < MOST_GROWTH_MB
 
 
-def test_whatever_arrives_is_read_or_counted() -> None:
+def test_whatever_arrives_is_read_or_counted():
     reader, now_ns = BlockReader(CHANNELS, "frames"), 10**10
 
-    def example(message: bytes, arguments: list[Any], frames: bytes, silence_ns: int) -> None:
+    def example(message, arguments, frames, silence_ns):
         packet = decode_packet(message)
         event = None if packet is None else binary_event(packet)
         assert event is None or (isinstance(event[0], str) and isinstance(event[1], bytes))
@@ -249,10 +245,10 @@ def test_whatever_arrives_is_read_or_counted() -> None:
     fuzzing.fuzz(example, fuzzing.BINARY, fuzzing.ARGUMENTS, fuzzing.FRAMES, silences)
 
 
-def test_whatever_hello_is_admitted_is_one_or_is_refused() -> None:
+def test_whatever_hello_is_admitted_is_one_or_is_refused():
     access = Access("a token of sixteen")
 
-    def example(auth: Any, key: str, value: Any) -> None:
+    def example(auth, key, value):
         changed = {**HELLO, "token": "a token of sixteen", key: value}
         for offered in (auth, changed):
             try:

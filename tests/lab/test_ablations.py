@@ -17,7 +17,6 @@ HEADINGS = {"ridges", "nap"}
 
 def rendered(case, blocks):
     model = build(blocks, ModellingSettings(inputs=case.inputs)).model_at(10.0)
-    assert model is not None
     speeds, forces = (axis.ravel() for axis in np.meshgrid([11, 90, 200, 280], [0.11, 1.0, 2.5]))
     density = model.spectrum(speeds, forces, frequencies_hz=np.arange(8.0, 500.0, 4.0))
     return np.concatenate([density.ravel(), model.level_db(speeds, forces)[1]])

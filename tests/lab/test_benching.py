@@ -1,6 +1,5 @@
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from command_runs import refusal
@@ -12,7 +11,7 @@ from mmt_lab.harness import command
 from mmt_lab.harness.findings import Findings, Target
 
 
-def test_the_evaluation_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_evaluation_is_measured(monkeypatch):
     monkeypatch.setattr(evaluate, "EVALUATIONS", {(6.0, 1): (2, 1.0), (6.0, 2): (1, 1e6)})
     _, figures = run_benches(["evaluate"])
     found = figures["evaluate"]["figures"]
@@ -25,16 +24,14 @@ def test_the_evaluation_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     assert {"python", "numpy", "numba", "machine"} <= set(figures["machine"])
 
 
-def test_the_link_is_measured_beside_a_bare_websocket() -> None:
+def test_the_link_is_measured_beside_a_bare_websocket():
     _, figures = run_benches(["link"], duration=1.5)
     assert figures["link"]["figures"]["up_lost"] == 0
     assert figures["link"]["figures"]["ratio_up_p50"] > 0
     assert figures["link"]["targets"][0]["met"] is True
 
 
-def test_targets_are_printed_beside_what_is_measured(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_targets_are_printed_beside_what_is_measured(monkeypatch, capsys):
     result = Findings("B", "About.", targets=(Target("ratio", 5.0, "at least", 4.0),))
     monkeypatch.setattr(command, "load", lambda name: lambda: result)
     results, _ = run_benches(["burg", "burg"])
@@ -44,8 +41,8 @@ def test_targets_are_printed_beside_what_is_measured(
     assert "at least 4" in printed
 
 
-def test_a_stage_without_its_reference_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing(name: str) -> None:
+def test_a_stage_without_its_reference_is_left_out(monkeypatch):
+    def missing(name):
         raise ModuleNotFoundError("No module named 'mpmath'", name="mpmath")
 
     monkeypatch.setattr(command, "load", missing)
@@ -54,10 +51,8 @@ def test_a_stage_without_its_reference_is_left_out(monkeypatch: pytest.MonkeyPat
     assert "[bench]" in figures["burg"]["left_out"][0]["remedy"]
 
 
-def test_a_stage_that_fails_leaves_the_others_their_figures(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    def fail() -> Findings:
+def test_a_stage_that_fails_leaves_the_others_their_figures(monkeypatch, tmp_path):
+    def fail():
         raise MmtError("a process gave nothing")
 
     stages = {"burg": fail, "lines": lambda: Findings("Lines", "About.")}

@@ -33,13 +33,13 @@ from mmt_lab.harness.report import write_report
 TIMES = ("3 s", "10 s", "20 s", "30 s")
 
 
-def judged(method, seed, share, moment="30 s", name="wood", spoil="") -> JudgedMethod:
+def judged(method, seed, share, moment="30 s", name="wood", spoil=""):
     figures = {**dict.fromkeys(FIGURES, 1.0), "within_jnd": share}
     labels = ("isotropic", name, name, seed, spoil, method, moment)
     return JudgedMethod(*labels, time_s=8.0, samples=20, figures=figures)
 
 
-def comparison(gains, base=0.7, spoil="", moments=("30 s",)) -> MethodComparison:
+def comparison(gains, base=0.7, spoil="", moments=("30 s",)):
     rows = []
     for seed, gain in enumerate(gains):
         for moment in moments:
@@ -48,7 +48,7 @@ def comparison(gains, base=0.7, spoil="", moments=("30 s",)) -> MethodComparison
     return MethodComparison(("published", "field"), tuple(rows))
 
 
-def certainty(expected, true, spoil="") -> Certainty:
+def certainty(expected, true, spoil=""):
     times_s = np.arange(len(expected), dtype=float).tolist()
     updates = zip(times_s, expected, true, strict=True)
     return Certainty("isotropic", "wood", spoil, "field", tuple(updates))

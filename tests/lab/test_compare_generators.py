@@ -228,7 +228,6 @@ def test_the_command_compares_the_guides_generator_and_goes_on_past_a_broken_one
     tmp_path, monkeypatch
 ):
     example = re.search(r"```python\n(.*?)^```$", GUIDE.read_text(), re.DOTALL | re.MULTILINE)
-    assert example is not None
     (tmp_path / "replay.py").write_text(example[1])
     monkeypatch.syspath_prepend(tmp_path)
     others = f"replay:build,{__name__}:build_late"

@@ -19,17 +19,17 @@ from mmt_lab.experiments import devices
 START_NS = 7_000_000_000_123
 
 
-def turned(motion: Motion, times_ns: np.ndarray) -> np.ndarray:
+def turned(motion, times_ns):
     return np.array([motion(int(time_ns)) for time_ns in times_ns])
 
 
-def moving(size: float) -> Motion:
+def moving(size):
     motion = Motion(size)
     motion.begin()
     return motion
 
 
-def test_a_motion_rests_until_it_begins_and_then_tells_its_time() -> None:
+def test_a_motion_rests_until_it_begins_and_then_tells_its_time():
     motion = Motion(3.0, (1.0, 0.0, 9.8))
     assert motion(START_NS) == (1.0, 0.0, 9.8)
     motion.begin()
@@ -40,13 +40,13 @@ def test_a_motion_rests_until_it_begins_and_then_tells_its_time() -> None:
 
 
 @pytest.mark.parametrize("late_ns", [-3_000_000, -20_000, 0, 90_000, 20_000_000])
-def test_a_value_tells_how_much_later_it_was_there(late_ns: int) -> None:
+def test_a_value_tells_how_much_later_it_was_there(late_ns):
     times_ns = START_NS + 1_000_000 * np.arange(300)
     values = 0.4 * turned(moving(5.0), times_ns + late_ns)  # a filter takes of its length
     assert time_errors_ms(values, times_ns) == pytest.approx(late_ns / 1e6, abs=1e-6)
 
 
-def test_latency_jitter_and_offset_of_frames_that_are_known() -> None:
+def test_latency_jitter_and_offset_of_frames_that_are_known():
     times_ns = START_NS + 1_000_000 * np.arange(1000)
     wander_ns = np.where(np.arange(1000) % 10 == 0, 40_000, 0)
     values = {
@@ -64,29 +64,27 @@ def test_latency_jitter_and_offset_of_frames_that_are_known() -> None:
 
 @pytest.mark.parametrize(("force", "acceleration"), [("net_ft", "adxl335"), ("bota", "iio")])
 def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine(
-    force: str, acceleration: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    force, acceleration, monkeypatch
+):
     monkeypatch.setattr(devices, "SET_UPS", [SetUp("both", force, acceleration)])
     monkeypatch.setattr(devices, "DURATION_S", 1.0)
     monkeypatch.setattr(devices, "STOPS", 1)
     result = devices.run()
     assert result.left_out == ()
     (cost,), (times,), (frames,), (clocks,) = (records.rows for records in result.records)
-    assert 0.0 < cost["share of a core"] < 1.0  # type: ignore[operator]
-    assert 0.0 < cost["tick alone"] < 1.0  # type: ignore[operator]
-    assert times["latency p50 (ms)"] > 0.5  # type: ignore[operator]
-    assert frames["frames"] > 100  # type: ignore[operator]
-    assert frames["stop seen after, longest (ms)"] > 10.0  # type: ignore[operator]
-    assert clocks["error of the drift: force (ppm)"] >= 0.0  # type: ignore[operator]
+    assert 0.0 < cost["share of a core"] < 1.0
+    assert 0.0 < cost["tick alone"] < 1.0
+    assert times["latency p50 (ms)"] > 0.5
+    assert frames["frames"] > 100
+    assert frames["stop seen after, longest (ms)"] > 10.0
+    assert clocks["error of the drift: force (ppm)"] >= 0.0
     imported = result.targets[-1]
     assert imported.what == "set-ups that import scipy or numba"
     assert imported.met
     assert result.as_dict()["targets"][0]["bound"] == 0.25
 
 
-def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(monkeypatch):
     times = frame_times(
         {"force": np.array([[1.0, 0.0, 0.0]]), "acceleration": np.array([[1.0, 0.0, 0.0]])},
         np.array([START_NS]),
@@ -96,7 +94,7 @@ def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(
 
     late = dataclasses.replace(times, latency_p99_ms=9.0)
 
-    def measured(set_up: SetUp, *_: object, **__: object) -> SetUpFigures:
+    def measured(set_up, *_, **__):
         if set_up.name == "broken":
             raise MmtError("no compiler")
         share = 0.1 if set_up.name == "good" else 0.301

@@ -16,7 +16,7 @@ from mmt_lab.feedback.simulated import DelayLine, run_cell
 RECORDED = Path(__file__).parents[2] / "../shared/data/bilateral_1dof"
 
 
-def write_run(path: Path, seconds: float = 3.0, stiffness_n_m: float = 800.0) -> Path:
+def write_run(path, seconds=3.0, stiffness_n_m=800.0):
     """A spring that is pressed at 2 Hz, felt at a lever of 75 mm, at 2 kHz."""
     time_s = np.arange(0.0, seconds, 5e-4)
     depth_m = 4e-3 * np.sin(2 * np.pi * 2 * time_s - 1.0)
@@ -31,7 +31,7 @@ def write_run(path: Path, seconds: float = 3.0, stiffness_n_m: float = 800.0) ->
     return path
 
 
-def test_a_stiff_wall_shakes_the_streamed_force_and_neither_of_the_others() -> None:
+def test_a_stiff_wall_shakes_the_streamed_force_and_neither_of_the_others():
     streamed, passive, model = (run_cell(method, 10.0, 50) for method in METHODS)
     assert not streamed.stable
     assert streamed.injected_mj > 100.0
@@ -42,8 +42,8 @@ def test_a_stiff_wall_shakes_the_streamed_force_and_neither_of_the_others() -> N
     assert model.position_error_mm < 0.5 * passive.position_error_mm
 
 
-def test_a_line_delivers_in_order_and_each_once() -> None:
-    line: DelayLine[int] = DelayLine(20, 15, 3)
+def test_a_line_delivers_in_order_and_each_once():
+    line = DelayLine(20, 15, 3)
     arrived = []
     for tick in range(300):
         if tick < 200:
@@ -54,29 +54,25 @@ def test_a_line_delivers_in_order_and_each_once() -> None:
     assert arrived == list(range(200))
 
 
-def test_a_recorded_spring_is_found_and_shown_without_its_delay(tmp_path: Path) -> None:
+def test_a_recorded_spring_is_found_and_shown_without_its_delay(tmp_path):
     run = read_run(write_run(tmp_path / "one_spring.npz"))
     assert run.contact == "spring"
     assert run.force_n.max() == pytest.approx(3.2, rel=0.02)  # the sign is turned
     assert run.opening_j == 0.0
     streamed, passive, model = (evaluate_run(run, method, 100) for method in METHODS)
     assert model.force_error_n < TARGET_RATIO * streamed.force_error_n
-    assert model.surface is not None
     assert model.surface.stiffness_n_m == pytest.approx(800.0, rel=0.1)
-    assert model.settled_s is not None
     assert model.settled_s < 1.5
     for result in (passive, model):
         assert result.energy_mj <= 1.0 + 1e-6
 
 
-def test_without_delay_the_streamed_force_is_the_true_one(tmp_path: Path) -> None:
+def test_without_delay_the_streamed_force_is_the_true_one(tmp_path):
     run = read_run(write_run(tmp_path / "one_spring.npz", 1.0))
     assert evaluate_run(run, "streamed", 0).force_error_n == pytest.approx(0.0, abs=1e-6)
 
 
-def test_the_tables_the_json_and_the_report_hold_every_cell(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_tables_the_json_and_the_report_hold_every_cell(tmp_path, monkeypatch):
     path = write_run(tmp_path / "one_spring.npz", 1.5)
     monkeypatch.setattr(simulated, "WALLS_N_MM", (2.0,))
     monkeypatch.setattr(simulated, "DELAYS_MS", (10,))
@@ -94,7 +90,7 @@ def test_the_tables_the_json_and_the_report_hold_every_cell(
     ("content", "problem"),
     [({}, "no array"), ({"time_s": np.zeros(3)}, "no array"), (None, "no recording")],
 )
-def test_a_file_that_is_none_is_named(tmp_path: Path, content: dict | None, problem: str) -> None:
+def test_a_file_that_is_none_is_named(tmp_path, content, problem):
     path = tmp_path / "wrong.npz"
     if content is None:
         path.write_bytes(b"nothing")
@@ -104,7 +100,7 @@ def test_a_file_that_is_none_is_named(tmp_path: Path, content: dict | None, prob
         read_run(path)
 
 
-def test_a_folder_without_recordings_is_named(tmp_path: Path) -> None:
+def test_a_folder_without_recordings_is_named(tmp_path):
     with pytest.raises(InputError, match="no recording there"):
         run([tmp_path])
     with pytest.raises(InputError, match="no recording there"):
@@ -113,7 +109,7 @@ def test_a_folder_without_recordings_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not RECORDED.is_dir(), reason="the recorded data is not in ../shared/data")
 @pytest.mark.parametrize("contact", ["foam", "spring", "rigid"])
-def test_the_model_has_less_than_a_third_of_the_error_on_real_contact(contact: str) -> None:
+def test_the_model_has_less_than_a_third_of_the_error_on_real_contact(contact):
     """100 ms each way, pooled over the three recorded runs."""
     paths = sorted(RECORDED.glob(f"*_{contact}.npz"))
     assert len(paths) == 3
@@ -128,23 +124,21 @@ def test_the_model_has_less_than_a_third_of_the_error_on_real_contact(contact: s
 
 @pytest.mark.skipif(not RECORDED.is_dir(), reason="the recorded data is not in ../shared/data")
 @pytest.mark.parametrize(("name", "largest"), [("a", 0.5), ("c", 0.67)])
-def test_a_rigid_wall_that_is_met_in_knocks_is_estimated(name: str, largest: float) -> None:
+def test_a_rigid_wall_that_is_met_in_knocks_is_estimated(name, largest):
     """The knocks last 20 ms, among drag and pushes of something else on the way out."""
     run = read_run(RECORDED / f"question1{name}_rigid.npz")
     streamed, model = (evaluate_run(run, method, 100) for method in ("streamed", "model"))
     assert model.force_error_n < largest * streamed.force_error_n
-    assert model.surface is not None
     assert model.surface.stiffness_at(1.0) > 2000.0
 
 
 @pytest.mark.skipif(not RECORDED.is_dir(), reason="the recorded data is not in ../shared/data")
-def test_estimates_of_sustained_real_contact_are_plausible() -> None:
+def test_estimates_of_sustained_real_contact_are_plausible():
     """The runs of one controller in which the contact is held; bounds wide enough for others."""
     stiffness = {}
     for contact in ("foam", "spring", "rigid"):
         run = read_run(RECORDED / f"question1e_{contact}.npz")
         model = evaluate_run(run, "model", 100).surface
-        assert model is not None
         stiffness[contact] = model.stiffness_at(1.0)
     assert 1000.0 < stiffness["spring"] < 3000.0
     assert stiffness["rigid"] > 10_000.0

@@ -5,9 +5,6 @@ import math
 import subprocess
 import sys
 import textwrap
-from collections.abc import Iterator
-from multiprocessing.connection import Connection
-from pathlib import Path
 
 import pytest
 from command_runs import run
@@ -16,7 +13,7 @@ from lab_runs import run_lab
 from mmt.core.errors import InputError, MmtError
 from mmt.evaluation.document import Paragraph, ReportTable
 from mmt_lab import experiments
-from mmt_lab.harness.experiment import Experiment, chosen_textures, listed, load
+from mmt_lab.harness.experiment import chosen_textures, listed, load
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import background_processes, map_in_processes, received
 from mmt_lab.harness.report import write_report
@@ -42,7 +39,7 @@ MADE_UP = """
 
 
 @pytest.fixture
-def made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+def made_up(tmp_path, monkeypatch):
     """One more module in one more folder of the experiments."""
     folder = tmp_path / "more"
     folder.mkdir()
@@ -52,9 +49,7 @@ def made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     sys.modules.pop("mmt_lab.experiments.made_up", None)
 
 
-def test_a_new_module_is_listed_and_run_without_any_other_change(
-    made_up: str, tmp_path: Path
-) -> None:
+def test_a_new_module_is_listed_and_run_without_any_other_change(made_up, tmp_path):
     listing = run("lab")
     assert made_up in listing.output
     assert "how many seeds there are" in " ".join(listing.output.split())
@@ -66,17 +61,17 @@ def test_a_new_module_is_listed_and_run_without_any_other_change(
     assert "at least 2" in (report / "report.md").read_text(encoding="utf-8")
 
 
-def test_what_did_not_hold_ends_with_1(made_up: str, tmp_path: Path) -> None:
+def test_what_did_not_hold_ends_with_1(made_up, tmp_path):
     assert "too few" in run_lab(tmp_path, made_up, "--seeds", "1", code=1)[1]
 
 
-def test_the_experiments_are_listed() -> None:
+def test_the_experiments_are_listed():
     names = {one.name for one in listed()}
     assert {"compare", "felt", "surfaces", "feedback", "selection", "soak", "sweep"} <= names
 
 
 @pytest.mark.parametrize("one", list(listed()), ids=lambda one: one.name)
-def test_an_experiment_is_what_the_list_says(one: Experiment) -> None:
+def test_an_experiment_is_what_the_list_says(one):
     try:
         found = sys.modules[load(one.name).__module__]
     except ImportError as error:
@@ -87,7 +82,7 @@ def test_an_experiment_is_what_the_list_says(one: Experiment) -> None:
     assert getattr(found, "GROUP", "lab") == one.group
 
 
-def test_the_list_needs_no_numerics() -> None:
+def test_the_list_needs_no_numerics():
     program = (
         "import sys; from typer.testing import CliRunner; from mmt.cli.main import app\n"
         "assert CliRunner().invoke(app, ['lab']).exit_code == 0\n"
@@ -104,21 +99,21 @@ def test_the_list_needs_no_numerics() -> None:
     assert ended.stderr.strip() == ""
 
 
-def test_textures_are_names_between_commas() -> None:
+def test_textures_are_names_between_commas():
     assert chosen_textures("wood, glass") == ["wood", "glass"]
     assert len(chosen_textures(None)) > 10
     with pytest.raises(InputError, match="surface is 'velvet', allowed are"):
         chosen_textures("velvet")
 
 
-def test_calls_give_the_same_in_processes_and_in_this_one() -> None:
+def test_calls_give_the_same_in_processes_and_in_this_one():
     calls = [(base, 2) for base in range(5)]
     here = map_in_processes(pow, calls, what="powers", workers=1)
     assert here == [0, 1, 4, 9, 16]
     assert map_in_processes(pow, calls, what="powers", workers=2) == here
 
 
-def test_a_report_shows_blocks_in_place_of_tables_and_the_definitions(tmp_path: Path) -> None:
+def test_a_report_shows_blocks_in_place_of_tables_and_the_definitions(tmp_path):
     found = Findings(
         "Title",
         tables=[ReportTable(("a",), [("shown in the terminal",)])],
@@ -167,7 +162,7 @@ def test_targets_with_one_reason_share_a_sentence():
     assert missed_because(results) == ["not met: a, b: why"]
 
 
-def tell(pipe: Connection, kind: str) -> None:
+def tell(pipe, kind):
     """Be a process that fails, ends, or is silent until nobody wants it any more."""
     if kind == "fails":
         raise InputError("there is no such device")
@@ -183,6 +178,6 @@ def tell(pipe: Connection, kind: str) -> None:
         ("is silent", 0.5, "gave nothing in 0.5 s"),
     ],
 )
-def test_what_becomes_of_a_process_is_told(kind: str, longest_s: float, words: str) -> None:
+def test_what_becomes_of_a_process_is_told(kind, longest_s, words):
     with background_processes((tell, kind)) as (pipe,), pytest.raises(MmtError, match=words):
         received(pipe, longest_s)

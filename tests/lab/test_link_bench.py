@@ -16,8 +16,8 @@ from mmt_lab.experiments.link import (
 )
 
 
-def measured(**changes: float) -> TurnFigures:
-    values: dict[str, float] = {
+def measured(**changes):
+    values = {
         "p50_ms": 1.0,
         "p99_ms": 2.0,
         "worst_ms": 3.0,
@@ -29,10 +29,10 @@ def measured(**changes: float) -> TurnFigures:
         "out_of_order": 0,
         **changes,
     }
-    return TurnFigures("ours", **values)  # type: ignore[arg-type]
+    return TurnFigures("ours", **values)
 
 
-def test_both_links_are_measured_and_lose_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_both_links_are_measured_and_lose_nothing(monkeypatch):
     monkeypatch.setattr(link, "RATE_HZ", 200)
     monkeypatch.setattr(link, "SUSTAINED_HZ", 800)
     result = link.bench_link(1.0)
@@ -45,12 +45,12 @@ def test_both_links_are_measured_and_lose_nothing(monkeypatch: pytest.MonkeyPatc
     assert all(math.isfinite(ratio) and ratio > 0 for ratio in result.ratios.values())
 
 
-def test_each_link_goes_first_every_other_time() -> None:
+def test_each_link_goes_first_every_other_time():
     assert [order(number)[0] for number in range(4)] == ["ours", "bare", "ours", "bare"]
     assert all(set(order(number)) == {"ours", "bare"} for number in range(2))
 
 
-def test_a_disturbed_turn_does_not_move_the_ratios() -> None:
+def test_a_disturbed_turn_does_not_move_the_ratios():
     ours = [(measured(p99_ms=3.0, cores=0.2), measured(p50_ms=1.25))] * 4
     bare = [(measured(), measured())] * 4
     disturbed = (measured(p50_ms=90.0, p99_ms=90.0, cores=0.9), measured(p99_ms=70.0))
@@ -66,7 +66,7 @@ def test_a_disturbed_turn_does_not_move_the_ratios() -> None:
     assert ratios([*ours, disturbed], [*bare, bare[0]]) == pytest.approx(expected)
 
 
-def test_what_is_lost_is_summed_and_includes_the_tail() -> None:
+def test_what_is_lost_is_summed_and_includes_the_tail():
     turns = [(measured(lost=2, received=8), measured()), (measured(out_of_order=1), measured())]
     result = summarise(turns, missing_up=3, missing_down=1)
     up, down = result["up"], result["down"]
@@ -77,7 +77,7 @@ def test_what_is_lost_is_summed_and_includes_the_tail() -> None:
     assert missing_at_end(sender, receiver) == {"ours": 2, "bare": 0}
 
 
-def test_a_side_counts_gaps_and_disorder() -> None:
+def test_a_side_counts_gaps_and_disorder():
     sender, receiver = Side(COMMAND_DTYPE), Side(COMMAND_DTYPE)
     records = [sender.next_record() for _ in range(8)]
     receiver.record_block(np.concatenate(records[:2]), 0)
@@ -89,6 +89,6 @@ def test_a_side_counts_gaps_and_disorder() -> None:
 
 
 @pytest.mark.parametrize("duration_s", [0.0, -1.0, math.nan])
-def test_the_duration_must_be_positive(duration_s: float) -> None:
+def test_the_duration_must_be_positive(duration_s):
     with pytest.raises(InputError, match="must be positive"):
         link.bench_link(duration_s)

@@ -1,19 +1,14 @@
 """The services over paths that lose packets, measured."""
 
 import os
-from typing import Any
-
-import pytest
 
 from mmt_lab.bench import lossy_path
 
 
-def test_loss_stalls_what_is_sent_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_loss_stalls_what_is_sent_again(monkeypatch):
     monkeypatch.setattr(lossy_path, "LOSSES", (0.03,))
     found = lossy_path.measure_losses(1.5)
-    rows: dict[str, dict[str, Any]] = {
-        records.name: dict(records.rows[0]) for records in found.records
-    }
+    rows = {records.name: dict(records.rows[0]) for records in found.records}
     assert {"retransmitted", "datagrams"} <= set(rows)
     assert ("tcp" in rows) != bool(found.left_out)
     assert os.geteuid() == 0 or found.left_out

@@ -2,37 +2,34 @@
 
 import asyncio
 import socket
-from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 
 from mmt_lab.harness.proxy import Proxy
 
-Ends = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 
-
-async def close(writer: asyncio.StreamWriter) -> None:
+async def close(writer):
     writer.close()
     with suppress(ConnectionError):
         await writer.wait_closed()
 
 
-async def is_closed(reader: asyncio.StreamReader) -> bool:
+async def is_closed(reader):
     try:
         return await reader.read(100) == b""
     except ConnectionError:
         return True
 
 
-async def called(proxy: Proxy) -> Ends:
+async def called(proxy):
     return await asyncio.open_connection("127.0.0.1", proxy.port)
 
 
 @asynccontextmanager
-async def proxy_to_shouter() -> AsyncIterator[tuple[Proxy, asyncio.Semaphore]]:
+async def proxy_to_shouter():
     """A proxy to a server that answers in capitals; the semaphore counts what has ended there."""
     ended = asyncio.Semaphore(0)
 
-    async def shout(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def shout(reader, writer):
         with suppress(ConnectionError):
             while data := await reader.read(65_536):
                 writer.write(data.upper())
@@ -45,7 +42,7 @@ async def proxy_to_shouter() -> AsyncIterator[tuple[Proxy, asyncio.Semaphore]]:
         yield proxy, ended
 
 
-async def test_a_proxy_passes_stalls_and_cuts() -> None:
+async def test_a_proxy_passes_stalls_and_cuts():
     async with proxy_to_shouter() as (proxy, ended):
         reader, writer = await called(proxy)
         writer.write(b"one")
@@ -68,7 +65,7 @@ async def test_a_proxy_passes_stalls_and_cuts() -> None:
         await ended.acquire()
 
 
-async def test_a_proxy_without_a_target_ends_its_connections() -> None:
+async def test_a_proxy_without_a_target_ends_its_connections():
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         port = unused.getsockname()[1]

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -56,7 +55,7 @@ def test_a_missed_target_is_said():
         assert json.loads(json.dumps(rows))[4]["method"] == "ours"
 
 
-def write_taps(path: Path, taps: np.ndarray) -> None:
+def write_taps(path, taps):
     rows = [
         "<tap><tapSpeed>50</tapSpeed><tapAccel>"
         + "".join(f"<value>{value:.9f}</value>" for value in tap)

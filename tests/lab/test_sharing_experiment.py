@@ -1,8 +1,6 @@
 """`mmt lab sharing`: what it makes of a session and of what the listeners have found."""
 
 import json
-from collections.abc import Sequence
-from typing import Any
 
 import pytest
 
@@ -11,11 +9,11 @@ from mmt_lab.experiments import sharing
 from mmt_lab.sharing.counting import ListenerCounts
 
 
-def found(first_s: float | None, lags_ms: list[float], problem: str = "") -> ListenerCounts:
+def found(first_s, lags_ms, problem=""):
     return ListenerCounts(first_s, lags_ms, number=8 if lags_ms else 0, problem=problem)
 
 
-def leader(tick_ms: float) -> dict[str, Any]:
+def leader(tick_ms):
     sent = {"wholes": 2, "wholes_bytes": 11_000, "changes": 4, "changes_bytes": 2400}
     return {
         "sharing": {"sent": sent, "models": 8},
@@ -24,21 +22,17 @@ def leader(tick_ms: float) -> dict[str, Any]:
     }
 
 
-def sessions(
-    monkeypatch: pytest.MonkeyPatch, crowd: list[ListenerCounts], ticks_ms: Sequence[float]
-) -> None:
+def sessions(monkeypatch, crowd, ticks_ms):
     """Let sessions end with these ticks, in turn with one listener and with the crowd."""
     waiting_ms = iter(ticks_ms)
 
-    async def session(_: float, command: tuple[Any, int], first: int) -> tuple[Any, Any]:
+    async def session(_, command, first):
         return leader(next(waiting_ms)), crowd[: command[1]]
 
     monkeypatch.setattr(sharing, "run_with_listeners", session)
 
 
-def test_the_figures_are_those_of_the_crowd_and_fit_into_json(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_figures_are_those_of_the_crowd_and_fit_into_json(monkeypatch):
     sessions(monkeypatch, [found(0.1, [10.0, 20.0]), found(0.3, [30.0])], (1.0, 1.25))
     findings = sharing.run(18.0, listeners=2, pairs=1)
     figures = json.loads(json.dumps(findings.as_dict()))["figures"]
@@ -51,9 +45,7 @@ def test_the_figures_are_those_of_the_crowd_and_fit_into_json(
     assert missed == ["leader's tick, p99, over that with one listener"]
 
 
-def test_the_ticks_are_compared_within_pairs_and_over_them_by_the_median(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_ticks_are_compared_within_pairs_and_over_them_by_the_median(monkeypatch):
     sessions(monkeypatch, [found(0.1, [10.0])] * 2, (1.0, 1.5, 2.0, 2.2, 1.0, 1.2))
     figures = sharing.run(18.0, listeners=2, pairs=3).figures
     names = ("tick_p99_ratio_least", "tick_p99_ratio", "tick_p99_ratio_most")
@@ -71,12 +63,12 @@ def test_the_ticks_are_compared_within_pairs_and_over_them_by_the_median(
         ({"seed": 1}, "--seed does not go with the plain experiment: it goes with --minutes$"),
     ],
 )
-def test_an_option_of_another_form_is_refused(options: dict[str, Any], refusal: str) -> None:
+def test_an_option_of_another_form_is_refused(options, refusal):
     with pytest.raises(InputError, match=refusal):
         sharing.run(**options)
 
 
-def test_a_crowd_without_a_model_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_crowd_without_a_model_says_why(monkeypatch):
     ended = found(None, [], "the session ended before its model was ready")
     sessions(monkeypatch, [ended] * 2, (1.0, 1.0))
     with pytest.raises(MmtError, match=r"no listener had a model .*: the session ended before"):

@@ -1,7 +1,5 @@
 """Recorded slides over real materials, made into courses; here files of the same layout."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -20,7 +18,7 @@ from mmt_lab.surfaces.slides import (
 ROWS = 400
 
 
-def write_slide(path: Path, pressure: np.ndarray, force_n: float = 10.0) -> None:
+def write_slide(path, pressure, force_n=10.0):
     time_s = 1581.0 + 0.01 * np.arange(len(pressure) // 22)
     bio = np.zeros((len(time_s), 45))
     bio[:, 0], bio[:, 4:26] = time_s, pressure[: 22 * len(time_s)].reshape(-1, 22)
@@ -40,11 +38,11 @@ def write_slide(path: Path, pressure: np.ndarray, force_n: float = 10.0) -> None
     )
 
 
-def tone(frequency_hz: float, count: int = 22 * ROWS) -> np.ndarray:
+def tone(frequency_hz, count=22 * ROWS):
     return 100.0 * np.sin(2.0 * np.pi * frequency_hz * np.arange(count) / 2200.0)
 
 
-def write_materials(folder: Path, *, slides_each: int = 10) -> None:
+def write_materials(folder, *, slides_each=10):
     random = np.random.default_rng(1)
     for material, smoothing in (("mat1", 1), ("mat2", 30)):
         kernel = np.ones(smoothing) / np.sqrt(smoothing)

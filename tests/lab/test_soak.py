@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -253,7 +252,7 @@ def test_numbers_out_of_range_are_explained(option, value):
 def test_a_soak_that_finds_a_flaw_says_so(tmp_path, monkeypatch):
     observed, _ = good()
 
-    async def made(duration_s: float, faults: object, seed: int, recording: Path) -> SoakLog:
+    async def made(duration_s, faults, seed, recording):
         write_session(recording, numbered([*range(50), *range(60, 90)]))
         return observed
 

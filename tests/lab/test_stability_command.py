@@ -2,7 +2,6 @@
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,51 +18,51 @@ from mmt_lab.experiments.stability import (
     summary,
 )
 from mmt_lab.harness.report import write_report
-from mmt_lab.stability.cases import CaseResult, CaseRow, Extreme, Family, broken, run_case
+from mmt_lab.stability.cases import CaseResult, Extreme, Family, broken, run_case
 from mmt_lab.stability.families import contact, family_names, model
 
 
-def row(*, held: bool = True, **figures: object) -> CaseRow:
+def row(*, held=True, **figures):
     case = Extreme("a thing is done", "it holds", lambda: CaseResult("it did", held, figures))
     return run_case("model", case)
 
 
-def fault() -> CaseResult:
+def fault():
     message = "no luck"
     raise ArithmeticError(message)
 
 
-def test_a_case_that_raises_has_not_held() -> None:
+def test_a_case_that_raises_has_not_held():
     found = run_case("ar", Extreme("divide", "a number", fault))
     assert not found.held
     assert found.got == "raised ArithmeticError: no luck"
     assert broken([row(), found]) == [found]
 
 
-def test_a_row_can_be_read_by_a_program() -> None:
+def test_a_row_can_be_read_by_a_program():
     figures = {"none": math.inf, "some": np.float64(2.5), "many": [np.int64(3), math.nan]}
-    rows = [row(held=np.bool_(True), **figures)]  # type: ignore[arg-type]
+    rows = [row(held=np.bool_(True), **figures)]
     (found,) = json.loads(json.dumps(findings_of(rows).as_dict()))["rows"]
     assert found["held"] is True
     assert found["figures"] == {"none": None, "some": 2.5, "many": [3, None]}
 
 
 @pytest.mark.parametrize("name", family_names())
-def test_every_family_has_cases_that_say_what_they_expect(name: str) -> None:
+def test_every_family_has_cases_that_say_what_they_expect(name):
     cases = load_families([name])[name].cases()
     assert len(cases) >= 5
     assert all(case.what and case.expected for case in cases)
     assert len({case.what for case in cases}) == len(cases)
 
 
-def test_families_are_found_by_name_and_unknown_ones_are_refused() -> None:
+def test_families_are_found_by_name_and_unknown_ones_are_refused():
     assert list(load_families(["model", "ar"])) == ["ar", "model"]
     assert list(load_families()) == family_names()
     with pytest.raises(InputError, match="allowed are anisotropic, ar, contact"):
         load_families(["ar", "texture"])
 
 
-def test_a_report_holds_every_row_and_both_pictures(tmp_path: Path) -> None:
+def test_a_report_holds_every_row_and_both_pictures(tmp_path):
     cases = {
         "contact": [contact.cases(stiffnesses=(1e4,), map_points=4)[-1]],
         "model": [Extreme("bad", "good", lambda: CaseResult("worse", held=False))],
@@ -83,15 +82,13 @@ def test_a_report_holds_every_row_and_both_pictures(tmp_path: Path) -> None:
     assert summary(rows[:1])["held"] is True
 
 
-def test_a_directory_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+def test_a_directory_that_cannot_be_written_is_said(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="report"):
         write_report(tmp_path / "file", findings_of([row()]))
 
 
-def test_the_command_prints_families_and_says_by_its_code_whether_all_held(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_prints_families_and_says_by_its_code_whether_all_held(tmp_path, monkeypatch):
     few = model.cases(many=50, queries=10)[:3]
     monkeypatch.setattr(stability, "load_family", lambda _: Family("Few models", lambda: few))
     figures, result = run_json(tmp_path, "stability", "model")

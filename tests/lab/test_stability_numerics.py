@@ -1,7 +1,6 @@
 """Fits, line spectral frequencies and models: what holds, and that a fault would be seen."""
 
 from decimal import Decimal
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,14 +9,13 @@ from spectrum import arburg
 
 from mmt.texture.autoregression.burg import ReflectionFits, burg
 from mmt.texture.field import posterior
-from mmt.texture.field.observations import Observations
 from mmt.texture.model.texture_model import TextureModel
 from mmt_lab.stability.families import anisotropic, ar, field, lsf, model, networks
 from mmt_lab.stability.families.ar import exact_burg, exact_residual
 
 
 @pytest.mark.parametrize("order", [1, 4, 13])
-def test_the_reference_is_burgs_method(order: int) -> None:
+def test_the_reference_is_burgs_method(order):
     x = np.random.default_rng(order).standard_normal(80)
     reflection, residual = exact_burg(x, order)
     _, _, expected = arburg(x, order)
@@ -26,7 +24,7 @@ def test_the_reference_is_burgs_method(order: int) -> None:
     assert float(exact_residual(x, [])) == pytest.approx(np.mean(x**2), rel=1e-14)
 
 
-def test_the_reference_has_the_digits_that_the_stiff_cases_need() -> None:
+def test_the_reference_has_the_digits_that_the_stiff_cases_need():
     n = np.arange(300)
     x = np.ldexp(np.round(np.ldexp(np.cos(0.01 * n), 40)), -40)
     _, residual = exact_burg(x, 6)
@@ -35,12 +33,12 @@ def test_the_reference_has_the_digits_that_the_stiff_cases_need() -> None:
     assert all(abs(k) < 1 for k in scaled)
 
 
-def test_every_fit_holds() -> None:
+def test_every_fit_holds():
     assert those_that_do_not_hold("ar", ar.cases()) == []
 
 
-def test_a_fit_that_loses_digits_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    def rounded(x: np.ndarray, order: int) -> ReflectionFits:
+def test_a_fit_that_loses_digits_does_not_hold(monkeypatch):
+    def rounded(x, order):
         fit = burg(x, order)
         return ReflectionFits(fit.reflection.astype(np.float16).astype(np.float64), fit.variances)
 
@@ -51,8 +49,8 @@ def test_a_fit_that_loses_digits_does_not_hold(monkeypatch: pytest.MonkeyPatch) 
     assert case_of(cases, "white noise, order 8").run().held
 
 
-def test_a_fit_that_is_not_stable_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    def unstable(x: np.ndarray, order: int) -> ReflectionFits:
+def test_a_fit_that_is_not_stable_does_not_hold(monkeypatch):
+    def unstable(x, order):
         fit = burg(x, order)
         return ReflectionFits(1.5 * np.sign(fit.reflection), fit.variances)
 
@@ -62,7 +60,7 @@ def test_a_fit_that_is_not_stable_does_not_hold(monkeypatch: pytest.MonkeyPatch)
     assert "not stable" in outcome.got
 
 
-def test_line_spectral_frequencies_hold() -> None:
+def test_line_spectral_frequencies_hold():
     cases = lsf.cases(swaps=400_000, renders=60)
     timed = [case for case in cases if "strokes and pauses" in case.what or "swapped" in case.what]
     assert those_that_do_not_hold("lsf", [case for case in cases if case not in timed]) == []
@@ -77,29 +75,29 @@ def test_line_spectral_frequencies_hold() -> None:
 class GrowingVibration:
     """A filter that rings up while it is swapped."""
 
-    def __init__(self, *_: object, **__: object) -> None:
+    def __init__(self, *_, **__):
         self._level = 1.0
 
-    def render(self, speed_mm_s: np.ndarray, force_n: np.ndarray) -> np.ndarray:
+    def render(self, speed_mm_s, force_n):
         self._level *= 2.0
         return self._level * np.ones(len(speed_mm_s))
 
 
-def test_a_filter_that_rings_up_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_filter_that_rings_up_does_not_hold(monkeypatch):
     cases = lsf.cases(swaps=200_000, renders=20)
     monkeypatch.setattr(lsf, "Synthesizer", GrowingVibration)
     for words in ("ordinary filters", "pauses", "radius 0.999,"):
         assert not case_of(cases, words).run().held
 
 
-def test_fields_of_any_blocks_hold() -> None:
+def test_fields_of_any_blocks_hold():
     assert those_that_do_not_hold("field", field.cases(many=5000)) == []
 
 
-def test_a_field_that_is_too_sure_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_field_that_is_too_sure_does_not_hold(monkeypatch):
     observe = posterior.observe
 
-    def sure(*given: Any) -> Observations:
+    def sure(*given):
         found = observe(*given)
         return found._replace(variance=1e-6 * found.variance)
 
@@ -107,7 +105,7 @@ def test_a_field_that_is_too_sure_does_not_hold(monkeypatch: pytest.MonkeyPatch)
     assert not case_of(field.cases(), "bursts").run().held
 
 
-def test_models_of_any_samples_hold() -> None:
+def test_models_of_any_samples_hold():
     cases = model.cases(many=600, queries=500)
     growth = case_of(cases, "from 60 to 600")
     assert those_that_do_not_hold("model", [case for case in cases if case is not growth]) == []
@@ -117,13 +115,11 @@ def test_models_of_any_samples_hold() -> None:
 @pytest.mark.parametrize(
     ("family", "words"), [(model, "3 samples"), (anisotropic, "60 of one heading")]
 )
-def test_inputs_with_a_hole_do_not_hold(
-    family: Any, words: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_inputs_with_a_hole_do_not_hold(family, words, monkeypatch):
     build = family.build
 
-    def with_a_hole(*arguments: object) -> TextureModel:
-        built: TextureModel = build(*arguments)
+    def with_a_hole(*arguments):
+        built = build(*arguments)
         built.triangulation.triangles[0] = built.triangulation.triangles[1]
         return built
 
@@ -132,15 +128,15 @@ def test_inputs_with_a_hole_do_not_hold(
     assert not case.run().held
 
 
-def test_models_of_velocity_hold() -> None:
+def test_models_of_velocity_hold():
     assert those_that_do_not_hold("anisotropic", anisotropic.cases(many=200, queries=200)) == []
 
 
-def test_a_vibration_at_rest_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_vibration_at_rest_does_not_hold(monkeypatch):
     case = case_of(anisotropic.cases(many=100, queries=100), "30 at rest")
     at = TextureModel.at
 
-    def with_a_floor(model: TextureModel, *inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def with_a_floor(model, *inputs):
         lsf, variance = at(model, *inputs)
         return lsf, np.maximum(variance, 1e-12)
 
@@ -148,11 +144,11 @@ def test_a_vibration_at_rest_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> N
     assert not case.run().held
 
 
-def test_networks_hold() -> None:
+def test_networks_hold():
     assert those_that_do_not_hold("networks", networks.cases(samples=30)) == []
 
 
-def test_networks_that_miss_their_samples_do_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_networks_that_miss_their_samples_do_not_hold(monkeypatch):
     at, cases = networks.RadialBasisNetwork.at, networks.cases(samples=30)
     monkeypatch.setattr(networks.RadialBasisNetwork, "at", lambda *_: at(*_) + 1e-4)
     assert not case_of(cases, "on a line").run().held

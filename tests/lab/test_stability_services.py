@@ -1,7 +1,5 @@
 """Clocks, stops and endless modelling: what holds, and that a fault would be seen."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from extreme_cases import case_of, those_that_do_not_hold
@@ -18,14 +16,14 @@ from mmt_lab.stability.families.services import (
 )
 
 
-def test_what_needs_no_hour_holds() -> None:
+def test_what_needs_no_hour_holds():
     quick = [case for case in services.cases() if "clock steps" in case.what]
     assert len(quick) == 4
     assert those_that_do_not_hold("services", quick) == []
 
 
 @pytest.mark.parametrize("number", range(2))
-def test_the_services_survive_what_interrupts_them(number: int) -> None:
+def test_the_services_survive_what_interrupts_them(number):
     cases = interrupted_cases(6.0)
     if number >= len(cases):
         pytest.skip("this system cannot stop processes")
@@ -33,21 +31,21 @@ def test_the_services_survive_what_interrupts_them(number: int) -> None:
     assert row.held, f"{row.what}: {row.got}"
 
 
-SUMMARY: dict[str, Any] = {
+SUMMARY = {
     "outcome": "stopped",
     "link": {"frames": 9000},
     "backfill": {"filled": 40, "lost": 0},
 }
 
 
-def strokes(count: int, speed_mm_s: float) -> np.ndarray:
+def strokes(count, speed_mm_s):
     frames = empty_frames(count)
     frames["sequence"] = np.arange(count)
     frames["position_mm"][:, 0] = 0.001 * speed_mm_s * np.arange(count)
     return frames
 
 
-def test_a_frame_that_is_not_filled_in_is_seen() -> None:
+def test_a_frame_that_is_not_filled_in_is_seen():
     frames = strokes(3000, 100.0)
     assert services.judge_stop(SUMMARY, frames).held
     assert not services.judge_stop(SUMMARY, np.delete(frames, 1500)).held
@@ -55,33 +53,33 @@ def test_a_frame_that_is_not_filled_in_is_seen() -> None:
     assert not services.judge_stop(lost, frames).held
 
 
-def test_a_robot_that_catches_up_too_fast_is_seen() -> None:
+def test_a_robot_that_catches_up_too_fast_is_seen():
     assert services.judge_speed(340.0, SUMMARY, strokes(3000, 340.0)).held
     assert not services.judge_speed(340.0, SUMMARY, strokes(3000, 400.0)).held
 
 
-def test_a_clock_that_is_not_watched_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_clock_that_is_not_watched_does_not_hold(monkeypatch):
     monkeypatch.setattr(mmt.leader.output.playout, "_CLOCK_STEP_NS", 10**15)
     cases = services.cases()
     assert not case_of(cases, "follower's clock steps by -10 s").run().held
     assert not case_of(cases, "leader's clock steps by +10 s").run().held
 
 
-def test_the_age_of_what_is_heard() -> None:
+def test_the_age_of_what_is_heard():
     heard = services.play(np.full(400, 5.0), lambda _: (0, 0))
     assert np.nanmedian(services.ages_ms(heard)) == pytest.approx(7.0, abs=1.0)
     assert np.isnan(services.ages_ms(np.zeros(5))).all()
     assert np.isnan(services.ages_ms(0.6 * heard[100:110])).all()
 
 
-def test_endless_modelling_keeps_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_endless_modelling_keeps_its_size(monkeypatch):
     monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 60)
     figures = run_endless_modelling(60).figures
     assert figures["samples"] == 60
     assert figures["growth_blocks"] < services.MOST_BLOCKS
 
 
-def test_a_model_without_an_end_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_model_without_an_end_is_seen(monkeypatch):
     monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 10**9)
     outcome = run_endless_modelling(120)
     assert outcome.figures["samples"] > 300
@@ -89,7 +87,7 @@ def test_a_model_without_an_end_is_seen(monkeypatch: pytest.MonkeyPatch) -> None
     assert not outcome.held
 
 
-def test_growth_counts_from_the_quarter_that_is_asked_for() -> None:
+def test_growth_counts_from_the_quarter_that_is_asked_for():
     blocks, megabytes = [0, 9, 10, 11, 13], [0.0, 5.0, 6.0, 6.0, 6.5]
     seconds = [0.0, 5.0, 6.0, 7.0, 8.5]
     assert growth(np.column_stack([blocks, megabytes, seconds])) == (3, 0.5, 1.5)

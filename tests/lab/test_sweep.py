@@ -29,7 +29,7 @@ CHOICES = ("texture.order=6,9", "texture.method=field")
 
 
 @pytest.fixture(scope="module")
-def session(stroked_session) -> RecordedSession:
+def session(stroked_session):
     return dataclasses.replace(stroked_session, frames=stroked_session.frames[:4000])
 
 
@@ -37,7 +37,7 @@ def jobs_of(session, choices=CHOICES, **options):
     return make_jobs(session, Texture(), combinations(choices), **options)
 
 
-def figures(outcomes) -> dict[str, dict[str, object]]:
+def figures(outcomes):
     """Return what must not depend on where a job ran."""
     found = {}
     for outcome in outcomes:
@@ -59,7 +59,7 @@ def without_times(evaluation):
 
 
 @pytest.fixture(scope="module")
-def by_processes(session) -> dict[str, dict[str, object]]:
+def by_processes(session):
     """What two processes of this machine find."""
     return figures(run_locally(jobs_of(session), {str(session.path): session}, 2))
 

@@ -1,5 +1,3 @@
-from typing import Any
-
 from mmt.core.frames import frame_dtype
 from mmt.leader.remote import ClockNotes
 from mmt.link.clock_exchange import ClockResponder
@@ -14,16 +12,16 @@ PERIOD_NS = 50 * MS
 class Known:
     """A follower's clock that is ahead, and the notes of it."""
 
-    def __init__(self, other: str = "elsewhere") -> None:
+    def __init__(self, other="elsewhere"):
         self.clock = ClockResponder(
             BlockReader(frame_dtype(), "frames"), SendQueue(1), lambda _: None
         )
         self.clock.start_connection(other)
-        self.noted: list[dict[str, Any]] = []
+        self.noted = []
         self.notes = ClockNotes(self.clock, self.noted.append)
         self._exchanges = 0
 
-    def run(self, exchanges: int) -> None:
+    def run(self, exchanges):
         """Exchange at 20 Hz, and look after each."""
         for _ in range(exchanges):
             self._exchanges += 1
@@ -31,7 +29,7 @@ class Known:
             self.notes.record_if_due()
 
 
-def test_the_offset_is_noted_at_first_every_ten_seconds_and_at_the_end() -> None:
+def test_the_offset_is_noted_at_first_every_ten_seconds_and_at_the_end():
     known = Known()
     known.run(7)
     assert known.noted == []
@@ -51,7 +49,7 @@ def test_the_offset_is_noted_at_first_every_ten_seconds_and_at_the_end() -> None
     }
 
 
-def test_after_a_jump_it_is_noted_anew() -> None:
+def test_after_a_jump_it_is_noted_anew():
     known = Known()
     known.run(20)
     sentence, details = known.notes.jumped(ClockJump(21 * PERIOD_NS, -2_500 * MS))
@@ -61,7 +59,7 @@ def test_after_a_jump_it_is_noted_anew() -> None:
     assert len(known.noted) == 2
 
 
-def test_one_clock_has_no_offset(monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_one_clock_has_no_offset(monkeypatch):
     monkeypatch.setattr("mmt.link.clock_exchange.clock_id", lambda: "here")
     known = Known(other="here")
     known.run(8)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mmt.contact.passivity import PassivitySettings
-from mmt.core.arrays import Vector
 from mmt.core.frames import CONTACT_DTYPE, CONTACT_GATHERED, ENERGY_DTYPE, empty_frames
 from mmt.devices.protocols import InterfaceState
 from mmt.follower.feedback import ContactReporter, PassiveFollower
@@ -24,24 +23,24 @@ SETTINGS = PassivitySettings()
 class Handle:
     """A display, which is not read."""
 
-    def __init__(self) -> None:
-        self.force_n: Vector = (0.0, 0.0, 0.0)
+    def __init__(self):
+        self.force_n = (0.0, 0.0, 0.0)
 
-    def write(self, force_n: Vector) -> None:
+    def write(self, force_n):
         self.force_n = force_n
 
 
-def at(z_mm: float) -> InterfaceState:
+def at(z_mm):
     return InterfaceState((0.0, 0.0, z_mm), (0.0, 0.0, 0.0), 0.0, True)
 
 
-def pushing(force_n: float) -> np.ndarray:
+def pushing(force_n):
     frames = empty_frames(1, ("force",))
     frames["force_n"][0, 2] = force_n
     return frames
 
 
-def samples(depth_mm: np.ndarray, stiffness_n_mm: float) -> np.ndarray:
+def samples(depth_mm, stiffness_n_mm):
     records = np.zeros(len(depth_mm), dtype=CONTACT_DTYPE)
     records["command_mm"][:, 2] = -depth_mm
     records["position_mm"][:, 2] = -0.5 * depth_mm
@@ -57,7 +56,7 @@ def samples(depth_mm: np.ndarray, stiffness_n_mm: float) -> np.ndarray:
         ("model", ModelForce, ContactReporter),
     ],
 )
-def test_a_scene_chooses_both_sides(method: str, leader: type, follower: type) -> None:
+def test_a_scene_chooses_both_sides(method, leader, follower):
     table = ForceFeedback.model_validate({"method": method})
     made = build_feedback(table, Handle(), rate_hz=1000.0, normal="z")
     tables = {"link": {}, "hand": {}, "simulated": {}, "force_feedback": {"method": method}}
@@ -70,7 +69,7 @@ def test_a_scene_chooses_both_sides(method: str, leader: type, follower: type) -
         assert made.dtype == other.dtype
 
 
-def test_passive_gives_back_no_more_than_the_follower_says_came_back() -> None:
+def test_passive_gives_back_no_more_than_the_follower_says_came_back():
     handle = Handle()
     feedback = PassiveForce(handle, limit_n=10.0, settings=SETTINGS)
     given = 0.0
@@ -87,20 +86,19 @@ def test_passive_gives_back_no_more_than_the_follower_says_came_back() -> None:
     assert abs(handle.force_n[2]) < 4.0
 
 
-def test_passive_says_what_the_hand_put_in() -> None:
+def test_passive_says_what_the_hand_put_in():
     feedback = PassiveForce(Handle(), limit_n=10.0, settings=SETTINGS)
     news = None
     for tick in range(50):
         feedback.on_frames(pushing(2.0))
         news = feedback.tick(1, at(-0.01 * tick)) if news is None else news
-    assert news is not None
     assert news.dtype == ENERGY_DTYPE
     assert news["energy_j"][0, 2] > 0.0
     assert news["energy_j"][0, :2].tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("method", ["streamed", "passive", "model"])
-def test_the_force_fades_in_silence_and_without_a_handle(method: str) -> None:
+def test_the_force_fades_in_silence_and_without_a_handle(method):
     handle = Handle()
     table = ForceFeedback.model_validate({"method": method})
     feedback = build_feedback(table, handle, rate_hz=1000.0, normal="z")
@@ -113,7 +111,7 @@ def test_the_force_fades_in_silence_and_without_a_handle(method: str) -> None:
     assert handle.force_n == (0.0, 0.0, 0.0)
 
 
-def test_the_displayed_force_keeps_its_limit_with_the_damping() -> None:
+def test_the_displayed_force_keeps_its_limit_with_the_damping():
     handle = Handle()
     feedback = PassiveForce(handle, limit_n=1.0, settings=SETTINGS)
     for tick in range(400):
@@ -122,7 +120,7 @@ def test_the_displayed_force_keeps_its_limit_with_the_damping() -> None:
         assert math.hypot(*handle.force_n) <= 1.0 + 1e-9
 
 
-def test_the_model_shows_the_force_of_the_hands_own_place() -> None:
+def test_the_model_shows_the_force_of_the_hands_own_place():
     handle = Handle()
     feedback = ModelForce(handle, limit_n=10.0)
     depth = 2.0 * np.sin(np.arange(2000) / 60)
@@ -132,10 +130,8 @@ def test_the_model_shows_the_force_of_the_hands_own_place() -> None:
         feedback.on_frames(pushing(0.0))
         feedback.tick(1, at(1.0 - 0.01 * tick))
     assert handle.force_n[2] == pytest.approx(1.5 * 1.99, rel=0.1)
-    assert feedback.contact_model is not None
     assert feedback.contact_model.stiffness_n_m == pytest.approx(1500.0, rel=0.1)
     surface = feedback.surface
-    assert surface is not None
     assert surface.stiffness_n_m == pytest.approx(3000.0, rel=0.1)
     summary = feedback.summary
     assert summary["surface"]["stiffness_n_mm"] == pytest.approx(3.0, rel=0.1)
@@ -143,7 +139,7 @@ def test_the_model_shows_the_force_of_the_hands_own_place() -> None:
     assert 0 < summary["contact_samples"] < 2000
 
 
-def test_what_no_model_explains_is_shown_as_it_was_met_at_each_place_and_speed() -> None:
+def test_what_no_model_explains_is_shown_as_it_was_met_at_each_place_and_speed():
     """A surface that gives back half of its force: no spring and damper is both at once."""
     handle = Handle()
     feedback = ModelForce(handle, limit_n=10.0)
@@ -171,7 +167,7 @@ def test_what_no_model_explains_is_shown_as_it_was_met_at_each_place_and_speed()
     assert np.sqrt(np.mean(alone[moving] ** 2)) > 0.4
 
 
-def test_the_streamed_force_is_shown_until_there_is_a_model() -> None:
+def test_the_streamed_force_is_shown_until_there_is_a_model():
     handle = Handle()
     feedback = ModelForce(handle, limit_n=10.0)
     feedback.on_frames(pushing(1.0))
@@ -181,22 +177,20 @@ def test_the_streamed_force_is_shown_until_there_is_a_model() -> None:
     assert feedback.summary["surface"] == {}
 
 
-def test_the_follower_holds_back_until_the_leader_pays() -> None:
+def test_the_follower_holds_back_until_the_leader_pays():
     follower = PassiveFollower(SETTINGS)
     frames = empty_frames(1, ("force",))
-    command: Vector | None = None
+    command = None
     for tick in range(100):
         command = follower.command((0.0, 0.0, -0.05 * tick))
-        assert command is not None
         frames["force_n"][0, 2] = max(0.0, -5.0 * command[2])
         follower.measured(frames)
-    assert command is not None
     assert command[2] == pytest.approx(-0.05 * 99 + 3.0)
     assert follower.summary["largest_drift_mm"] == pytest.approx(3.0)
     assert follower.command(None) is None
 
 
-def test_contact_samples_go_out_gathered_with_the_command_that_they_followed() -> None:
+def test_contact_samples_go_out_gathered_with_the_command_that_they_followed():
     reporter = ContactReporter()
     frames = empty_frames(1, ("position", "force"))
     assert reporter.measured(frames) is None  # no command yet

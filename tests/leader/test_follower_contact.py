@@ -1,7 +1,5 @@
 """Contact and force of a hand whose handle measures none: assumed, streamed, then learned."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -16,26 +14,26 @@ from mmt.scene import ForceFeedback, Link, Scene, Texture
 STATE = InterfaceState((7.0, 8.0, 9.0), (1.0, 2.0, 3.0), 0.0, False)
 
 
-def felt(contact: FollowerContact, y_mm: float, shared: ContactModel | None = None) -> float:
+def felt(contact, y_mm, shared=None):
     state = contact.state_of(STATE, (50.0, y_mm, 60.0), shared)
     assert state[:2] == STATE[:2]
     assert state.force_n > 0.0 or not state.contact
     return state.force_n if state.contact else -state.force_n
 
 
-def made(told: list[str], **tables: Any) -> FollowerContact:
+def made(told, **tables):
     scene = Scene.model_construct(texture=Texture(normal="y"), **tables)
     return FollowerContact(Session(scene, told.append), 2.0)
 
 
-def test_without_a_follower_the_surface_is_at_zero_or_where_another_leader_says() -> None:
+def test_without_a_follower_the_surface_is_at_zero_or_where_another_leader_says():
     contact = made([])
     assert [felt(contact, y_mm) for y_mm in (1.0, -2.0)] == pytest.approx([0.0, 4.0])
     assert felt(contact, -3.0, ContactModel(1e-3, 500.0)) == pytest.approx(1.0)
 
 
-def test_the_followers_force_is_the_hands_until_the_contact_is_learned() -> None:
-    told: list[str] = []
+def test_the_followers_force_is_the_hands_until_the_contact_is_learned():
+    told = []
     feedback = ForceFeedback(method="model", contact_n=1.0)
     contact = made(told, link=Link(), force_feedback=feedback)
     model = HandContact(EstimationSettings(contact_n=1.0))

@@ -10,9 +10,7 @@ from mmt.leader.modelling.segmenting import FrameQueue
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.integers(0, 60), unique=True, max_size=60), st.integers(1, 20), st.data())
-def test_however_frames_come_the_queue_gives_them_out_in_order_and_once(
-    numbers: list[int], period: int, data: st.DataObject
-) -> None:
+def test_however_frames_come_the_queue_gives_them_out_in_order_and_once(numbers, period, data):
     in_time = data.draw(st.sets(st.sampled_from(numbers))) if numbers else set()
     queue = FrameQueue(100, least_drop=1)
     for number in sorted(in_time):
@@ -20,7 +18,7 @@ def test_however_frames_come_the_queue_gives_them_out_in_order_and_once(
     for number in numbers:
         if number not in in_time:
             assert queue.insert(made_frames(number, 1)) == 0
-    given_out: list[int] = []
+    given_out = []
     while (frames := queue.pop_period(period, None)) is not None:
         taken = frames["sequence"].astype(np.int64)
         assert taken[-1] - taken[0] >= period - 1

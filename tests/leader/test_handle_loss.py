@@ -1,9 +1,7 @@
 """A handle that is lost and comes back somewhere else: commands, force and vibration."""
 
 import math
-from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ from hypothesis import strategies as st
 from waiting import until
 
 from mmt.contact.passivity import PassivitySettings
-from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.frames import ENERGY_DTYPE, frame_dtype
 from mmt.devices.protocols import InterfaceState
@@ -28,36 +25,36 @@ RECOVERY_MM = 0.05
 class Handle:
     """A handle that can be unplugged."""
 
-    def __init__(self) -> None:
-        self.faults: dict[str, int] = {}
-        self.place: Vector = (0.0, 0.0, 0.0)
-        self.unplugged: str | None = None
-        self.shown: Vector = (0.0, 0.0, 0.0)
+    def __init__(self):
+        self.faults = {}
+        self.place = (0.0, 0.0, 0.0)
+        self.unplugged = None
+        self.shown = (0.0, 0.0, 0.0)
         self.connections = 0
 
-    def connect(self) -> None:
+    def connect(self):
         if self.unplugged is not None:
             raise MmtError(self.unplugged)
         self.connections += 1
 
-    def calibrate(self) -> None:
+    def calibrate(self):
         pass
 
-    def close(self) -> None:
+    def close(self):
         self.shown = (0.0, 0.0, 0.0)
 
-    def read(self, elapsed_ticks: int) -> InterfaceState:
+    def read(self, elapsed_ticks):
         if self.unplugged is not None:
             raise DeviceLost(self.unplugged)
         return InterfaceState(self.place, (0.0, 0.0, 0.0), 0.0, False)
 
-    def write(self, force_n: Vector) -> None:
+    def write(self, force_n):
         if self.unplugged is not None:
             raise DeviceLost(self.unplugged)
         self.shown = force_n
 
 
-def made() -> tuple[Handle, OperatorHandle, list[tuple[str, dict[str, Any]]]]:
+def made():
     device, told = Handle(), []
     handle = OperatorHandle(device, RECOVERY_MM)
     handle.watch(lambda sentence, **details: told.append((sentence, details)))
@@ -65,11 +62,11 @@ def made() -> tuple[Handle, OperatorHandle, list[tuple[str, dict[str, Any]]]]:
     return device, handle, told
 
 
-def until_back(handle: OperatorHandle, act: Callable[[], object]) -> None:
+def until_back(handle, act):
     until(lambda: not handle.lost, act)
 
 
-def test_the_robot_is_held_while_the_handle_is_lost_and_then_moved_without_a_jump() -> None:
+def test_the_robot_is_held_while_the_handle_is_lost_and_then_moved_without_a_jump():
     device, handle, told = made()
     device.place = (1.0, 2.0, 3.0)
     handle.read(1)
@@ -81,7 +78,6 @@ def test_the_robot_is_held_while_the_handle_is_lost_and_then_moved_without_a_jum
     commands = [handle.command_mm]
     for _ in range(120):
         state = handle.read(1)
-        assert state is not None
         assert state.position_mm == device.place  # what the hand feels is where the hand is
         commands.append(handle.command_mm)
     steps = np.linalg.norm(np.diff(np.array([(1.0, 2.0, 3.0), *commands]), axis=0), axis=1)
@@ -94,9 +90,9 @@ def test_the_robot_is_held_while_the_handle_is_lost_and_then_moved_without_a_jum
 
 
 @pytest.mark.parametrize("comes_back", [True, False])
-def test_what_its_driver_has_survived_is_in_the_summary(comes_back: bool) -> None:
+def test_what_its_driver_has_survived_is_in_the_summary(comes_back):
     device, handle, _ = made()
-    session: Any = SimpleNamespace(journal=SimpleNamespace(event=lambda *_, **__: None))
+    session = SimpleNamespace(journal=SimpleNamespace(event=lambda *_, **__: None))
     part = HandPart(session, handle, handle) if comes_back else HandPart(session, device)
     losses = {"device": "Handle", "losses": 0, "lost_s": 0.0}
     assert part.summary(1.0) == ({"handle": losses} if comes_back else {})
@@ -105,7 +101,7 @@ def test_what_its_driver_has_survived_is_in_the_summary(comes_back: bool) -> Non
     assert (table["device"], table["faults"]) == ("Handle", {"stale commands": 2})
 
 
-def test_the_hands_own_motion_comes_on_top_of_the_recovery() -> None:
+def test_the_hands_own_motion_comes_on_top_of_the_recovery():
     device, handle, _ = made()
     handle.read(1)
     device.unplugged = "gone"
@@ -115,11 +111,10 @@ def test_the_hands_own_motion_comes_on_top_of_the_recovery() -> None:
     before = handle.command_mm
     device.place = (50.0, 0.0, -2.0)
     handle.read(1)
-    assert before is not None
     assert handle.command_mm == pytest.approx((before[0] + RECOVERY_MM, 0.0, -2.0))
 
 
-def test_why_it_is_not_back_is_told_once() -> None:
+def test_why_it_is_not_back_is_told_once():
     device, handle, told = made()
     handle.read(1)
     device.unplugged = "the cable is out"
@@ -131,9 +126,7 @@ def test_why_it_is_not_back_is_told_once() -> None:
     handle.close()
 
 
-def test_reasons_that_differ_in_numbers_alone_are_told_once(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_reasons_that_differ_in_numbers_alone_are_told_once(monkeypatch):
     monkeypatch.setattr("mmt.devices.reconnection._RETRY_S", 0.005)
     device, handle, told = made()
     handle.read(1)
@@ -144,7 +137,7 @@ def test_reasons_that_differ_in_numbers_alone_are_told_once(
     assert [sentence for sentence, _ in told if "not back" in sentence] == []
 
 
-def test_a_handle_that_was_never_read_commands_nothing() -> None:
+def test_a_handle_that_was_never_read_commands_nothing():
     device, handle, _ = made()
     device.unplugged = "gone"
     assert handle.read(1) is None
@@ -154,7 +147,7 @@ def test_a_handle_that_was_never_read_commands_nothing() -> None:
     assert handle.command_mm == (5.0, 0.0, 0.0)
 
 
-def test_a_loss_that_only_writing_saw_moves_no_command_either() -> None:
+def test_a_loss_that_only_writing_saw_moves_no_command_either():
     device, handle, _ = made()
     handle.read(1)
     device.unplugged = "gone"
@@ -170,7 +163,7 @@ def test_a_loss_that_only_writing_saw_moves_no_command_either() -> None:
     st.lists(st.tuples(*[st.floats(-200.0, 200.0)] * 3), min_size=2, max_size=6),
     st.integers(1, 40),
 )
-def test_no_command_jumps_wherever_the_handle_comes_back(places, elapsed) -> None:
+def test_no_command_jumps_wherever_the_handle_comes_back(places, elapsed):
     """Each loss is seen at once by a connection that is done at once."""
     device = Handle()
     handle = OperatorHandle(device, RECOVERY_MM)
@@ -184,11 +177,11 @@ def test_no_command_jumps_wherever_the_handle_comes_back(places, elapsed) -> Non
         assert math.dist(handle.command_mm, last) <= RECOVERY_MM * elapsed + 1e-9
 
 
-def streamed(display: Handle) -> StreamedForce:
+def streamed(display):
     return StreamedForce(display, limit_n=5.0)
 
 
-def passive(display: Handle) -> PassiveForce:
+def passive(display):
     feedback = PassiveForce(display, limit_n=5.0, settings=PassivitySettings(), opening_j=1.0)
     record = np.zeros(1, dtype=ENERGY_DTYPE)
     record["energy_j"] = 1.0
@@ -196,12 +189,12 @@ def passive(display: Handle) -> PassiveForce:
     return feedback
 
 
-def model(display: Handle) -> ModelForce:
+def model(display):
     return ModelForce(display, limit_n=5.0, opening_j=1.0)
 
 
 @pytest.mark.parametrize("make", [streamed, passive, model])
-def test_the_force_is_gone_at_once_and_comes_back_from_zero(make) -> None:
+def test_the_force_is_gone_at_once_and_comes_back_from_zero(make):
     display = Handle()
     feedback = make(display)
     frame = np.zeros(1, dtype=frame_dtype())
@@ -225,7 +218,7 @@ def test_the_force_is_gone_at_once_and_comes_back_from_zero(make) -> None:
     assert course[-1] == pytest.approx(2.0)
 
 
-def test_where_the_handle_comes_back_is_nobodys_work() -> None:
+def test_where_the_handle_comes_back_is_nobodys_work():
     display = Handle()
     feedback = passive(display)
     frame = np.zeros(1, dtype=frame_dtype())

@@ -3,18 +3,17 @@
 import numpy as np
 import pytest
 
-from mmt.core.arrays import FloatArray
 from mmt.devices.protocols import InterfaceState
 from mmt.leader.output.model_crossfade import ModelCrossfade
 from mmt.leader.output.synthesis import Landing
 from mmt.leader.output.vibration import VibrationSwitch
 
 
-def hand(velocity_mm_s: float, contact: bool) -> InterfaceState:
+def hand(velocity_mm_s, contact):
     return InterfaceState((0.0, 0.0, 0.0), (9.0, 9.0, velocity_mm_s), float(contact), contact)
 
 
-def test_the_hands_speed_is_that_before_its_contact() -> None:
+def test_the_hands_speed_is_that_before_its_contact():
     for elapsed in (1, 3, 100):
         landing = Landing(2, 1000.0)
         for _ in range(0, 30, elapsed):
@@ -24,7 +23,7 @@ def test_the_hands_speed_is_that_before_its_contact() -> None:
 
 
 @pytest.mark.parametrize("before", ["short", "lost", "upwards", "none"])
-def test_no_approach_is_no_touch_down(before: str) -> None:
+def test_no_approach_is_no_touch_down(before):
     landing = Landing(2, 1000.0)
     for _ in range({"short": 10, "none": 0}.get(before, 30)):
         landing.step(hand(5.0 if before == "upwards" else -70.0, contact=False), 1)
@@ -38,22 +37,22 @@ class Landed:
 
     directed = False
 
-    def __init__(self) -> None:
-        self.model: object = None
-        self.speeds: list[float] = []
+    def __init__(self):
+        self.model = None
+        self.speeds = []
 
-    def touch_down(self, approach_speed_mm_s: float) -> None:
+    def touch_down(self, approach_speed_mm_s):
         self.speeds.append(approach_speed_mm_s)
 
-    def reset(self) -> None:
+    def reset(self):
         pass
 
-    def render(self, *inputs: FloatArray) -> FloatArray:
+    def render(self, *inputs):
         return np.zeros(len(inputs[0]))
 
 
 @pytest.mark.parametrize("crossfade", [False, True])
-def test_it_is_heard_with_the_model_alone(crossfade: bool) -> None:
+def test_it_is_heard_with_the_model_alone(crossfade):
     one, other = Landed(), Landed()
     renderer = ModelCrossfade(one, other, crossfade_samples=10) if crossfade else one
     switch = VibrationSwitch(lambda _: (0.0,), renderer, crossfade_samples=5)
@@ -75,11 +74,11 @@ def test_it_is_heard_with_the_model_alone(crossfade: bool) -> None:
         assert (one.speeds, other.speeds) == ([60.0, 40.0], [10.0])
 
 
-def test_a_renderer_that_knows_none_is_left_alone() -> None:
+def test_a_renderer_that_knows_none_is_left_alone():
     class Plain:
         directed = False
 
-        def render(self, *inputs: FloatArray) -> FloatArray:
+        def render(self, *inputs):
             return np.zeros(len(inputs[0]))
 
     switch = VibrationSwitch(None, Plain(), crossfade_samples=0)

@@ -1,16 +1,12 @@
 """Frames are requested in the follower's numbers, and given on in those of the session."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from frame_samples import PERIOD_NS, made_frames
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mmt.core.arrays import RecordArray
 from mmt.core.frames import SEQUENCES
-from mmt.core.sequence_numbers import Range
 from mmt.leader.backfill import Backfill
 from mmt.leader.numbering import SessionNumbering
 from mmt.link.protocol import FollowerHello
@@ -23,9 +19,9 @@ FIRSTS = st.sampled_from([0, 5, 2**31 + 7, SEQUENCES - 20])
 class Filled:
     """A session of which `gap` frames are missing after the first 15."""
 
-    def __init__(self, first: int, gap: int) -> None:
-        self.calls: list[Any] = []
-        self.requested: list[Range] = []
+    def __init__(self, first, gap):
+        self.calls = []
+        self.requested = []
         self.numbering = SessionNumbering(PERIOD_NS)
         self.backfill = Backfill(
             1000, self.numbering, lambda *call: self.calls.append(call), self.requested.extend,
@@ -45,19 +41,19 @@ class Filled:
         self.backfill.missing.jumped(self.begin + 14, self.live)
 
     @staticmethod
-    def frames(first: int, count: int) -> RecordArray:
+    def frames(first, count):
         frames = made_frames(first, count)
         frames["time_ns"] = np.arange(first, first + count) * PERIOD_NS
         return frames
 
 
-def numbers(ranges: list[Range]) -> list[int]:
+def numbers(ranges):
     assert all(0 <= first < stop <= SEQUENCES for first, stop in ranges)
     return [number for first, stop in ranges for number in range(first, stop)]
 
 
 @given(FIRSTS, st.integers(1, 40), st.data())
-def test_what_comes_again_is_given_on_once_with_its_time(first: int, gap: int, data: Any) -> None:
+def test_what_comes_again_is_given_on_once_with_its_time(first, gap, data):
     session = Filled(first, gap)
     session.backfill.tick(50)
     assert numbers(session.requested) == [number % SEQUENCES for number in session.gap]
@@ -77,7 +73,7 @@ def test_what_comes_again_is_given_on_once_with_its_time(first: int, gap: int, d
 
 @pytest.mark.parametrize("way", ["gone", "all gone", "another follower", "restart", "close"])
 @given(FIRSTS, st.integers(1, 40))
-def test_what_cannot_come_is_given_up_and_told(way: str, first: int, gap: int) -> None:
+def test_what_cannot_come_is_given_up_and_told(way, first, gap):
     session, skipped = Filled(first, gap), 0
     if way == "gone":
         session.backfill.tick(50)
@@ -97,7 +93,7 @@ def test_what_cannot_come_is_given_up_and_told(way: str, first: int, gap: int) -
 
 
 @given(FIRSTS, st.integers(1, 40), st.integers(-5, 30))
-def test_at_the_end_all_that_is_missing_is_listed(first: int, gap: int, tail: int) -> None:
+def test_at_the_end_all_that_is_missing_is_listed(first, gap, tail):
     session = Filled(first, gap)
     stop = session.gap.stop + 3
     wanted = [*session.gap, *range(stop, stop + tail)]

@@ -1,14 +1,11 @@
 """A real handle and a real actuator in the leader: made by their drivers, named when they fail."""
 
-from pathlib import Path
-
 import pytest
 
 from mmt.cli.scene.description import describe_scene
 from mmt.core.errors import InputError, MmtError
 from mmt.leader.part import Session
 from mmt.leader.parts import build_parts
-from mmt.scene import Scene
 from mmt.scene.files import load_scene, scene_from_tables
 
 DRIVERS = """
@@ -48,13 +45,13 @@ class FastActuator(Actuator):
 
 
 @pytest.fixture
-def drivers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def drivers(tmp_path, monkeypatch):
     (tmp_path / "leader_drivers.py").write_text(DRIVERS)
     monkeypatch.syspath_prepend(str(tmp_path))
     return "leader_drivers"
 
 
-def scene(drivers: str, **handle: object) -> Scene:
+def scene(drivers, **handle):
     return scene_from_tables(
         {
             "link": {},
@@ -66,7 +63,7 @@ def scene(drivers: str, **handle: object) -> Scene:
     )
 
 
-def test_handle_and_actuator_are_made_by_their_drivers_with_their_options(drivers: str) -> None:
+def test_handle_and_actuator_are_made_by_their_drivers_with_their_options(drivers):
     parts = build_parts(Session(scene(drivers, arm="left")))
     hand, vibration = parts.hand, parts.vibration
     assert hand.handle is hand.device is not None
@@ -79,7 +76,7 @@ def test_handle_and_actuator_are_made_by_their_drivers_with_their_options(driver
 
 
 @pytest.mark.parametrize("rate_hz", [1000, 5000])
-def test_an_actuator_learns_the_rate_before_it_is_connected(drivers: str, rate_hz: int) -> None:
+def test_an_actuator_learns_the_rate_before_it_is_connected(drivers, rate_hz):
     tables = scene(drivers).dump()
     tables["session"]["acceleration_rate_hz"] = rate_hz
     tables["actuator"]["driver"] = f"{drivers}:FastActuator"
@@ -90,32 +87,32 @@ def test_an_actuator_learns_the_rate_before_it_is_connected(drivers: str, rate_h
     assert calls == [float(rate_hz), "connect", "calibrate", "close"]
 
 
-def test_an_actuator_of_1_khz_alone_is_refused_at_the_start(drivers: str) -> None:
+def test_an_actuator_of_1_khz_alone_is_refused_at_the_start(drivers):
     tables = scene(drivers).dump()
     tables["session"]["acceleration_rate_hz"] = 5000
     with pytest.raises(InputError, match=r"plays 1000 samples a second.*_hz is 5000"):
         build_parts(Session(scene_from_tables(tables)))
 
 
-def test_a_handle_that_does_not_answer_is_named(drivers: str) -> None:
+def test_a_handle_that_does_not_answer_is_named(drivers):
     parts = build_parts(Session(scene(drivers, absent=True)))
     with pytest.raises(MmtError, match="Handle cannot be connected: no such port"):
         parts.connect()
 
 
-def test_an_unknown_driver_is_explained(drivers: str) -> None:
+def test_an_unknown_driver_is_explained(drivers):
     tables = scene(drivers).dump()
     tables["actuator"]["driver"] = "haptuator"
     with pytest.raises(InputError, match="driver 'haptuator' is not known"):
         build_parts(Session(scene_from_tables(tables)))
 
 
-def test_a_handle_sends_commands_like_a_hand(drivers: str) -> None:
+def test_a_handle_sends_commands_like_a_hand(drivers):
     streams = describe_scene(scene(drivers)).streams
     assert [stream.way for stream in streams] == ["up", "down"]
 
 
-def test_a_replay_leaves_the_handle_out(drivers: str, tmp_path: Path) -> None:
+def test_a_replay_leaves_the_handle_out(drivers, tmp_path):
     file = tmp_path / "handle.toml"
     file.write_text(
         '[link]\n[devices]\nrobot = "a:B"\n[handle]\ndriver = "a:C"\n'

@@ -1,19 +1,15 @@
 """Missing frames are noted, asked for, taken once, and given up in bounded time."""
 
-from typing import Any
-
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.core.arrays import RecordArray
 from mmt.core.frames import frame_dtype
-from mmt.core.sequence_numbers import Range
 from mmt.leader import missing
 from mmt.leader.missing import MissingFrames
 
 
-def numbered(*numbers: int) -> RecordArray:
+def numbered(*numbers):
     frames = np.zeros(len(numbers), frame_dtype())
     frames["sequence"] = numbers
     return frames
@@ -22,21 +18,21 @@ def numbered(*numbers: int) -> RecordArray:
 class Account:
     """An account with what it asks and notes."""
 
-    def __init__(self, most: int = 1000, keeps: int = 1000) -> None:
-        self.asked: list[list[Range]] = []
-        self.notes: list[dict[str, Any]] = []
+    def __init__(self, most=1000, keeps=1000):
+        self.asked = []
+        self.notes = []
         self.missing = MissingFrames(most, self.asked.append, self._note)
         self.missing.connect(keeps)
 
-    def _note(self, sentence: str, *, announce: bool, **details: object) -> None:
+    def _note(self, sentence, *, announce, **details):
         self.notes.append({"sentence": sentence, "announce": announce, **details})
 
-    def wait(self, ticks: int) -> int:
+    def wait(self, ticks):
         """Return in how many of the ticks frames had come or been given up."""
         return sum(self.missing.tick(1) for _ in range(ticks))
 
 
-def test_a_gap_is_noted_before_it_is_asked_for_and_closed_when_it_is_filled() -> None:
+def test_a_gap_is_noted_before_it_is_asked_for_and_closed_when_it_is_filled():
     account = Account()
     account.missing.jumped(9, numbered(12, 13, 15))
     assert (account.asked, account.notes) == ([], [])
@@ -60,7 +56,7 @@ def test_a_gap_is_noted_before_it_is_asked_for_and_closed_when_it_is_filled() ->
     }
 
 
-def test_what_nobody_asked_for_is_not_taken() -> None:
+def test_what_nobody_asked_for_is_not_taken():
     account = Account()
     account.missing.add_gap(5, 7)
     assert len(account.missing.take_missing(numbered(3, 4, 7, 8))) == 0
@@ -68,7 +64,7 @@ def test_what_nobody_asked_for_is_not_taken() -> None:
     assert account.missing.summary["unwanted"] == 5
 
 
-def test_long_gaps_are_announced_and_what_the_follower_has_not_got_is_lost() -> None:
+def test_long_gaps_are_announced_and_what_the_follower_has_not_got_is_lost():
     account = Account(most=300, keeps=200)
     account.missing.add_gap(0, 1000)
     account.wait(50)
@@ -81,7 +77,7 @@ def test_long_gaps_are_announced_and_what_the_follower_has_not_got_is_lost() -> 
     assert account.missing.first is None
 
 
-def test_of_a_follower_that_keeps_nothing_nothing_is_asked() -> None:
+def test_of_a_follower_that_keeps_nothing_nothing_is_asked():
     account = Account(keeps=0)
     account.missing.add_gap(3, 5)
     account.wait(100)
@@ -89,7 +85,7 @@ def test_of_a_follower_that_keeps_nothing_nothing_is_asked() -> None:
     assert account.notes[-1]["sentence"] == "of the missing frames 2 are lost"
 
 
-def test_an_answer_that_does_not_come_is_asked_for_again_and_then_given_up() -> None:
+def test_an_answer_that_does_not_come_is_asked_for_again_and_then_given_up():
     account = Account()
     account.missing.add_gap(3, 5)
     account.wait(1500)
@@ -102,7 +98,7 @@ def test_an_answer_that_does_not_come_is_asked_for_again_and_then_given_up() -> 
     assert account.missing.summary["lost"] == 1
 
 
-def test_a_lost_answer_is_asked_for_again_while_others_come() -> None:
+def test_a_lost_answer_is_asked_for_again_while_others_come():
     account = Account()
     account.missing.add_gap(0, 1)
     for number in range(10, 2000, 20):  # each of these gaps is filled at once
@@ -114,7 +110,7 @@ def test_a_lost_answer_is_asked_for_again_while_others_come() -> None:
     assert account.missing.first == 0
 
 
-def test_a_follower_that_still_has_the_frames_is_waited_for() -> None:
+def test_a_follower_that_still_has_the_frames_is_waited_for():
     account = Account(most=30_000, keeps=10_000)
     account.missing.add_gap(3, 5)
     account.wait(9900)
@@ -124,7 +120,7 @@ def test_a_follower_that_still_has_the_frames_is_waited_for() -> None:
     assert account.missing.summary["filled"] == account.missing.summary["lost"] == 1
 
 
-def test_after_a_reconnection_everything_is_asked_for_anew() -> None:
+def test_after_a_reconnection_everything_is_asked_for_anew():
     account = Account()
     account.missing.add_gap(3, 5)
     account.wait(50)
@@ -133,7 +129,7 @@ def test_after_a_reconnection_everything_is_asked_for_anew() -> None:
     assert account.asked == [[(3, 5)]] * 2
 
 
-def test_at_the_end_what_still_waits_is_noted_as_lost() -> None:
+def test_at_the_end_what_still_waits_is_noted_as_lost():
     account = Account()
     for number in (3, 4, 5):
         account.missing.add_gap(number, number + 1)
@@ -145,7 +141,7 @@ def test_at_the_end_what_still_waits_is_noted_as_lost() -> None:
     assert len(account.notes) == 2
 
 
-def test_a_bad_link_cannot_fill_the_memory() -> None:
+def test_a_bad_link_cannot_fill_the_memory():
     account = Account(most=10**6, keeps=10**6)
     numbers = numbered(*range(0, 20_000, 2))
     account.missing.jumped(-1, numbers)
@@ -166,9 +162,7 @@ def test_a_bad_link_cannot_fill_the_memory() -> None:
         max_size=40,
     )
 )
-def test_every_number_is_live_filled_lost_or_waited_for(
-    happenings: list[tuple[str, int, int]],
-) -> None:
+def test_every_number_is_live_filled_lost_or_waited_for(happenings):
     account = Account(most=50, keeps=40)
     newest, live, filled = 0, 1, set[int]()
     for kind, first, count in happenings:
@@ -196,11 +190,11 @@ def test_every_number_is_live_filled_lost_or_waited_for(
     assert sum(note["lost"] for note in closed) == summary_of(account, "lost")
 
 
-def summary_of(account: Account, name: str) -> int:
+def summary_of(account, name):
     return account.missing.summary[name]
 
 
-def test_frames_that_no_follower_sent_are_counted_as_missing_and_lost() -> None:
+def test_frames_that_no_follower_sent_are_counted_as_missing_and_lost():
     account = Account()
     account.missing.jumped(9, numbered(12))
     account.missing.give_up_all()

@@ -1,7 +1,6 @@
 """From one model's vibration to that of another, without a step."""
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -13,39 +12,39 @@ class Steady:
 
     directed = False
 
-    def __init__(self, seed: int | None = None) -> None:
-        self.model: Any = None
+    def __init__(self, seed=None):
+        self.model = None
         self.resets = 0
         self._random = None if seed is None else np.random.default_rng(seed)
 
-    def render(self, *inputs: np.ndarray) -> np.ndarray:
+    def render(self, *inputs):
         count = len(inputs[0])
         shape = np.ones(count) if self._random is None else self._random.standard_normal(count)
         return shape * (0.0 if self.model is None else self.model.level)
 
-    def reset(self) -> None:
+    def reset(self):
         self.resets += 1
 
 
-def model(level: float) -> Any:
+def model(level):
     return SimpleNamespace(level=level)
 
 
-def run(fade: ModelCrossfade, count: int, block: int = 1) -> np.ndarray:
+def run(fade, count, block=1):
     inputs = np.ones(block), np.ones(block)
     return np.concatenate([fade.render(*inputs) for _ in range(count // block)])
 
 
-def made(samples: int = 100, seed: int | None = None) -> ModelCrossfade:
+def made(samples=100, seed=None):
     second = None if seed is None else seed + 1
-    one: Any = Steady(seed)
-    other: Any = Steady(second)
+    one = Steady(seed)
+    other = Steady(second)
     fade = ModelCrossfade(one, other, crossfade_samples=samples)
     fade.model = model(1.0)
     return fade
 
 
-def test_it_goes_over_without_a_step_and_stays() -> None:
+def test_it_goes_over_without_a_step_and_stays():
     fade = made()
     assert run(fade, 10).tolist() == [1.0] * 10
     fade.cross_to(model(3.0))
@@ -55,20 +54,20 @@ def test_it_goes_over_without_a_step_and_stays() -> None:
     assert fade.model.level == 3.0
 
 
-def test_the_power_of_uncorrelated_vibrations_is_kept() -> None:
+def test_the_power_of_uncorrelated_vibrations_is_kept():
     fade = made(20_000, seed=1)
     fade.cross_to(model(1.0))
     power = np.square(run(fade, 20_000, block=100)).reshape(4, -1).mean(axis=1)
     np.testing.assert_allclose(power, 1.0, atol=0.1)
 
 
-def test_a_newer_model_of_the_same_surface_is_no_fade() -> None:
+def test_a_newer_model_of_the_same_surface_is_no_fade():
     fade = made()
     fade.model = model(2.0)
     assert run(fade, 3).tolist() == [2.0] * 3
 
 
-def test_a_fade_that_has_begun_ends_before_the_next_one() -> None:
+def test_a_fade_that_has_begun_ends_before_the_next_one():
     fade = made()
     fade.cross_to(model(2.0))
     run(fade, 50)
@@ -82,14 +81,14 @@ def test_a_fade_that_has_begun_ends_before_the_next_one() -> None:
     assert second[-1] == fade.model.level == 4.0
 
 
-def test_the_length_of_blocks_does_not_matter() -> None:
+def test_the_length_of_blocks_does_not_matter():
     each, blocks = made(), made()
     for fade in (each, blocks):
         fade.cross_to(model(2.0))
     np.testing.assert_allclose(run(each, 120), run(blocks, 120, block=8))
 
 
-def test_a_fade_of_no_length_goes_over_at_once() -> None:
+def test_a_fade_of_no_length_goes_over_at_once():
     fade = made(0)
     fade.cross_to(model(2.0))
     assert run(fade, 2).tolist() == [2.0, 2.0]

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import psutil
 import pytest
@@ -28,7 +27,7 @@ sys.stdin.read()
 """
 
 
-def modelling_children() -> list[psutil.Process]:
+def modelling_children():
     return [
         child
         for child in psutil.Process().children()
@@ -36,7 +35,7 @@ def modelling_children() -> list[psutil.Process]:
     ]
 
 
-async def test_a_process_that_is_killed_ends_the_modelling_and_nothing_else(tmp_path: Path) -> None:
+async def test_a_process_that_is_killed_ends_the_modelling_and_nothing_else(tmp_path):
     texture = {"update_period_s": 0.2, "start_share": 0.05, "stop_share": 0.9999}
     scene = small_scene(tmp_path, session={"duration_s": 4.0}, texture=texture, rendering={})
     together = await Together.listening(scene)
@@ -57,7 +56,7 @@ async def test_a_process_that_is_killed_ends_the_modelling_and_nothing_else(tmp_
     assert not modelling_children()
 
 
-async def test_what_fails_in_it_is_told_in_a_sentence() -> None:
+async def test_what_fails_in_it_is_told_in_a_sentence():
     made = ModellingProcess(ModellingSettings(), 1.0)
     made.start()
     with pytest.raises(MmtError, match="the process that models has failed: KeyError: 99"):
@@ -68,9 +67,7 @@ async def test_what_fails_in_it_is_told_in_a_sentence() -> None:
 
 
 @pytest.mark.parametrize("package", ["numba", "scipy"])
-def test_it_is_not_launched_without_its_packages(
-    package: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_is_not_launched_without_its_packages(package, monkeypatch):
     monkeypatch.setitem(sys.modules, package, None)
     made = ModellingProcess(ModellingSettings(), 1.0)
     with pytest.raises(InputError, match=f"the numerics need {package}, which is not installed"):
@@ -80,11 +77,10 @@ def test_it_is_not_launched_without_its_packages(
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-def test_it_outlives_signals_of_the_terminal_and_not_its_parent() -> None:
+def test_it_outlives_signals_of_the_terminal_and_not_its_parent():
     with subprocess.Popen(
         python_command("-c", PARENT), stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as parent:
-        assert parent.stdout is not None
         child = psutil.Process(int(parent.stdout.readline()))
         assert os.getsid(child.pid) != os.getsid(0)
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

@@ -2,17 +2,14 @@
 
 import asyncio
 import threading
-from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from frame_samples import made_frames
 from modelling_beside import InThread
 
-from mmt.core.arrays import RecordArray
 from mmt.leader.modelling.pipeline import Modelling
 from mmt.leader.modelling.stage import Item, ItemQueue, StageTask
 from mmt.leader.part import Session
@@ -32,25 +29,25 @@ class SlowModeller:
 
     kept = None
 
-    def __init__(self) -> None:
-        self.updates: list[RecordArray] = []
+    def __init__(self):
+        self.updates = []
         self.started = threading.Event()
         self.leave = threading.Event()
         self.leave.set()
         self.stops = False
 
-    def segment(self, frames: RecordArray) -> Iterator[UpdateWork]:
+    def segment(self, frames):
         self.updates.append(frames)
         self.started.set()
         assert self.leave.wait(10)
-        me: Any = self
+        me = self
         yield UpdateWork(me, float(frames["sequence"][-1]), [], [], [], 0.0)
 
-    def fit(self, work: UpdateWork) -> None: ...
+    def fit(self, work): ...
 
-    def build(self, work: UpdateWork) -> None: ...
+    def build(self, work): ...
 
-    def judge(self, work: UpdateWork) -> None:
+    def judge(self, work):
         work.update = ModelUpdate(
             time_s=work.time_s,
             samples=len(self.updates),
@@ -69,11 +66,11 @@ class SlowModeller:
 class Modelled:
     """The modelling's tasks with modellers that a test controls."""
 
-    def __init__(self, period_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
-        self._modellers: list[SlowModeller] = []
+    def __init__(self, period_s, monkeypatch):
+        self._modellers = []
         monkeypatch.setattr(online_modeller, "OnlineModeller", self._make)
-        self.updates: list[ModelUpdate] = []
-        self.seconds: list[float] = []
+        self.updates = []
+        self.seconds = []
         settings = ModellingSettings()
         process = InThread(settings, period_s)
         self.task = Modelling(Session(Scene()), settings, period_s, self._note, process=process)
@@ -83,22 +80,22 @@ class Modelled:
         """The newest one."""
         return self._modellers[-1]
 
-    def _make(self, _: ModellingSettings) -> SlowModeller:
+    def _make(self, _):
         self._modellers.append(SlowModeller())
         return self.modeller
 
-    def _note(self, update: ModelUpdate, seconds: float) -> None:
+    def _note(self, update, seconds):
         self.updates.append(update)
         self.seconds.append(seconds)
 
-    async def settle(self, updates: int) -> None:
+    async def settle(self, updates):
         async with asyncio.timeout(10):
             while len(self.updates) < updates:
                 await asyncio.sleep(0.001)
 
 
 @asynccontextmanager
-async def running(task: Modelling) -> AsyncIterator[None]:
+async def running(task):
     await asyncio.to_thread(task.connect)
     tasks = [asyncio.create_task(run, name=name) for name, run in task.tasks().items()]
     try:
@@ -111,9 +108,7 @@ async def running(task: Modelling) -> AsyncIterator[None]:
 
 
 @asynccontextmanager
-async def modelled(
-    monkeypatch: pytest.MonkeyPatch, period_s: float = 0.1
-) -> AsyncIterator[Modelled]:
+async def modelled(monkeypatch, period_s=0.1):
     made = Modelled(period_s, monkeypatch)
     async with running(made.task):
         try:
@@ -122,9 +117,7 @@ async def modelled(
             made.modeller.leave.set()
 
 
-async def test_an_update_comes_once_a_period_with_every_frame(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_an_update_comes_once_a_period_with_every_frame(monkeypatch):
     async with modelled(monkeypatch) as made:
         for first in range(0, 300, 5):
             made.task.on_frames(made_frames(first, 5))
@@ -138,9 +131,7 @@ async def test_an_update_comes_once_a_period_with_every_frame(
         assert all(seconds >= 0 for seconds in made.seconds)
 
 
-async def test_a_period_is_counted_over_frames_that_are_missing(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_period_is_counted_over_frames_that_are_missing(monkeypatch):
     async with modelled(monkeypatch) as made:
         made.task.on_frames(made_frames(0, 2))
         made.task.on_frames(made_frames(99, 1))
@@ -148,9 +139,7 @@ async def test_a_period_is_counted_over_frames_that_are_missing(
         assert made.modeller.updates[0]["sequence"].tolist() == [0, 1, 99]
 
 
-async def test_what_waits_is_bounded_and_the_oldest_is_dropped(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_what_waits_is_bounded_and_the_oldest_is_dropped(monkeypatch):
     async with modelled(monkeypatch) as made:
         made.modeller.leave.clear()
         made.task.on_frames(made_frames(0, 100))
@@ -165,9 +154,7 @@ async def test_what_waits_is_bounded_and_the_oldest_is_dropped(
         np.testing.assert_array_equal(made.modeller.updates[1]["sequence"], np.arange(2100, 12_100))
 
 
-async def test_of_a_block_longer_than_the_queue_the_newest_frames_are_kept(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_of_a_block_longer_than_the_queue_the_newest_frames_are_kept(monkeypatch):
     async with modelled(monkeypatch) as made:
         made.task.on_frames(made_frames(0, 10_001))
         await made.settle(1)
@@ -175,9 +162,7 @@ async def test_of_a_block_longer_than_the_queue_the_newest_frames_are_kept(
         assert made.task.segmenting.figures.drops == 1
 
 
-async def test_a_reset_throws_away_what_is_under_way_and_what_waits(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_reset_throws_away_what_is_under_way_and_what_waits(monkeypatch):
     async with modelled(monkeypatch) as made:
         old = made.modeller
         old.leave.clear()
@@ -194,9 +179,7 @@ async def test_a_reset_throws_away_what_is_under_way_and_what_waits(
         np.testing.assert_array_equal(made.modeller.updates[0]["sequence"], np.arange(200, 300))
 
 
-async def test_modelling_pauses_when_it_is_complete_until_it_is_reset(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_modelling_pauses_when_it_is_complete_until_it_is_reset(monkeypatch):
     async with modelled(monkeypatch) as made:
         first = made.modeller
         first.stops = True
@@ -212,10 +195,8 @@ async def test_modelling_pauses_when_it_is_complete_until_it_is_reset(
         assert not made.task.finished
 
 
-async def test_updates_wait_for_frames_that_may_still_come_and_are_cut_by_numbers(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    missing: list[int] = [40]
+async def test_updates_wait_for_frames_that_may_still_come_and_are_cut_by_numbers(monkeypatch):
+    missing = [40]
     async with modelled(monkeypatch) as made:
         made.task.segmenting.first_missing = lambda: missing[0] if missing else None
         made.task.on_frames(made_frames(0, 40))
@@ -234,9 +215,7 @@ async def test_updates_wait_for_frames_that_may_still_come_and_are_cut_by_number
         assert made.task.segmenting.late_frames == 0
 
 
-async def test_frames_that_come_after_their_update_are_left_out_and_counted(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_frames_that_come_after_their_update_are_left_out_and_counted(monkeypatch):
     async with modelled(monkeypatch) as made:
         made.task.on_frames(made_frames(0, 40))
         made.task.on_frames(made_frames(60, 40))
@@ -248,9 +227,7 @@ async def test_frames_that_come_after_their_update_are_left_out_and_counted(
         np.testing.assert_array_equal(made.modeller.updates[1]["sequence"], np.arange(100, 200))
 
 
-async def test_a_gap_that_never_closes_cannot_hold_the_modelling_up_for_ever(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_gap_that_never_closes_cannot_hold_the_modelling_up_for_ever(monkeypatch):
     async with modelled(monkeypatch) as made:
         made.task.segmenting.first_missing = lambda: 0
         for first in range(1, 9001, 100):
@@ -260,9 +237,7 @@ async def test_a_gap_that_never_closes_cannot_hold_the_modelling_up_for_ever(
         assert made.task.segmenting.figures.drops == 0
 
 
-async def test_what_is_complete_at_the_end_is_still_modelled(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_what_is_complete_at_the_end_is_still_modelled(monkeypatch):
     async with modelled(monkeypatch) as made:
         made.task.on_frames(made_frames(0, 350))
         await made.task.finish(10.0)
@@ -273,9 +248,7 @@ async def test_what_is_complete_at_the_end_is_still_modelled(
         assert len(made.updates) == 3
 
 
-async def test_a_frozen_model_takes_no_frames_until_it_may_grow(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_frozen_model_takes_no_frames_until_it_may_grow(monkeypatch):
     async with modelled(monkeypatch) as made:
         made.task.on_frames(made_frames(0, 50))
         made.task.freeze(True)
@@ -290,7 +263,7 @@ async def test_a_frozen_model_takes_no_frames_until_it_may_grow(
         assert not made.task.frozen
 
 
-TEXTURES: dict[str, dict[str, Any]] = {
+TEXTURES = {
     "demo": {},
     "fixed order": {"order": 10},
     "published": {"method": "published"},
@@ -299,7 +272,7 @@ TEXTURES: dict[str, dict[str, Any]] = {
 }
 
 
-def described(update: ModelUpdate) -> tuple[Any, ...]:
+def described(update):
     """Everything that an update says but the time it took; the model by its file."""
     model = None if update.model is None else update.model.to_bytes()
     left = tuple(described(state) for state in update.left)
@@ -311,7 +284,7 @@ def described(update: ModelUpdate) -> tuple[Any, ...]:
 
 
 @pytest.mark.parametrize("name", list(TEXTURES))
-async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name: str) -> None:
+async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name):
     tables = {"link": {}, "simulated": {}, "hand": {}, "texture": TEXTURES[name]}
     touched = name == "touch-downs"
     if touched:
@@ -321,7 +294,6 @@ async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name: str)
     frames, _ = simulate_session(scene, "plastic", duration_s)
     if name == "surfaces":
         frames = both_surfaces(frames, simulate_session(scene, "felt", 3.0)[0])
-    assert scene.texture is not None
     settings = scene.texture.settings(scene.session.samples_per_frame)
     factory = ModellerFactory(settings, 0.5)
     offline = factory.make()
@@ -329,12 +301,12 @@ async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name: str)
         frames[k : k + factory.frames_at_once]
         for k in range(0, len(frames), factory.frames_at_once)
     ]
-    expected: list[ModelUpdate] = []
+    expected = []
     for block in blocks:
         update = offline.update(block)
         if update is not None and not (expected and factory.is_finished(expected[-1])):
             expected.append(update)
-    found: list[ModelUpdate] = []
+    found = []
     live = Modelling(Session(scene), settings, 0.5, lambda update, _: found.append(update))
     async with running(live):
         for block in blocks:  # faster than real time: the tasks work on several updates at once
@@ -351,7 +323,7 @@ async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name: str)
     assert all(0 < figure["median_ms"] <= figure["longest_ms"] for figure in figures.values())
 
 
-def both_surfaces(first: RecordArray, second: RecordArray) -> RecordArray:
+def both_surfaces(first, second):
     """One session on two surfaces."""
     second = second.copy()
     second["sequence"] += len(first)
@@ -362,27 +334,27 @@ def both_surfaces(first: RecordArray, second: RecordArray) -> RecordArray:
 class Works:
     """Works by number, which are joined as the process joins them."""
 
-    def __init__(self) -> None:
-        self.each: list[UpdateWork] = []
+    def __init__(self):
+        self.each = []
         self.absorbed = 0
 
-    def item(self, removed: list[SampleRange] | None = None, seconds: float = 0.0) -> Item:
+    def item(self, removed=None, seconds=0.0):
         number, noted = len(self.each), object()
-        made = UpdateWork(noted, float(number), [], [], removed or [], 0.0)  # type: ignore[arg-type]
-        segment: Any = type("S", (), {"span": SampleRange(number, number + 1)})()
+        made = UpdateWork(noted, float(number), [], [], removed or [], 0.0)
+        segment = type("S", (), {"span": SampleRange(number, number + 1)})()
         made.added = [segment]
         self.each.append(made)
         return Item(number, seconds)
 
-    def absorb(self, later: Item, earlier: Item, segments: bool) -> None:
+    def absorb(self, later, earlier, segments):
         self.each[later.number].merge(self.each[earlier.number], segments=segments)
         self.absorbed += 1
 
-    def starts(self, item: Item) -> list[int]:
+    def starts(self, item):
         return [segment.span.start for segment in self.each[item.number].added]
 
 
-def test_a_full_queue_drops_the_oldest_segments_but_still_removes_what_they_removed() -> None:
+def test_a_full_queue_drops_the_oldest_segments_but_still_removes_what_they_removed():
     works = Works()
     queue = ItemQueue(2, True, works.absorb)
     dropped = [queue.put(works.item([SampleRange(k - 10, k - 9)])) for k in range(4)]
@@ -393,13 +365,12 @@ def test_a_full_queue_drops_the_oldest_segments_but_still_removes_what_they_remo
     assert works.each[first.number].removed == [(-10, -9), (-9, -8), (-8, -7)]
 
 
-def test_a_task_that_cannot_keep_up_takes_all_as_one_update() -> None:
+def test_a_task_that_cannot_keep_up_takes_all_as_one_update():
     works = Works()
     queue = ItemQueue(4, True, works.absorb)
     for k in range(4):
         queue.put(works.item([SampleRange(k - 1, k)] if k == 3 else [], 0.25))
     item = queue.get()
-    assert item is not None
     assert works.starts(item) == [0, 1, 3]  # segment 2 no longer holds
     assert item.seconds == 1.0
     assert queue.get() is None
@@ -408,13 +379,13 @@ def test_a_task_that_cannot_keep_up_takes_all_as_one_update() -> None:
 class Idle:
     """A process that does nothing."""
 
-    async def call(self, *_: object) -> None:
+    async def call(self, *_):
         return
 
 
-async def test_a_task_counts_what_it_drops_and_how_long_its_queue_was() -> None:
-    done: list[int] = []
-    idle: Any = Idle()
+async def test_a_task_counts_what_it_drops_and_how_long_its_queue_was():
+    done = []
+    idle = Idle()
     queue = ItemQueue(3, True, lambda *_: None)
     task = StageTask("fit", idle, queue, lambda item: done.append(item.number))
     for k in range(5):

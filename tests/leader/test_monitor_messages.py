@@ -35,7 +35,7 @@ SCENE = scene_from_tables(
 )
 
 
-def live_messages() -> tuple[MonitorTap, LiveMessages]:
+def live_messages():
     tap = MonitorTap()
     tap.watched = True
     return tap, LiveMessages(SCENE, tap)
@@ -45,25 +45,25 @@ def live_messages() -> tuple[MonitorTap, LiveMessages]:
     text=st.text(max_size=50),
     values=arrays.arrays(np.float32, arrays.array_shapes(max_dims=3, max_side=5)),
 )
-def test_a_message_is_read_as_it_was_made(text: str, values: np.ndarray) -> None:
+def test_a_message_is_read_as_it_was_made(text, values):
     message = unpack(pack("kind", {"text": text}, {"values": values, "none": []}))
     assert (message["kind"], message["text"]) == ("kind", text)
     np.testing.assert_array_equal(message["arrays"]["values"], values)
     assert message["arrays"]["none"].shape == (0,)
 
 
-def test_what_json_cannot_say_is_null() -> None:
+def test_what_json_cannot_say_is_null():
     header = {"a": math.nan, "b": {"c": [math.inf, 1.0]}}
     message = unpack(pack("kind", header, {}))
     assert (message["a"], message["b"]) == (None, {"c": [None, 1.0]})
 
 
-def test_the_surface_is_told_where_there_are_several() -> None:
+def test_the_surface_is_told_where_there_are_several():
     assert surfaces(None) == {}
     assert surfaces((1, [1, 3])) == {"surfaces": {"now": 1, "known": 2}}
 
 
-def test_nothing_is_kept_while_nobody_looks_on() -> None:
+def test_nothing_is_kept_while_nobody_looks_on():
     tap = MonitorTap()
     tap.add_frames(made_frames(0, 1))
     tap.add_output(np.ones(1))
@@ -71,7 +71,7 @@ def test_nothing_is_kept_while_nobody_looks_on() -> None:
     assert len(tap.played()) == 0
 
 
-def test_what_nobody_fetches_is_bounded() -> None:
+def test_what_nobody_fetches_is_bounded():
     tap, _ = live_messages()
     for k in range(5000):
         tap.add_frames(made_frames(k, 1))
@@ -80,7 +80,7 @@ def test_what_nobody_fetches_is_bounded() -> None:
     assert tap.played()[-1] == 4999
 
 
-def test_samples_are_numbered_so_that_a_gap_is_seen() -> None:
+def test_samples_are_numbered_so_that_a_gap_is_seen():
     tap, live = live_messages()
     tap.add_frames(made_frames(0, 30))
     tap.add_output(np.arange(10.0))
@@ -95,7 +95,7 @@ def test_samples_are_numbered_so_that_a_gap_is_seen() -> None:
     assert message["arrays"]["measured"].shape == (MOST_SAMPLES,)
 
 
-def test_measured_vibration_has_no_offset() -> None:
+def test_measured_vibration_has_no_offset():
     tap, live = live_messages()
     frames = made_frames(0, 500)
     frames["acceleration_m_s2"] = 9.81
@@ -103,7 +103,7 @@ def test_measured_vibration_has_no_offset() -> None:
     assert np.abs(unpack(live.make({}))["arrays"]["measured"][-100:]).max() < 0.05
 
 
-def test_the_point_is_that_of_the_hand_at_the_leader() -> None:
+def test_the_point_is_that_of_the_hand_at_the_leader():
     tap, live = live_messages()
     tap.state = InterfaceState((0.0, 0.0, 0.0), (30.0, 40.0, 99.0), 1.5, contact=True)
     message = unpack(live.make({}))
@@ -111,7 +111,7 @@ def test_the_point_is_that_of_the_hand_at_the_leader() -> None:
     assert message["velocity_mm_s"] == [30.0, 40.0]
 
 
-def test_without_a_hand_the_point_follows_the_stream() -> None:
+def test_without_a_hand_the_point_follows_the_stream():
     tap, live = live_messages()
     frames = made_frames(0, 41)
     frames["position_mm"] = np.outer(np.arange(41), [0.03, 0.04, 7.0])  # 50 mm/s across
@@ -122,7 +122,7 @@ def test_without_a_hand_the_point_follows_the_stream() -> None:
     assert message["force_n"] == [9.0, 9.0, 2.0]
 
 
-def test_a_scene_without_these_channels_has_no_point() -> None:
+def test_a_scene_without_these_channels_has_no_point():
     tap, live = live_messages()
     tap.add_frames(made_frames(0, 4, ("acceleration",)))
     message = unpack(live.make({}))
@@ -130,16 +130,15 @@ def test_a_scene_without_these_channels_has_no_point() -> None:
     assert message["arrays"]["measured"].shape == (4,)
 
 
-def test_automatic_thresholds_are_told_as_numbers() -> None:
+def test_automatic_thresholds_are_told_as_numbers():
     scene = SCENE.model_copy(update={"texture": Texture(method="published")})
-    assert scene.texture is not None
     assert scene.texture.start_distance == "auto"
     scale = hello_header(scene, "some-id")["criterion"]
     assert (scale["start"], scale["stop"]) == pytest.approx((7.5, 4.243), abs=1e-3)
     assert (scale["title"], scale["rises"]) == ("completion sum", False)
 
 
-def test_a_criterion_says_its_value_its_cells_and_where_a_stroke_is_wanted() -> None:
+def test_a_criterion_says_its_value_its_cells_and_where_a_stroke_is_wanted():
     monitor = CompletionMonitor(ModellingSettings(method="published"))
     monitor.update(np.array([[0.2, 0.2], [0.3, 0.2]]), 1.0)
     growing = completion_header(monitor.progress, None, None)
@@ -155,7 +154,7 @@ def test_a_criterion_says_its_value_its_cells_and_where_a_stroke_is_wanted() -> 
     assert (nothing["value"], nothing["cells"], nothing["advice"]) == (None, None, None)
 
 
-def test_the_model_is_shown_with_its_cells_and_triangles() -> None:
+def test_the_model_is_shown_with_its_cells_and_triangles():
     rng = np.random.default_rng(1)
     count = 12
     model = TextureModel(
@@ -180,7 +179,7 @@ def test_the_model_is_shown_with_its_cells_and_triangles() -> None:
     assert unpack(model_message(None))["samples"] == 0
 
 
-def test_a_model_of_velocity_is_shown_with_its_27_cells_and_tetrahedra() -> None:
+def test_a_model_of_velocity_is_shown_with_its_27_cells_and_tetrahedra():
     rng = np.random.default_rng(2)
     count = 15
     inputs = np.column_stack([rng.uniform(-200, 200, (count, 2)), rng.uniform(0.2, 2.8, count)])
@@ -202,7 +201,7 @@ def test_a_model_of_velocity_is_shown_with_its_27_cells_and_tetrahedra() -> None
     assert np.pi < volumes.sum() < np.pi * RIM**2  # they fill the cylinder, and a little around it
 
 
-def test_a_long_history_is_thinned_to_its_end() -> None:
+def test_a_long_history_is_thinned_to_its_end():
     points = [(float(k), 1.0) for k in range(4000)]
     shown = thinned(points, 1000)
     assert len(shown) <= 1001
@@ -213,16 +212,16 @@ def test_a_long_history_is_thinned_to_its_end() -> None:
 class SlowSocket:
     """Sends nothing until it is let."""
 
-    def __init__(self) -> None:
-        self.sent: list[bytes] = []
+    def __init__(self):
+        self.sent = []
         self.opened = asyncio.Event()
 
-    async def send_bytes(self, data: bytes) -> None:
+    async def send_bytes(self, data):
         await self.opened.wait()
         self.sent.append(data)
 
 
-async def test_a_slow_viewer_skips_states_and_delays_nobody() -> None:
+async def test_a_slow_viewer_skips_states_and_delays_nobody():
     viewers = Viewers()
     viewers.publish("model", b"first model")
     slow, quick = viewers.add(), viewers.add()
@@ -245,7 +244,7 @@ async def test_a_slow_viewer_skips_states_and_delays_nobody() -> None:
     assert slow_socket.sent == [b"first model", b"99", b"last model"]
 
 
-def test_the_number_of_viewers_is_bounded() -> None:
+def test_the_number_of_viewers_is_bounded():
     viewers = Viewers()
     for _ in range(MOST_VIEWERS):
         assert not viewers.full

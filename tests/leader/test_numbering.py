@@ -6,7 +6,6 @@ from frame_samples import PERIOD_NS, made_frames
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from mmt.core.arrays import RecordArray
 from mmt.core.frames import SEQUENCES
 from mmt.core.sequence_numbers import largest_advance, shortest_period_ns
 from mmt.leader.numbering import FrameRateWatch, SessionNumbering
@@ -14,7 +13,7 @@ from mmt.leader.numbering import FrameRateWatch, SessionNumbering
 SECOND = 1_000_000_000
 
 
-def test_the_frames_of_one_follower_pass_as_they_are() -> None:
+def test_the_frames_of_one_follower_pass_as_they_are():
     numbering = SessionNumbering(PERIOD_NS)
     for first in (7, 10, 40):  # with a gap
         frames = made_frames(first, 3)
@@ -24,7 +23,7 @@ def test_the_frames_of_one_follower_pass_as_they_are() -> None:
     assert numbering.frames == 43 - 7
 
 
-def test_a_follower_that_is_started_anew_is_put_behind_the_silence() -> None:
+def test_a_follower_that_is_started_anew_is_put_behind_the_silence():
     numbering = SessionNumbering(PERIOD_NS)
     numbering.number(made_frames(0, 100), 5 * SECOND)
     numbering.reconnect()
@@ -41,7 +40,7 @@ def test_a_follower_that_is_started_anew_is_put_behind_the_silence() -> None:
     assert following["sequence"].tolist() == [360, 361]
 
 
-def test_another_process_is_told_by_its_name_whatever_it_counts() -> None:
+def test_another_process_is_told_by_its_name_whatever_it_counts():
     numbering = SessionNumbering(PERIOD_NS)
     numbering.reconnect("first")
     numbering.number(made_frames(0, 100), SECOND)
@@ -56,7 +55,7 @@ def test_another_process_is_told_by_its_name_whatever_it_counts() -> None:
     assert numbering.shift == -50
 
 
-def test_a_leader_that_was_paused_knows_the_follower_that_went_on() -> None:
+def test_a_leader_that_was_paused_knows_the_follower_that_went_on():
     numbering = SessionNumbering(PERIOD_NS)
     numbering.reconnect("a")
     numbering.number(made_frames(0, 1000), SECOND)
@@ -71,7 +70,7 @@ def test_a_leader_that_was_paused_knows_the_follower_that_went_on() -> None:
     assert left_out, "the same process cannot have counted that far"
 
 
-def test_before_the_first_frame_nothing_is_known() -> None:
+def test_before_the_first_frame_nothing_is_known():
     numbering = SessionNumbering(PERIOD_NS)
     known = (numbering.frames, numbering.newest, numbering.shift, numbering.anew)
     assert known == (0, -1, 0, False)
@@ -85,7 +84,7 @@ def test_before_the_first_frame_nothing_is_known() -> None:
     assert numbering.frames == 3
 
 
-def test_a_session_is_extended_by_what_is_missing_at_its_end() -> None:
+def test_a_session_is_extended_by_what_is_missing_at_its_end():
     numbering = SessionNumbering(PERIOD_NS)
     numbering.number(made_frames(10, 90), SECOND)
     numbering.extend(150)
@@ -94,7 +93,7 @@ def test_a_session_is_extended_by_what_is_missing_at_its_end() -> None:
     assert (numbering.newest, numbering.frames) == (149, 140)
 
 
-def test_a_late_frame_was_due_beside_the_newest_but_not_before_zero_or_after_now() -> None:
+def test_a_late_frame_was_due_beside_the_newest_but_not_before_zero_or_after_now():
     numbering = SessionNumbering(PERIOD_NS)
     frames = made_frames(100, 10)
     numbering.number(frames, SECOND)
@@ -106,7 +105,7 @@ def test_a_late_frame_was_due_beside_the_newest_but_not_before_zero_or_after_now
     assert numbering.expected_arrival_ns(newest_ns - 2 * SECOND, now_ns) == 0
 
 
-def test_a_follower_without_a_name_is_judged_by_its_numbers() -> None:
+def test_a_follower_without_a_name_is_judged_by_its_numbers():
     """By those that the silence allows, also where the one before it had a name."""
     numbering = SessionNumbering(PERIOD_NS)
     numbering.reconnect("a")
@@ -123,7 +122,7 @@ def test_a_follower_without_a_name_is_judged_by_its_numbers() -> None:
 
 
 @pytest.mark.parametrize("name", ["", "a"])
-def test_the_time_that_passed_bounds_what_a_follower_may_have_counted(name: str) -> None:
+def test_the_time_that_passed_bounds_what_a_follower_may_have_counted(name):
     for beyond in (0, 1):
         numbering = SessionNumbering(PERIOD_NS)
         numbering.reconnect(name)
@@ -139,7 +138,7 @@ def test_the_time_that_passed_bounds_what_a_follower_may_have_counted(name: str)
 
 
 @pytest.mark.parametrize("second", [None, 10, 0])
-def test_a_jump_within_a_connection_is_a_gap_and_no_new_follower(second: int | None) -> None:
+def test_a_jump_within_a_connection_is_a_gap_and_no_new_follower(second):
     numbering = SessionNumbering(PERIOD_NS)
     numbering.number(made_frames(0, 10), SECOND)
     if second is not None:  # the first number after the link was taken up again
@@ -149,7 +148,7 @@ def test_a_jump_within_a_connection_is_a_gap_and_no_new_follower(second: int | N
     assert (left_out, taken["sequence"].tolist()) == (0, [90_000 + numbering.shift])
 
 
-def test_a_follower_that_was_started_anew_takes_its_link_up_again_too() -> None:
+def test_a_follower_that_was_started_anew_takes_its_link_up_again_too():
     numbering = SessionNumbering(PERIOD_NS)
     numbering.number(made_frames(0, 1000), SECOND)
     numbering.reconnect()
@@ -160,7 +159,7 @@ def test_a_follower_that_was_started_anew_takes_its_link_up_again_too() -> None:
     assert taken["sequence"].tolist() == [1262, 1263]
 
 
-def test_where_no_time_passed_one_frame_is_missing_between_two_followers() -> None:
+def test_where_no_time_passed_one_frame_is_missing_between_two_followers():
     numbering = SessionNumbering(PERIOD_NS)
     numbering.reconnect("a")
     numbering.number(made_frames(0, 10), SECOND)
@@ -172,7 +171,7 @@ def test_where_no_time_passed_one_frame_is_missing_between_two_followers() -> No
 @pytest.mark.parametrize(
     ("behind_ns", "shifted"), [(SECOND, False), (SECOND + 1, True), (5, False)]
 )
-def test_times_that_are_a_second_off_come_from_another_clock(behind_ns: int, shifted: bool) -> None:
+def test_times_that_are_a_second_off_come_from_another_clock(behind_ns, shifted):
     numbering = SessionNumbering(PERIOD_NS)
     numbering.reconnect("a")
     first, again = made_frames(0, 10), made_frames(0, 1)
@@ -194,11 +193,9 @@ def test_times_that_are_a_second_off_come_from_another_clock(behind_ns: int, shi
         max_size=20,
     )
 )
-def test_numbers_always_rise_whatever_connects(
-    arrivals: list[tuple[bool, int, int, int]],
-) -> None:
+def test_numbers_always_rise_whatever_connects(arrivals):
     numbering = SessionNumbering(PERIOD_NS)
-    sequences: list[int] = []
+    sequences = []
     raw, now_ns = 0, 0
     for anew, skipped, count, silence_ns in arrivals:
         now_ns += silence_ns
@@ -213,7 +210,7 @@ def test_numbers_always_rise_whatever_connects(
     assert numbering.frames == sequences[-1] + 1 - sequences[0]
 
 
-def wrapped(first: int, count: int, at: int) -> RecordArray:
+def wrapped(first, count, at):
     """Frames of a follower whose numbers begin at `at`, and wrap."""
     frames = made_frames(first, count)
     frames["sequence"] = (np.arange(first, first + count) + at) % SEQUENCES
@@ -227,9 +224,7 @@ def wrapped(first: int, count: int, at: int) -> RecordArray:
     st.integers(0, SEQUENCES - 1),
     st.lists(st.tuples(st.integers(1, 300), st.integers(0, 30)), min_size=1, max_size=8),
 )
-def test_the_numbers_of_a_session_rise_where_those_of_its_follower_wrap(
-    at: int, blocks: list[tuple[int, int]]
-) -> None:
+def test_the_numbers_of_a_session_rise_where_those_of_its_follower_wrap(at, blocks):
     numbering, first = SessionNumbering(PERIOD_NS), 0
     begun = at if at < 2**31 else 0
     for count, skipped in blocks:
@@ -243,7 +238,7 @@ def test_the_numbers_of_a_session_rise_where_those_of_its_follower_wrap(
         assert numbering.of_session((at + first) % SEQUENCES) == begun + first
 
 
-def test_a_follower_goes_on_after_a_break_in_which_its_numbers_wrapped() -> None:
+def test_a_follower_goes_on_after_a_break_in_which_its_numbers_wrapped():
     numbering = SessionNumbering(PERIOD_NS)
     numbering.reconnect("a")
     numbering.number(wrapped(0, 100, SEQUENCES - 150), SECOND)
@@ -253,9 +248,7 @@ def test_a_follower_goes_on_after_a_break_in_which_its_numbers_wrapped() -> None
 
 
 @pytest.mark.parametrize("first", [0, 5099])
-def test_a_follower_that_counts_anew_on_its_connection_is_put_behind_the_silence(
-    first: int,
-) -> None:
+def test_a_follower_that_counts_anew_on_its_connection_is_put_behind_the_silence(first):
     numbering = SessionNumbering(PERIOD_NS)
     numbering.number(made_frames(5000, 100), SECOND)
     again = made_frames(first, 10)
@@ -267,7 +260,7 @@ def test_a_follower_that_counts_anew_on_its_connection_is_put_behind_the_silence
     assert (left_out, following["sequence"].tolist()) == (0, [5360, 5361])
 
 
-def test_another_followers_clock_counts_even_if_its_numbers_go_on() -> None:
+def test_another_followers_clock_counts_even_if_its_numbers_go_on():
     numbering = SessionNumbering(PERIOD_NS)
     numbering.reconnect("one")
     numbering.number(made_frames(0, 100), 5 * SECOND)
@@ -282,18 +275,18 @@ def test_another_followers_clock_counts_even_if_its_numbers_go_on() -> None:
 class Watched:
     """A watch that is told of frames, and what it says."""
 
-    def __init__(self) -> None:
-        self.said: list[str] = []
+    def __init__(self):
+        self.said = []
         self.watch = FrameRateWatch(1000.0, self.said.append)
 
-    def stream(self, rate_hz: float, seconds: float, number: int = 0, start_s: float = 5.0) -> None:
+    def stream(self, rate_hz, seconds, number=0, start_s=5.0):
         for count in range(round(rate_hz * seconds)):
             time_s = start_s + count / rate_hz
             self.watch.add(number + count, round(time_s * SECOND))
 
 
 @pytest.mark.parametrize("rate_hz", [950.0, 1000.0, 1050.0])
-def test_a_rate_within_five_percent_is_nothing_to_say(rate_hz: float) -> None:
+def test_a_rate_within_five_percent_is_nothing_to_say(rate_hz):
     watched = Watched()
     watched.stream(rate_hz, 10.0)
     assert watched.said == []
@@ -301,7 +294,7 @@ def test_a_rate_within_five_percent_is_nothing_to_say(rate_hz: float) -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [660.0, 940.0, 1060.0, 2000.0])
-def test_another_rate_is_said_once_with_both_figures(rate_hz: float) -> None:
+def test_another_rate_is_said_once_with_both_figures(rate_hz):
     watched = Watched()
     watched.stream(rate_hz, 1.9)
     assert watched.said == []
@@ -312,7 +305,7 @@ def test_another_rate_is_said_once_with_both_figures(rate_hz: float) -> None:
     assert watched.watch.fault == sentence
 
 
-def test_a_stall_that_is_made_up_is_nothing_to_say() -> None:
+def test_a_stall_that_is_made_up_is_nothing_to_say():
     watched = Watched()
     watched.stream(900.0, 1.0)
     watched.stream(1100.0, 1.0, 900, 6.0)
@@ -320,7 +313,7 @@ def test_a_stall_that_is_made_up_is_nothing_to_say() -> None:
     assert watched.said == []
 
 
-def test_a_rate_that_is_right_again_is_said() -> None:
+def test_a_rate_that_is_right_again_is_said():
     watched = Watched()
     watched.stream(660.0, 4.0)
     watched.stream(1000.0, 4.0, 2640, 9.0)
@@ -329,7 +322,7 @@ def test_a_rate_that_is_right_again_is_said() -> None:
     assert watched.watch.fault is None
 
 
-def test_frames_that_are_lost_are_no_rate() -> None:
+def test_frames_that_are_lost_are_no_rate():
     watched = Watched()
     generator = np.random.default_rng(1)
     for number in range(30_000):
@@ -339,7 +332,7 @@ def test_frames_that_are_lost_are_no_rate() -> None:
     assert watched.said == []
 
 
-def test_a_new_connection_and_a_clock_that_jumps_back_begin_anew() -> None:
+def test_a_new_connection_and_a_clock_that_jumps_back_begin_anew():
     watched = Watched()
     watched.stream(1000.0, 3.0, 0, 500.0)
     watched.stream(1000.0, 3.0, 3000, 5.0)

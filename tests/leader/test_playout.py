@@ -1,5 +1,3 @@
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,12 +8,7 @@ from mmt.leader.output.playout import PlayoutBuffer, PlayoutStatistics
 MS = 1_000_000
 
 
-def play(
-    buffer: PlayoutBuffer,
-    frames: list[tuple[int, int, int, float]],
-    ticks: int,
-    start_ns: int = 0,
-) -> np.ndarray:
+def play(buffer, frames, ticks, start_ns=0):
     """Feed (sequence, time, arrival, value) by arrival while the clock ticks."""
     waiting = sorted(frames, key=lambda frame: frame[2])
     output = []
@@ -28,9 +21,7 @@ def play(
     return np.array(output)
 
 
-def stream(
-    count: int, delay_ms: float, jitter_ms: float = 0.0, seed: int = 0, offset_ns: int = 0
-) -> list[tuple[int, int, int, float]]:
+def stream(count, delay_ms, jitter_ms=0.0, seed=0, offset_ns=0):
     generator = np.random.default_rng(seed)
     lateness = generator.uniform(0, jitter_ms, count) if jitter_ms else np.zeros(count)
     return [
@@ -40,13 +31,13 @@ def stream(
 
 
 @pytest.mark.parametrize("offset_ns", [0, 10**15, -(10**15)])
-def test_the_two_clocks_need_not_agree(offset_ns: int) -> None:
+def test_the_two_clocks_need_not_agree(offset_ns):
     buffer = PlayoutBuffer(delay_ms=5.0)
     output = play(buffer, stream(500, 3.0, offset_ns=offset_ns), 400)
     assert output[-1] == pytest.approx(400 - 3 - 5, abs=2)
 
 
-def test_the_automatic_delay_bridges_jitter() -> None:
+def test_the_automatic_delay_bridges_jitter():
     buffer = PlayoutBuffer("auto")
     play(buffer, stream(6000, 4.0, jitter_ms=8.0), 6000)
     statistics = buffer.statistics()
@@ -59,13 +50,13 @@ def test_the_automatic_delay_bridges_jitter() -> None:
     assert settled.statistics().bridged - bridged < 60
 
 
-def test_the_automatic_delay_is_bounded() -> None:
+def test_the_automatic_delay_is_bounded():
     buffer = PlayoutBuffer("auto", longest_delay_ms=20.0)
     play(buffer, stream(4000, 4.0, jitter_ms=80.0), 4000)
     assert buffer.statistics().delay_ms == 20.0
 
 
-def test_nothing_stale_is_played_after_the_stream_stops() -> None:
+def test_nothing_stale_is_played_after_the_stream_stops():
     buffer = PlayoutBuffer(delay_ms=10.0)
     output = play(buffer, stream(500, 2.0), 1500)
     last = np.flatnonzero(output)[-1]
@@ -73,7 +64,7 @@ def test_nothing_stale_is_played_after_the_stream_stops() -> None:
     assert (output[last + 1 :] == 0.0).all()
 
 
-def test_a_lost_sample_fades_and_does_not_click() -> None:
+def test_a_lost_sample_fades_and_does_not_click():
     frames = [(k, t, a, 1.0) for k, t, a, _ in stream(600, 2.0) if not 300 <= k < 320]
     buffer = PlayoutBuffer(delay_ms=4.0)
     output = play(buffer, frames, 590)
@@ -83,7 +74,7 @@ def test_a_lost_sample_fades_and_does_not_click() -> None:
     assert output[400] == 1.0
 
 
-def test_a_stream_that_comes_back_is_played_again() -> None:
+def test_a_stream_that_comes_back_is_played_again():
     first = stream(300, 2.0)
     again = [(300 + k, (2000 + k) * MS, (2002 + k) * MS, 1.0) for k in range(500)]
     buffer = PlayoutBuffer(delay_ms=4.0)
@@ -93,7 +84,7 @@ def test_a_stream_that_comes_back_is_played_again() -> None:
     assert buffer.statistics().resyncs >= 1
 
 
-def test_a_fast_clock_is_followed_by_single_slips() -> None:
+def test_a_fast_clock_is_followed_by_single_slips():
     frames = [(k, int(k * MS), int(k * MS * 0.999) + 3 * MS, float(k)) for k in range(8000)]
     buffer = PlayoutBuffer("auto")
     play(buffer, frames, 7900)
@@ -108,14 +99,14 @@ def test_a_fast_clock_is_followed_by_single_slips() -> None:
         max_size=80,
     )
 )
-def test_any_frames_leave_the_output_bounded(frames: list[tuple[int, int, int]]) -> None:
+def test_any_frames_leave_the_output_bounded(frames):
     output = play(PlayoutBuffer("auto"), [(*frame, 1.0) for frame in frames], 400)
     assert (np.abs(output) <= 1.0).all()
 
 
 @pytest.mark.parametrize("step_s", [10, -10, 0.5, -0.5])
 @pytest.mark.parametrize("of_follower", [True, False])
-def test_a_step_in_a_clock_is_not_heard(step_s: float, of_follower: bool) -> None:
+def test_a_step_in_a_clock_is_not_heard(step_s, of_follower):
     step_ns = int(step_s * 1e9)
     start_ns = 20 * 10**9
     buffer = PlayoutBuffer("auto")
@@ -132,8 +123,8 @@ def test_a_step_in_a_clock_is_not_heard(step_s: float, of_follower: bool) -> Non
     assert buffer.statistics().delay_ms < 4
 
 
-def test_late_frames_are_not_played_and_leave_no_longer_delay() -> None:
-    def lateness_ms(k: int) -> int:
+def test_late_frames_are_not_played_and_leave_no_longer_delay():
+    def lateness_ms(k):
         return 2003 - (k - 3000) if 3000 <= k < 5000 else 3
 
     buffer = PlayoutBuffer("auto")
@@ -146,7 +137,7 @@ def test_late_frames_are_not_played_and_leave_no_longer_delay() -> None:
     assert buffer.statistics().delay_ms < 5
 
 
-def test_a_longer_way_is_followed_at_once_while_nothing_is_heard() -> None:
+def test_a_longer_way_is_followed_at_once_while_nothing_is_heard():
     frames = [(k, k * MS, (k + (3 if k < 3000 else 40)) * MS, 1.0) for k in range(6000)]
     output = play(PlayoutBuffer("auto"), frames, 5900)
     assert (output[3000 + 200 :] == 1.0).all()
@@ -158,19 +149,19 @@ def test_a_longer_way_is_followed_at_once_while_nothing_is_heard() -> None:
 class Bare:
     """Plays what there is, -1 for what is missing, and 0 before there was anything."""
 
-    def __init__(self, *, silent: bool = False) -> None:
+    def __init__(self, *, silent=False):
         self.silent = silent
         self._missing = (0.0,)
 
-    def play(self, values: Sequence[float]) -> Sequence[float]:
+    def play(self, values):
         self._missing = (-1.0,)
         return values
 
-    def bridge(self) -> Sequence[float]:
+    def bridge(self):
         return self._missing
 
 
-def steady(ticks: int, *, silent: bool = False) -> PlayoutBuffer:
+def steady(ticks, *, silent=False):
     """Return a buffer of 5 ms after this many ticks, that has been given 1000 frames."""
     buffer = PlayoutBuffer(5.0, concealment=Bare(silent=silent))
     play(buffer, stream(1000, 3.0)[: ticks - 3], ticks)
@@ -179,20 +170,20 @@ def steady(ticks: int, *, silent: bool = False) -> PlayoutBuffer:
     return buffer
 
 
-def test_each_sample_is_played_a_delay_after_the_quickest_frame() -> None:
+def test_each_sample_is_played_a_delay_after_the_quickest_frame():
     buffer = PlayoutBuffer(5.0, concealment=Bare())
     output = play(buffer, stream(1000, 3.0), 900)
     assert output.tolist() == [0.0] * 8 + [float(k + 1) for k in range(892)]
     assert buffer.statistics() == PlayoutStatistics(5.0, 892, 0, 0, 0, 0)
 
 
-def test_a_frame_that_comes_at_its_turn_is_not_late() -> None:
+def test_a_frame_that_comes_at_its_turn_is_not_late():
     buffer = PlayoutBuffer(0.0, concealment=Bare())
     play(buffer, stream(100, 3.0), 90)
     assert buffer.statistics() == PlayoutStatistics(0.0, 87, 0, 0, 0, 0)
 
 
-def test_frames_after_their_turn_and_frames_that_never_come_are_counted() -> None:
+def test_frames_after_their_turn_and_frames_that_never_come_are_counted():
     buffer = PlayoutBuffer(5.0, concealment=Bare())
     frames = [frame for frame in stream(500, 3.0) if frame[0] != 1]
     frames = [(k, t, a + (20 * MS if k in {100, 101, 102} else 0), v) for k, t, a, v in frames]
@@ -201,7 +192,7 @@ def test_frames_after_their_turn_and_frames_that_never_come_are_counted() -> Non
     assert np.flatnonzero(output == -1.0).tolist() == [9, 108, 109, 110]
 
 
-def test_the_end_of_the_stream_is_bridged_for_the_longest_delay() -> None:
+def test_the_end_of_the_stream_is_bridged_for_the_longest_delay():
     buffer = PlayoutBuffer(5.0, concealment=Bare())
     play(buffer, stream(500, 3.0), 900)
     assert (buffer.statistics().played, buffer.statistics().bridged) == (500, 100)
@@ -217,11 +208,11 @@ def test_the_end_of_the_stream_is_bridged_for_the_longest_delay() -> None:
         ({"delay_ms": 4.0, "period_ns": 2 * MS}, 4.0),
     ],
 )
-def test_the_delay_before_the_first_frame(given: dict[str, float], delay_ms: float) -> None:
-    assert PlayoutBuffer(**given).statistics().delay_ms == delay_ms  # type: ignore[arg-type]
+def test_the_delay_before_the_first_frame(given, delay_ms):
+    assert PlayoutBuffer(**given).statistics().delay_ms == delay_ms
 
 
-def test_the_age_of_a_sample_counts_from_the_quickest_frame() -> None:
+def test_the_age_of_a_sample_counts_from_the_quickest_frame():
     buffer = PlayoutBuffer(5.0)
     assert buffer.age_ms(0) is None
     buffer.push(0, 0, 3 * MS, (1.0,))
@@ -232,7 +223,7 @@ def test_the_age_of_a_sample_counts_from_the_quickest_frame() -> None:
 
 
 @pytest.mark.parametrize(("step_ns", "noticed"), [(100 * MS, False), (100 * MS + 1, True)])
-def test_a_clock_has_stepped_where_it_is_more_than_100_ms_off(step_ns: int, noticed: bool) -> None:
+def test_a_clock_has_stepped_where_it_is_more_than_100_ms_off(step_ns, noticed):
     follower = steady(500)
     follower.push(1000, 1000 * MS - step_ns, 1003 * MS, (1.0,))
     follower.pull(500 * MS)
@@ -242,7 +233,7 @@ def test_a_clock_has_stepped_where_it_is_more_than_100_ms_off(step_ns: int, noti
     assert (leader.age_ms(0) is None) == noticed
 
 
-def test_a_gap_in_the_stream_is_no_step_of_a_clock() -> None:
+def test_a_gap_in_the_stream_is_no_step_of_a_clock():
     buffer = steady(500)
     buffer.push(1300, 1300 * MS, 1323 * MS, (1.0,))
     assert buffer.age_ms(0) == 8.0
@@ -259,9 +250,7 @@ def test_a_gap_in_the_stream_is_no_step_of_a_clock() -> None:
         ([0.0, 500.0], 2.0),
     ],
 )
-def test_the_automatic_delay_is_judged_every_hundred_ticks(
-    late_ms: list[float], delay_ms: float
-) -> None:
+def test_the_automatic_delay_is_judged_every_hundred_ticks(late_ms, delay_ms):
     buffer = PlayoutBuffer()
     for k, late in enumerate(late_ms):
         buffer.push(k, k * MS, k * MS + round(late * MS), (1.0,))
@@ -272,7 +261,7 @@ def test_the_automatic_delay_is_judged_every_hundred_ticks(
     assert buffer.statistics().delay_ms == delay_ms
 
 
-def test_from_51_samples_on_the_playout_jumps() -> None:
+def test_from_51_samples_on_the_playout_jumps():
     buffer, now = steady(500), 499 * MS
     for resyncs, jump_ms in ((0, 50), (1, 51), (2, -51)):
         now += (1 + jump_ms) * MS
@@ -285,9 +274,7 @@ def test_from_51_samples_on_the_playout_jumps() -> None:
 
 
 @pytest.mark.parametrize(("jump_ms", "slips"), [(1, 0), (2, 1), (3, 2), (-1, 0), (-2, 1)])
-def test_a_difference_of_two_samples_is_worked_off_every_twenty_ticks(
-    jump_ms: int, slips: int
-) -> None:
+def test_a_difference_of_two_samples_is_worked_off_every_twenty_ticks(jump_ms, slips):
     buffer, sign = steady(501), np.sign(jump_ms)
     played = [buffer.pull((501 + jump_ms + k) * MS) for k in range(60)]
     steps = np.diff([493.0, *np.ravel(played)])
@@ -298,9 +285,7 @@ def test_a_difference_of_two_samples_is_worked_off_every_twenty_ticks(
 
 
 @pytest.mark.parametrize(("jump_ms", "heard"), [(1, 494.0), (2, 496.0), (-2, 492.0)])
-def test_in_silence_a_difference_of_two_samples_is_made_up_for_at_once(
-    jump_ms: int, heard: float
-) -> None:
+def test_in_silence_a_difference_of_two_samples_is_made_up_for_at_once(jump_ms, heard):
     buffer = steady(501, silent=True)
     assert buffer.pull((501 + jump_ms) * MS) == (heard,)
     assert buffer.statistics().slips == 0

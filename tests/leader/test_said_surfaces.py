@@ -16,13 +16,13 @@ from mmt.texture.online.surface_changes import SurfaceChange, surface_statements
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 
 
-async def ordered(surface: Any, surfaces: Any) -> tuple[bool, str, list[int]]:
-    said: list[int] = []
+async def ordered(surface, surfaces):
+    said = []
     session, nothing = Session(Scene()), cast("Any", None)
     if surfaces is not None:
         now, known = surfaces
         session.log.surfaces = cast("Any", SimpleNamespace(current=now, entries=set(known)))
-    modelling: Any = SimpleNamespace(state_surface=said.append)
+    modelling = SimpleNamespace(state_surface=said.append)
     order = json.dumps({"id": 1, "do": "surface", "surface": surface})
     _, answer = await Controls(session, nothing, nothing, modelling).answer(order)
     message = unpack(answer)
@@ -37,27 +37,25 @@ async def ordered(surface: Any, surfaces: Any) -> tuple[bool, str, list[int]]:
         (None, "a new surface, 6", [6]),
     ],
 )
-async def test_a_person_names_the_surface(
-    surface: int | None, sentence: str, told: list[int]
-) -> None:
+async def test_a_person_names_the_surface(surface, sentence, told):
     assert await ordered(surface, (4, [1, 4, 5])) == (True, sentence, told)
 
 
 @pytest.mark.parametrize("surface", [0, 2, "1", 1.5, [1], True, -1])
-async def test_what_is_no_known_surface_is_refused(surface: Any) -> None:
+async def test_what_is_no_known_surface_is_refused(surface):
     known = (4, [4, 5])
     good, sentence, told = await ordered(surface, known)
     assert (good, told) == (False, [])
     assert "known are 4, 5" in sentence
 
 
-async def test_without_surfaces_there_is_none_to_name() -> None:
+async def test_without_surfaces_there_is_none_to_name():
     good, sentence, told = await ordered(1, None)
     assert (good, told) == (False, [])
     assert "tells no surfaces apart" in sentence
 
 
-async def test_a_scene_with_one_surface_takes_no_word() -> None:
+async def test_a_scene_with_one_surface_takes_no_word():
     session = Session(Scene())
     modelling = Modelling(session, ModellingSettings(), 1.0, lambda *_: None)
     with pytest.raises(InputError, match=r"no \[texture\.surfaces\]"):
@@ -80,7 +78,7 @@ async def test_a_scene_with_one_surface_takes_no_word() -> None:
         {"kind": "recalled", "surface": 1, "evidence": None},
     ],
 )
-def test_events_that_are_no_persons_word_are_none(event: dict[str, Any]) -> None:
+def test_events_that_are_no_persons_word_are_none(event):
     change = SurfaceChange("recalled", 2, 1, 7, 9)
     word = {"surface": change.surface, "at_sample": change.at_sample, "evidence": change.evidence}
     assert surface_statements([event, word]) == surface_statements([word])

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.core.arrays import Vector
 from mmt.leader.motion.slew import ForceRamp, GuardedDisplay, VibrationSlew
 from mmt.scene.files import scene_from_tables
 
@@ -18,15 +17,15 @@ FORCE_N = (1.0, 2.0, -4.0)
 class Display:
     """Notes what is written."""
 
-    def __init__(self) -> None:
-        self.forces: list[Vector] = []
+    def __init__(self):
+        self.forces = []
 
-    def write(self, force_n: Vector) -> None:
+    def write(self, force_n):
         self.forces.append(force_n)
 
 
 @given(st.lists(FORCES, min_size=1, max_size=30))
-def test_a_force_changes_by_a_step_at_most(forces_n: list[Vector]) -> None:
+def test_a_force_changes_by_a_step_at_most(forces_n):
     display = Display()
     limited = GuardedDisplay(display, 100.0, 0.5)
     for force_n in forces_n:
@@ -38,7 +37,7 @@ def test_a_force_changes_by_a_step_at_most(forces_n: list[Vector]) -> None:
     assert display.forces[-1] == forces_n[-1]
 
 
-def test_a_slow_force_passes_as_it_is_and_is_not_counted() -> None:
+def test_a_slow_force_passes_as_it_is_and_is_not_counted():
     display = Display()
     limited = GuardedDisplay(display, 100.0, 1.0)
     forces_n = [(0.0, 0.0, 0.9 * k) for k in range(4)]
@@ -51,7 +50,7 @@ def test_a_slow_force_passes_as_it_is_and_is_not_counted() -> None:
         assert limited.limited_writes == writes
 
 
-def test_a_vibration_changes_by_a_step_at_most_over_calls_too() -> None:
+def test_a_vibration_changes_by_a_step_at_most_over_calls_too():
     slew = VibrationSlew(500.0, 60.0)
     blocks = [np.array([-60.0, 0.0, 60.0, -60.0]), np.array([60.0]), np.zeros(3)]
     for block in blocks:
@@ -73,9 +72,7 @@ def test_a_vibration_changes_by_a_step_at_most_over_calls_too() -> None:
 
 @pytest.mark.parametrize("keys", [{}, {"samples_per_tick": 3}])
 @given(wanted=st.floats(1e3, 1e300))
-def test_vibration_beyond_the_limit_fades_over_its_whole_time(
-    wanted: float, keys: dict[str, int]
-) -> None:
+def test_vibration_beyond_the_limit_fades_over_its_whole_time(wanted, keys):
     slew, samples = VibrationSlew(60.0, **keys), keys.get("samples_per_tick", 1)
     played = []
     for silent in (False, True, False):
@@ -91,17 +88,15 @@ def test_vibration_beyond_the_limit_fades_over_its_whole_time(
 
 
 @pytest.mark.parametrize("slew", [1000.0, "off"])
-def test_a_scene_states_the_slew_limits(slew: float | str) -> None:
+def test_a_scene_states_the_slew_limits(slew):
     tables = {"link": {}, "hand": {}, "simulated": {}, "playout": {}}
     scene = scene_from_tables(
         {**tables, "force_feedback": {"slew_n_s": slew}, "actuator": {"slew_m_s3": slew}}
     )
-    assert scene.force_feedback is not None
-    assert scene.actuator is not None
     assert scene.force_feedback.slew_n_s == scene.actuator.slew_m_s3 == slew
 
 
-def shares(ramp: ForceRamp, ticks: int, force_n: Vector = FORCE_N, elapsed: int = 1) -> list[float]:
+def shares(ramp, ticks, force_n=FORCE_N, elapsed=1):
     """Shape a force in each tick and return which share of it is displayed on all axes."""
     found = []
     for _ in range(ticks):
@@ -111,7 +106,7 @@ def shares(ramp: ForceRamp, ticks: int, force_n: Vector = FORCE_N, elapsed: int 
     return found
 
 
-def test_the_force_goes_out_after_a_silence_and_in_over_the_ramp() -> None:
+def test_the_force_goes_out_after_a_silence_and_in_over_the_ramp():
     ramp = ForceRamp(silence_ticks=2, ramp_ticks=4)
     for _ in range(2):
         assert shares(ramp, 7) == [1.0, 1.0, 0.75, 0.5, 0.25, 0.0, 0.0]
@@ -125,7 +120,7 @@ def test_the_force_goes_out_after_a_silence_and_in_over_the_ramp() -> None:
         ramp.renew()
 
 
-def test_it_comes_in_from_what_is_displayed_on_each_axis() -> None:
+def test_it_comes_in_from_what_is_displayed_on_each_axis():
     ramp = ForceRamp(silence_ticks=2, ramp_ticks=4)
     shares(ramp, 4)  # half of it is left
     ramp.renew()
@@ -133,19 +128,19 @@ def test_it_comes_in_from_what_is_displayed_on_each_axis() -> None:
     assert shown == pytest.approx((0.75 * 0.5 + 9 / 4, 0.75 * 1.0 + 2.0, -0.75 * 2.0 + 7 / 4))
 
 
-def test_missed_ticks_count_for_the_silence_alone() -> None:
+def test_missed_ticks_count_for_the_silence_alone():
     ramp = ForceRamp(silence_ticks=2, ramp_ticks=4)
     assert shares(ramp, 3, elapsed=50) == [0.75, 0.5, 0.25]
 
 
-def test_a_source_that_has_left_is_silent_at_once() -> None:
+def test_a_source_that_has_left_is_silent_at_once():
     ramp = ForceRamp(silence_ticks=2, ramp_ticks=4)
     ramp.fall_silent()
     assert ramp.silent
     assert shares(ramp, 5) == [0.75, 0.5, 0.25, 0.0, 0.0]
 
 
-def test_after_a_rest_the_force_returns_from_zero() -> None:
+def test_after_a_rest_the_force_returns_from_zero():
     ramp = ForceRamp(silence_ticks=2, ramp_ticks=4)
     shares(ramp, 1)
     ramp.pause(1)

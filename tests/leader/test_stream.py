@@ -8,16 +8,14 @@ from frame_samples import made_frames
 from scipy import signal
 
 import mmt
-from mmt.core.arrays import RecordArray
 from mmt.leader.output.playout import PlayoutBuffer
 from mmt.leader.output.stream import StreamedVibration
 from mmt.leader.output.streamed_motion import StreamedMotion
 from mmt.leader.output.three_axes import ThreeAxes
 from mmt.testing.simulation.textures import get_surface
-from mmt.texture.settings import VibrationAxis
 
 
-def vibrating(count: int) -> RecordArray:
+def vibrating(count):
     """A vibration of 100 Hz on gravity, along z; a slower one along x."""
     frames = made_frames(0, count, ("acceleration",))
     phase = 2 * np.pi * 0.1 * np.arange(count)
@@ -27,7 +25,7 @@ def vibrating(count: int) -> RecordArray:
     return frames
 
 
-def played(stream: StreamedVibration, buffer: PlayoutBuffer, frames: RecordArray) -> np.ndarray:
+def played(stream, buffer, frames):
     output = []
     for frame in frames:
         now_ns = int(frame["time_ns"])
@@ -37,9 +35,7 @@ def played(stream: StreamedVibration, buffer: PlayoutBuffer, frames: RecordArray
 
 
 @pytest.mark.parametrize(("axis", "peak"), [("z", 1.0), ("x", 5.0), ("dft321", 26.0**0.5)])
-def test_the_streamed_vibration_is_the_acceleration_without_gravity(
-    axis: VibrationAxis, peak: float
-) -> None:
+def test_the_streamed_vibration_is_the_acceleration_without_gravity(axis, peak):
     buffer = PlayoutBuffer(delay_ms=2.0)
     stream = StreamedVibration(buffer, axis, 1000.0)
     output = played(stream, buffer, vibrating(1000))
@@ -48,7 +44,7 @@ def test_the_streamed_vibration_is_the_acceleration_without_gravity(
     assert abs(output[500:].mean()) < 0.05 * peak
 
 
-def coloured(rng: np.random.Generator, centre_hz: float, count: int) -> np.ndarray:
+def coloured(rng, centre_hz, count):
     low, high = 0.6 * centre_hz, min(1.6 * centre_hz, 480.0)
     band = signal.butter(2, (low, high), "bandpass", fs=1000.0, output="sos")
     return signal.sosfilt(band, rng.normal(0.0, 3.0, count))
@@ -57,7 +53,7 @@ def coloured(rng: np.random.Generator, centre_hz: float, count: int) -> np.ndarr
 @pytest.mark.parametrize(
     "kind", ["one direction", "independent", "equal", "turning", "strokes", "one axis"]
 )
-def test_three_axes_give_a_channel_of_their_power_and_spectrum(kind: str) -> None:
+def test_three_axes_give_a_channel_of_their_power_and_spectrum(kind):
     """The oracle is Parseval's: the powers of the three axes, and their Welch spectra, summed."""
     rng, count = np.random.default_rng(2), 40_000
     first, second, third = (coloured(rng, centre, count) for centre in (80.0, 160.0, 300.0))
@@ -85,9 +81,7 @@ def test_three_axes_give_a_channel_of_their_power_and_spectrum(kind: str) -> Non
 
 @pytest.mark.parametrize("axis", ["z", "dft321"])
 @pytest.mark.parametrize("name", ["wood", "plastic", "ribbed"])
-def test_the_stream_and_the_truth_as_the_model_are_of_one_level(
-    name: str, axis: VibrationAxis
-) -> None:
+def test_the_stream_and_the_truth_as_the_model_are_of_one_level(name, axis):
     """Stroke by stroke the expected power is the truth's, integrated over frequency."""
     surface = get_surface(name)
     frames, _ = mmt.simulate_session(mmt.Scene(), surface=name, duration_s=20.0)
@@ -109,7 +103,7 @@ def test_the_stream_and_the_truth_as_the_model_are_of_one_level(
     assert abs(step_db) < 0.5
 
 
-def test_a_gap_in_the_stream_makes_no_click() -> None:
+def test_a_gap_in_the_stream_makes_no_click():
     buffer = PlayoutBuffer(delay_ms=2.0)
     stream = StreamedVibration(buffer, "z", 1000.0)
     frames = vibrating(600)
@@ -118,7 +112,7 @@ def test_a_gap_in_the_stream_makes_no_click() -> None:
     assert np.abs(output).max() < 2.0
 
 
-def moving(speed_mm_s: float, force_n: float, count: int) -> RecordArray:
+def moving(speed_mm_s, force_n, count):
     frames = made_frames(0, count)
     time_s = np.arange(count) / 1000
     frames["position_mm"] = 0.0
@@ -130,7 +124,7 @@ def moving(speed_mm_s: float, force_n: float, count: int) -> RecordArray:
 
 
 @pytest.mark.parametrize("size", [1, 7, 400])
-def test_speed_is_tangential_and_force_is_normal(size: int) -> None:
+def test_speed_is_tangential_and_force_is_normal(size):
     motion = StreamedMotion("z", 1000.0)
     frames = moving(120.0, 1.5, 400)
     for first in range(0, 400, size):
@@ -140,18 +134,16 @@ def test_speed_is_tangential_and_force_is_normal(size: int) -> None:
 
 
 @pytest.mark.parametrize(("normal", "expected"), [("z", (1.0, 0.0)), ("y", (1.0, 2.0))])
-def test_the_velocity_is_that_along_the_axes_of_the_surface(
-    normal: str, expected: tuple[float, float]
-) -> None:
+def test_the_velocity_is_that_along_the_axes_of_the_surface(normal, expected):
     frames = moving(0.0, 1.0, 400)
     for axis, slope in enumerate((1.0, 0.0, 2.0)):
         frames["position_mm"][:, axis] = 40.0 * slope * np.arange(400) / 1000.0
-    motion = StreamedMotion(normal, 1000.0)  # type: ignore[arg-type]
+    motion = StreamedMotion(normal, 1000.0)
     motion.on_frames(frames, 0)
     assert motion.velocity_mm_s == pytest.approx([40.0 * slope for slope in expected], abs=1e-3)
 
 
-def test_pulling_is_no_normal_force_and_rest_is_zero() -> None:
+def test_pulling_is_no_normal_force_and_rest_is_zero():
     motion = StreamedMotion("z", 1000.0)
     motion.on_frames(moving(50.0, -2.0, 300), 0)
     assert motion.force_n == 0.0
@@ -160,7 +152,7 @@ def test_pulling_is_no_normal_force_and_rest_is_zero() -> None:
     assert (math.hypot(*motion.velocity_mm_s), motion.force_n) == (0.0, 0.0)
 
 
-def test_a_gap_makes_no_jump_of_speed() -> None:
+def test_a_gap_makes_no_jump_of_speed():
     motion = StreamedMotion("z", 1000.0)
     frames = moving(100.0, 1.0, 2000)
     motion.on_frames(frames[:500], 0)

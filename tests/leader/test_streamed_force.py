@@ -7,17 +7,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_slew import Display
 
-from mmt.core.arrays import RecordArray
 from mmt.leader.motion.feedback import StreamedForce
 
 
-def forced(*force_n: float) -> RecordArray:
+def forced(*force_n):
     frames = made_frames(0, 3)
     frames["force_n"][-1] = force_n
     return frames
 
 
-def test_the_newest_force_is_displayed_within_the_limit_in_its_direction() -> None:
+def test_the_newest_force_is_displayed_within_the_limit_in_its_direction():
     handle = Display()
     force = StreamedForce(handle, limit_n=3.0)
     force.tick(1, None)
@@ -34,7 +33,7 @@ def test_the_newest_force_is_displayed_within_the_limit_in_its_direction() -> No
     assert force.summary["largest_n"] == 3.0
 
 
-def test_after_a_pause_the_force_comes_back_from_zero() -> None:
+def test_after_a_pause_the_force_comes_back_from_zero():
     handle = Display()
     force = StreamedForce(handle, limit_n=3.0, silence_ticks=40)
     for tick in range(180):
@@ -50,7 +49,7 @@ def test_after_a_pause_the_force_comes_back_from_zero() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(st.integers(1, 200), st.floats(0.0, 3.0)), min_size=1, max_size=12))
-def test_a_force_that_comes_and_goes_never_steps(stretches: list[tuple[int, float]]) -> None:
+def test_a_force_that_comes_and_goes_never_steps(stretches):
     handle = Display()
     force = StreamedForce(handle, limit_n=3.0)
     for _ in range(60):  # as before a session: nothing has been heard yet
@@ -65,7 +64,7 @@ def test_a_force_that_comes_and_goes_never_steps(stretches: list[tuple[int, floa
     assert np.abs(np.diff(normal)).max() <= 3.0 / 50 + 1e-12
 
 
-def written(force: StreamedForce, handle: Display, ticks: list[int], *, stream: bool) -> np.ndarray:
+def written(force, handle, ticks, *, stream):
     """Display once for each number of elapsed ticks; return the steps of the force written."""
     before = len(handle.forces)
     for elapsed in ticks:
@@ -77,7 +76,7 @@ def written(force: StreamedForce, handle: Display, ticks: list[int], *, stream: 
 
 
 @pytest.mark.parametrize("held_up", [2, 49, 75, 1000])
-def test_a_held_up_tick_makes_no_step_of_the_force(held_up: int) -> None:
+def test_a_held_up_tick_makes_no_step_of_the_force(held_up):
     """The ramps advance by what was written, out in a silence and in when frames come again."""
     handle = Display()
     force = StreamedForce(handle, limit_n=3.0, silence_ticks=40)

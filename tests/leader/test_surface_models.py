@@ -2,7 +2,6 @@
 
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,14 +25,14 @@ FADE = 50
 class Model:
     """Sounds like a number."""
 
-    def __init__(self, level: float) -> None:
+    def __init__(self, level):
         self.level = level
         self.samples = [level] * 9
 
-    def to_bytes(self) -> bytes:
+    def to_bytes(self):
         return str(self.level).encode()
 
-    def save(self, path: Path) -> None:
+    def save(self, path):
         with replacing(path) as part:
             part.write_bytes(self.to_bytes())
 
@@ -43,72 +42,62 @@ class Sounding:
 
     directed = False
 
-    def __init__(self) -> None:
-        self.model: Any = None
-        self.crossed: list[float] = []
+    def __init__(self):
+        self.model = None
+        self.crossed = []
 
-    def cross_to(self, model: Any) -> None:
+    def cross_to(self, model):
         self.crossed.append(model.level)
         self.model = model
 
-    def render(self, *inputs: np.ndarray) -> np.ndarray:
+    def render(self, *inputs):
         return np.full(len(inputs[0]), 0.0 if self.model is None else self.model.level)
 
 
 class Recorder:
     path = Path("session.mcap")
 
-    def __init__(self) -> None:
-        self.models: list[tuple[str, float]] = []
-        self.events: list[dict[str, Any]] = []
+    def __init__(self):
+        self.models = []
+        self.events = []
 
-    def attach_model(self, data: bytes, time_s: float) -> None:
+    def attach_model(self, data, time_s):
         self.models.append((data.decode(), time_s))
 
-    def record_event(self, event: dict[str, Any]) -> None:
+    def record_event(self, event):
         self.events.append(event)
 
 
 class Leader:
     """The models' use with parts that a test looks at."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.sounding, self.recorder = Sounding(), Recorder()
-        sounding: Any = self.sounding
-        self.known: dict[int, Any] = {}
-        modelling: Any = SimpleNamespace(models=lambda: self.known, reset=self.known.clear)
+        sounding = self.sounding
+        self.known = {}
+        modelling = SimpleNamespace(models=lambda: self.known, reset=self.known.clear)
         self.session = Session(Scene())
-        self.session.journal.event = self._say  # type: ignore[method-assign, assignment]
+        self.session.journal.event = self._say
         self.log = self.session.log
         recording = RecordingPart(self.session)
-        self.recording: Any = recording
+        self.recording = recording
         self.recording.recorder = self.recorder
         self.switch = VibrationSwitch(lambda _: (-1.0,), sounding, crossfade_samples=FADE)
-        vibration: Any = SimpleNamespace(switch=self.switch, response=lambda: None)
+        vibration = SimpleNamespace(switch=self.switch, response=lambda: None)
         rendering = SynthesizingPart(sounding, sounding)
-        self.said: list[str] = []
-        self.details: list[dict[str, Any]] = []
+        self.said = []
+        self.details = []
         self.use = ModelOutput(self.session, recording, modelling, rendering, None, vibration)
 
-    def _say(self, sentence: str, **details: Any) -> None:
+    def _say(self, sentence, **details):
         self.said.append(sentence)
         self.details.append(details)
 
-    def heard(self) -> float:
+    def heard(self):
         """Play until every fade is over; return what is heard then."""
         return float(self.switch.render(0, np.ones(4 * FADE), np.ones(4 * FADE))[-1])
 
-    def update(
-        self,
-        time_s: float,
-        surface: int,
-        level: float | None,
-        *,
-        started: bool = False,
-        stopped: bool = False,
-        changes: tuple[SurfaceChange, ...] = (),
-        left: tuple[ModelUpdate, ...] = (),
-    ) -> None:
+    def update(self, time_s, surface, level, *, started=False, stopped=False, changes=(), left=()):
         model = None if level is None else Model(level)
         if level is not None:
             self.known[surface] = model
@@ -119,7 +108,7 @@ class Leader:
             0.01,
         )
 
-    def recall(self) -> None:
+    def recall(self):
         """Let the tool come from surface 2 back onto surface 1, whose model is complete."""
         self.update(
             15.3,
@@ -132,15 +121,7 @@ class Leader:
         )
 
 
-def state(
-    time_s: float,
-    surface: int,
-    model: Any,
-    *,
-    started: bool = False,
-    stopped: bool = False,
-    **more: Any,
-) -> ModelUpdate:
+def state(time_s, surface, model, *, started=False, stopped=False, **more):
     return ModelUpdate(
         time_s=time_s,
         samples=0 if model is None else 9,
@@ -158,12 +139,12 @@ def state(
     )
 
 
-def change(kind: Any, before: int, surface: int, from_sample: int) -> SurfaceChange:
+def change(kind, before, surface, from_sample):
     return SurfaceChange(kind, before, surface, from_sample, from_sample + 300, 15.0)
 
 
 @pytest.fixture
-def leader() -> Leader:
+def leader():
     """Surface 1 is rendered, complete; then the tool comes onto surface 2."""
     made = Leader()
     made.update(1.0, 1, 10.0)
@@ -182,7 +163,7 @@ def leader() -> Leader:
     return made
 
 
-def test_on_a_new_surface_the_stream_is_heard_until_its_own_model_is_ready(leader: Leader) -> None:
+def test_on_a_new_surface_the_stream_is_heard_until_its_own_model_is_ready(leader):
     assert leader.heard() == -1.0
     assert (leader.log.start_s, leader.log.stop_s) == (None, None)
     leader.update(10.3, 2, 20.0)
@@ -193,10 +174,10 @@ def test_on_a_new_surface_the_stream_is_heard_until_its_own_model_is_ready(leade
     assert leader.sounding.crossed == []  # from the stream: the switch's fade
 
 
-def test_every_part_gets_each_update_with_its_session_time(leader: Leader) -> None:
-    got: list[tuple[float, float]] = []
+def test_every_part_gets_each_update_with_its_session_time(leader):
+    got = []
     part = Part()
-    part.on_update = lambda update, seconds: got.append((update.time_s, seconds))  # type: ignore[method-assign]
+    part.on_update = lambda update, seconds: got.append((update.time_s, seconds))
     leader.session.parts.add(part)
     leader.update(13.3, 2, 21.0, started=True)
     leader.use.reset(15.0)
@@ -204,13 +185,13 @@ def test_every_part_gets_each_update_with_its_session_time(leader: Leader) -> No
     assert got == [(13.3, 0.01), (16.0, 0.01)]
 
 
-def test_after_a_reset_nothing_is_known_of_what_the_actuator_plays(leader: Leader) -> None:
+def test_after_a_reset_nothing_is_known_of_what_the_actuator_plays(leader):
     leader.use.played_share = 0.4
     leader.use.reset(15.0)
     assert leader.use.played_share is None
 
 
-def test_a_known_surface_is_rendered_at_once_by_a_fade_between_models(leader: Leader) -> None:
+def test_a_known_surface_is_rendered_at_once_by_a_fade_between_models(leader):
     leader.update(13.3, 2, 21.0, started=True)
     leader.heard()
     leader.recall()
@@ -222,7 +203,7 @@ def test_a_known_surface_is_rendered_at_once_by_a_fade_between_models(leader: Le
     assert sum(s.startswith("stop criterion") for s in leader.said) == 1
 
 
-def test_a_known_surface_follows_the_stream_by_the_fade_of_the_switch(leader: Leader) -> None:
+def test_a_known_surface_follows_the_stream_by_the_fade_of_the_switch(leader):
     leader.heard()
     left = (state(12.0, 2, None),)
     leader.update(
@@ -232,21 +213,19 @@ def test_a_known_surface_follows_the_stream_by_the_fade_of_the_switch(leader: Le
     assert leader.heard() == 12.0
 
 
-def test_a_new_surface_that_is_a_known_one_is_rendered_from_its_model(leader: Leader) -> None:
+def test_a_new_surface_that_is_a_known_one_is_rendered_from_its_model(leader):
     leader.heard()
     leader.update(11.0, 1, 12.0, started=True, changes=(change("identified", 2, 1, 9000),))
     assert leader.heard() == 12.0
     surfaces = leader.log.surfaces
-    assert surfaces is not None
     assert surfaces.known == 1
     assert surfaces.entries[1].stays == [(0.0, 9.0), (9.0, None)]
     assert leader.said[-1] == "surface 2 is surface 1, from 9.00 s on"
 
 
-def test_the_summary_has_every_stay_and_the_state_of_every_model(leader: Leader) -> None:
+def test_the_summary_has_every_stay_and_the_state_of_every_model(leader):
     leader.update(13.3, 2, 21.0, started=True)
     leader.recall()
-    assert leader.log.surfaces is not None
     table = leader.log.surfaces.as_dict(18.0)
     assert (table["now"], table["known"]) == (1, 2)
     assert table["1"]["stays"] == [{"from_s": 0.0, "to_s": 9.0}, {"from_s": 15.0, "to_s": 18.0}]
@@ -260,7 +239,7 @@ def test_the_summary_has_every_stay_and_the_state_of_every_model(leader: Leader)
     assert leader.details[-1]["from_s"] == 15.0
 
 
-def test_a_criterion_that_is_taken_back_is_met_again_later(leader: Leader) -> None:
+def test_a_criterion_that_is_taken_back_is_met_again_later(leader):
     """What had met it was of another surface."""
     made = Leader()
     made.update(4.0, 1, 11.0, started=True)
@@ -274,7 +253,7 @@ def test_a_criterion_that_is_taken_back_is_met_again_later(leader: Leader) -> No
     assert made.heard() == 12.0
 
 
-def test_held_vibration_stays_held_over_a_change(leader: Leader) -> None:
+def test_held_vibration_stays_held_over_a_change(leader):
     leader.use.force("streamed")
     left = (state(12.0, 2, None),)
     leader.update(
@@ -285,7 +264,7 @@ def test_held_vibration_stays_held_over_a_change(leader: Leader) -> None:
     assert leader.heard() == 12.0
 
 
-def test_every_models_last_state_is_recorded_once(leader: Leader) -> None:
+def test_every_models_last_state_is_recorded_once(leader):
     recorder = leader.recorder
     assert recorder.models == [("11.0", 4.0), ("12.0", 9.0)]
     leader.update(13.3, 2, 21.0)
@@ -293,30 +272,28 @@ def test_every_models_last_state_is_recorded_once(leader: Leader) -> None:
     leader.use.record_last()
     assert recorder.models[2:] == [("21.0", 13.3)]
     assert [(e["surface"], e["time_s"]) for e in recorder.events] == [(1, 4.0), (1, 9.0), (2, 13.3)]
-    later: Any = Recorder()  # a recording that begins later has them all
+    later = Recorder()  # a recording that begins later has them all
     leader.recording.recorder = later
     leader.use.record_last()
     assert sorted(data for data, _ in later.models) == ["12.0", "21.0"]
 
 
-def test_a_reset_forgets_every_surface(leader: Leader) -> None:
+def test_a_reset_forgets_every_surface(leader):
     leader.update(13.3, 2, 21.0, started=True)
     leader.use.reset(14.0)
     assert leader.log.surfaces is None
     assert leader.heard() == -1.0
     leader.update(1.0, 1, 40.0)
-    assert leader.log.surfaces is not None
     assert leader.log.surfaces.known == 1
-    assert leader.log.update is not None
     assert leader.log.update.time_s == 15.0
 
 
-def test_model_files_stand_beside_the_recording_and_older_ones_go(tmp_path: Path) -> None:
+def test_model_files_stand_beside_the_recording_and_older_ones_go(tmp_path):
     recording = tmp_path / "session.mcap"
     others = [tmp_path / "session-surface-x.npz", tmp_path / "my-session-surface-1.npz"]
     for path in (tmp_path / "session-surface-7.npz", *others):
         path.write_bytes(b"")
-    models: Any = {1: Model(12.0), 2: Model(21.0)}
+    models = {1: Model(12.0), 2: Model(21.0)}
     assert write_surface_models(recording, models) == []
     found = sorted(path.name for path in tmp_path.iterdir())
     assert found == sorted(

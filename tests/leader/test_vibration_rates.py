@@ -1,18 +1,15 @@
 """Vibration of k kHz beside frames of 1 kHz, from the acceleration to the last guard."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from mmt.core.arrays import FloatArray
 from mmt.core.frames import frame_dtype
 from mmt.devices.protocols import InterfaceState
 from mmt.leader.motion.slew import VibrationSlew
-from mmt.leader.output.concealment import LONGEST_FRAMES, Way, build_concealment, course
+from mmt.leader.output.concealment import LONGEST_FRAMES, build_concealment, course
 from mmt.leader.output.playout import PlayoutBuffer
 from mmt.leader.output.stream import StreamedVibration
 from mmt.leader.output.three_axes import ThreeAxes
@@ -20,15 +17,14 @@ from mmt.leader.output.vibration import VibrationPart, VibrationSwitch
 from mmt.leader.part import Session, Tick
 from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.actuator import SimulatedActuator
-from mmt.texture.settings import VibrationAxis
 
 MS = 1_000_000
 DELAY = 4
 SEVERAL = st.sampled_from([1, 2, 5, 10])
-WAYS: tuple[Way, ...] = ("model", "repetition", "silence")
+WAYS = ("model", "repetition", "silence")
 
 
-def textured(frames: int, k: int, seed: int = 0) -> FloatArray:
+def textured(frames, k, seed=0):
     """Return noise (frames k,) with two resonances, at 80 and 225 Hz."""
     generator = np.random.default_rng(seed)
     poles = [0.95 ** (1 / k) * np.exp(0.5j / k), 0.9 ** (1 / k) * np.exp(1.4j / k)]
@@ -37,9 +33,7 @@ def textured(frames: int, k: int, seed: int = 0) -> FloatArray:
     return np.asarray(values / values.std())
 
 
-def streamed(
-    values: FloatArray, k: int, way: Way, lost: Sequence[int] = (), axis: VibrationAxis = "z"
-) -> FloatArray:
+def streamed(values, k, way, lost=(), axis="z"):
     """Return what the switch plays of an acceleration along z of which frames are lost."""
     count = len(values) // k
     frames = np.zeros(count, frame_dtype(samples_per_frame=k))
@@ -58,7 +52,7 @@ def streamed(
     return np.concatenate(played)
 
 
-def high_passed(values: FloatArray, k: int) -> FloatArray:
+def high_passed(values, k):
     """Return what scipy makes of the acceleration, begun in the first sample's steady state."""
     b, a = signal.butter(2, 10.0, "highpass", fs=1000.0 * k)
     measured = (9.81 + values).astype(np.float32).astype(np.float64)
@@ -67,7 +61,7 @@ def high_passed(values: FloatArray, k: int) -> FloatArray:
 
 @given(k=SEVERAL, way=st.sampled_from(WAYS), seed=st.integers(0, 99))
 @settings(max_examples=30, deadline=None)
-def test_a_stream_is_played_as_it_is_a_delay_later(k: int, way: Way, seed: int) -> None:
+def test_a_stream_is_played_as_it_is_a_delay_later(k, way, seed):
     values = textured(300, k, seed)
     played, fade = streamed(values, k, way), 5
     wanted = high_passed(values, k)
@@ -83,7 +77,7 @@ def test_a_stream_is_played_as_it_is_a_delay_later(k: int, way: Way, seed: int) 
     seed=st.integers(0, 30),
 )
 @settings(max_examples=40, deadline=None)
-def test_no_joint_clicks_whatever_is_missing(k: int, way: Way, gaps: list[int], seed: int) -> None:
+def test_no_joint_clicks_whatever_is_missing(k, way, gaps, seed):
     values = textured(250 + 30 * len(gaps) + sum(gaps), k, seed)
     lost, at = [], 200
     for gap in gaps:
@@ -100,9 +94,7 @@ def test_no_joint_clicks_whatever_is_missing(k: int, way: Way, gaps: list[int], 
 
 @given(k=SEVERAL, way=st.sampled_from(WAYS), length=st.integers(1, 200))
 @settings(max_examples=40, deadline=None)
-def test_nothing_is_invented_for_longer_than_a_tenth_of_a_second(
-    k: int, way: Way, length: int
-) -> None:
+def test_nothing_is_invented_for_longer_than_a_tenth_of_a_second(k, way, length):
     values = textured(500, k)
     played = streamed(values, k, way, range(200, 200 + length))
     begin, end = 200 + DELAY, 200 + DELAY + length
@@ -114,13 +106,13 @@ def test_nothing_is_invented_for_longer_than_a_tenth_of_a_second(
 
 
 @pytest.mark.parametrize("k", [2, 5, 10])
-def test_a_gap_takes_as_long_at_any_rate(k: int) -> None:
+def test_a_gap_takes_as_long_at_any_rate(k):
     np.testing.assert_allclose(course(0, k)[k - 1 :: k], course(0, 1), atol=1e-12)
     np.testing.assert_allclose(course(70, k)[k - 1 :: k], course(70, 1), atol=1e-12)
 
 
 @pytest.mark.parametrize("k", [2, 5, 10])
-def test_three_axes_keep_their_power(k: int) -> None:
+def test_three_axes_keep_their_power(k):
     axes = np.column_stack([textured(4000, k, seed) * (seed + 1.0) for seed in range(3)])
     together = ThreeAxes(1000.0)
     blocks = axes.reshape(-1, k, 3).transpose(0, 2, 1).tolist()
@@ -135,10 +127,10 @@ class Heard:
 
     directed = False
 
-    def __init__(self) -> None:
-        self.speeds: list[float] = []
+    def __init__(self):
+        self.speeds = []
 
-    def render(self, *inputs: FloatArray) -> FloatArray:
+    def render(self, *inputs):
         self.speeds += inputs[0].tolist()
         return inputs[0].copy()
 
@@ -148,9 +140,7 @@ class Heard:
     ticks=st.lists(st.tuples(st.integers(1, 4), st.floats(0.0, 50.0)), min_size=1, max_size=20),
 )
 @settings(deadline=None)
-def test_the_motion_goes_along_lines_between_the_ticks(
-    k: int, ticks: list[tuple[int, float]]
-) -> None:
+def test_the_motion_goes_along_lines_between_the_ticks(k, ticks):
     tables = {"link": {}, "simulated": {}, "hand": {}, "playout": {}, "actuator": {}}
     rate = {"acceleration_rate_hz": 1000 * k}
     session = Session(scene_from_tables({"session": rate, **tables}))
@@ -158,7 +148,7 @@ def test_the_motion_goes_along_lines_between_the_ticks(
     switch = VibrationSwitch(None, heard, crossfade_samples=0, samples_per_tick=k)
     switch.use_model(True)
     part = VibrationPart(session, actuator, switch, VibrationSlew(60.0, samples_per_tick=k))
-    outputs: list[tuple[int, int]] = []
+    outputs = []
     part._on_output.append(
         lambda first_ns, _, vibration: outputs.append((first_ns, len(vibration)))
     )
@@ -183,7 +173,7 @@ def test_the_motion_goes_along_lines_between_the_ticks(
     values=st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=80),
     silent=st.booleans(),
 )
-def test_limit_and_slew_hold_for_every_sample(k: int, values: list[float], silent: bool) -> None:
+def test_limit_and_slew_hold_for_every_sample(k, values, silent):
     largest_step = 60_000.0 / (1000.0 * k)
     slew = VibrationSlew(60.0, largest_step, k)
     blocks = [np.array(values[at : at + k]) for at in range(0, len(values), k)]
@@ -196,7 +186,7 @@ def test_limit_and_slew_hold_for_every_sample(k: int, values: list[float], silen
 
 
 @pytest.mark.parametrize("k", [1, 2, 5, 10])
-def test_what_is_silenced_fades_within_ten_milliseconds(k: int) -> None:
+def test_what_is_silenced_fades_within_ten_milliseconds(k):
     slew = VibrationSlew(60.0, samples_per_tick=k)
     for _ in range(3):
         slew.limit(np.full(k, 2.0))

@@ -1,26 +1,23 @@
 """Blocks, and a leader and a follower that note what they are told."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import COMMAND_DTYPE, FIELD_OF_CHANNEL, Channel, channels_of, frame_dtype
-from mmt.link.access import Access
+from mmt.core.frames import COMMAND_DTYPE, FIELD_OF_CHANNEL, channels_of, frame_dtype
 from mmt.link.client import FollowerClient
 from mmt.link.endpoint import FollowerEvents, LeaderEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderServer
 from mmt.scene import Link
 
-CHANNELS: tuple[Channel, ...] = ("position", "force")
+CHANNELS = ("position", "force")
 
 
-def frames(first: int, count: int = 1, time_ns: int = 1) -> RecordArray:
+def frames(first, count=1, time_ns=1):
     block = np.zeros(count, dtype=frame_dtype(CHANNELS))
     block["sequence"] = np.arange(first, first + count)
     block["time_ns"] = time_ns
@@ -29,7 +26,7 @@ def frames(first: int, count: int = 1, time_ns: int = 1) -> RecordArray:
     return block
 
 
-def drawn_frames(first: int, count: int, dtype: np.dtype[np.void], seed: int = 1) -> RecordArray:
+def drawn_frames(first, count, dtype, seed=1):
     """Frames of any layout with numbers of their own in every place."""
     random = np.random.default_rng([seed, first])
     block = np.zeros(count, dtype=dtype)
@@ -41,7 +38,7 @@ def drawn_frames(first: int, count: int, dtype: np.dtype[np.void], seed: int = 1
     return block
 
 
-def commands(first: int, count: int = 1, time_ns: int = 1) -> RecordArray:
+def commands(first, count=1, time_ns=1):
     block = np.zeros(count, dtype=COMMAND_DTYPE)
     block["sequence"] = np.arange(first, first + count)
     block["time_ns"] = time_ns
@@ -49,9 +46,9 @@ def commands(first: int, count: int = 1, time_ns: int = 1) -> RecordArray:
     return block
 
 
-def hello(**changes: object) -> FollowerHello:
-    values: dict[str, object] = {"channels": CHANNELS, "source": "test", **changes}
-    return FollowerHello(**values)  # type: ignore[arg-type]
+def hello(**changes):
+    values = {"channels": CHANNELS, "source": "test", **changes}
+    return FollowerHello(**values)
 
 
 @dataclass
@@ -62,7 +59,7 @@ class LeaderNotes:
     losses: list[str] = field(default_factory=list)
     errors: list[Exception] = field(default_factory=list)
 
-    def events(self) -> LeaderEvents:
+    def events(self):
         return LeaderEvents(
             on_frames=lambda block, arrival_ns: self.blocks.append(block),
             on_follower=self.hellos.append,
@@ -83,7 +80,7 @@ class FollowerNotes:
     losses: list[str] = field(default_factory=list)
     errors: list[Exception] = field(default_factory=list)
 
-    def events(self) -> FollowerEvents:
+    def events(self):
         return FollowerEvents(
             on_commands=lambda block, arrival_ns: self.blocks.append(block),
             on_stop=self.stops.append,
@@ -97,13 +94,7 @@ class FollowerNotes:
 
 
 @asynccontextmanager
-async def leader(
-    notes: LeaderNotes | None = None,
-    events: LeaderEvents | None = None,
-    channels: tuple[Channel, ...] = CHANNELS,
-    samples_per_frame: int = 1,
-    **link: Any,
-) -> AsyncIterator[LeaderServer]:
+async def leader(notes=None, events=None, channels=CHANNELS, samples_per_frame=1, **link):
     server = LeaderServer(
         Link(**{"port": 0, **link}),
         channels,
@@ -118,12 +109,7 @@ async def leader(
 
 
 @asynccontextmanager
-async def follower(
-    port: int,
-    notes: FollowerNotes | None = None,
-    access: Access | None = None,
-    **changes: object,
-) -> AsyncIterator[FollowerClient]:
+async def follower(port, notes=None, access=None, **changes):
     url, events = f"http://127.0.0.1:{port}", (notes or FollowerNotes()).events()
     client = FollowerClient(url, hello(**changes), events, access=access)
     try:
@@ -133,7 +119,7 @@ async def follower(
         await client.disconnect()
 
 
-async def until(condition: Callable[[], object], timeout_s: float = 30.0) -> None:
+async def until(condition, timeout_s=30.0):
     """Wait until the condition holds."""
     async with asyncio.timeout(timeout_s):
         while not condition():

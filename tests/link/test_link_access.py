@@ -4,7 +4,6 @@ import logging
 import os
 import re
 import ssl
-from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,6 @@ from mmt.link.access import FOLLOWERS, TOKEN_VARIABLE, Access, check_listening, 
 from mmt.link.client import FollowerClient
 from mmt.link.server import LeaderServer
 from mmt.scene import Link
-from mmt.scene.table import SecuredTable
 from mmt_share.client import ListenerClient
 from mmt_share.relay import Relay
 from mmt_share.server import SharingServer
@@ -41,7 +39,7 @@ class Files:
     follower_key: Path
 
     @classmethod
-    def make(cls, directory: Path) -> "Files":
+    def make(cls, directory):
         directory.mkdir()
         authority = trustme.CA()
         authority.cert_pem.write_to_path(directory / "authority.pem")
@@ -58,7 +56,7 @@ class Files:
             directory / "follower-key.pem",
         )
 
-    def leads(self, **changes: object) -> Link:
+    def leads(self, **changes):
         """How the leader listens: TLS, and certificates from its followers."""
         values = {
             "port": 0,
@@ -68,27 +66,27 @@ class Files:
         }
         return Link.model_validate({**values, **changes})
 
-    def follows(self, **changes: object) -> Access:
+    def follows(self, **changes):
         values = {
             "certificate": self.follower,
             "key": self.follower_key,
             "authority": self.authority,
         }
-        return Access(**{**values, **changes})  # type: ignore[arg-type]
+        return Access(**{**values, **changes})
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
+def files(tmp_path_factory):
     return Files.make(tmp_path_factory.mktemp("certificates") / "ours")
 
 
 @pytest.fixture(scope="module")
-def strangers(tmp_path_factory: pytest.TempPathFactory) -> Files:
+def strangers(tmp_path_factory):
     return Files.make(tmp_path_factory.mktemp("certificates") / "theirs")
 
 
 @asynccontextmanager
-async def listening(settings: Link, notes: LeaderNotes | None = None) -> AsyncIterator[str]:
+async def listening(settings, notes=None):
     """A leader; yields its URL."""
     server = LeaderServer(settings, CHANNELS, (notes or LeaderNotes()).events())
     await server.start()
@@ -98,7 +96,7 @@ async def listening(settings: Link, notes: LeaderNotes | None = None) -> AsyncIt
         await server.stop()
 
 
-async def stream_one(url: str, access: Access, notes: LeaderNotes, timeout_s: float = 5.0) -> None:
+async def stream_one(url, access, notes, timeout_s=5.0):
     """Connect, send a frame, and end."""
     client = FollowerClient(url, hello(), FollowerNotes().events(), access=access)
     try:
@@ -110,7 +108,7 @@ async def stream_one(url: str, access: Access, notes: LeaderNotes, timeout_s: fl
     await until(lambda: notes.ends)
 
 
-async def refusal(url: str, access: Access) -> str:
+async def refusal(url, access):
     with pytest.raises(MmtError) as raised:
         await stream_one(url, access, LeaderNotes(), timeout_s=0.5)
     return str(raised.value)
@@ -120,13 +118,13 @@ async def refusal(url: str, access: Access) -> str:
 
 
 @pytest.fixture
-def token_file(tmp_path: Path) -> Path:
+def token_file(tmp_path):
     path = tmp_path / "token"
     path.write_text(f"{TOKEN}\n")
     return path
 
 
-async def test_a_follower_with_the_token_is_served(token_file: Path) -> None:
+async def test_a_follower_with_the_token_is_served(token_file):
     notes = LeaderNotes()
     settings = Link(port=0, token_file=token_file)
     async with listening(settings, notes) as url:
@@ -135,9 +133,7 @@ async def test_a_follower_with_the_token_is_served(token_file: Path) -> None:
 
 
 @pytest.mark.parametrize("offered", [None, "another token, as long", TOKEN[:-1], TOKEN + "x", "ü"])
-async def test_without_the_token_nobody_is_served_nor_told_anything(
-    token_file: Path, offered: str | None, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_without_the_token_nobody_is_served_nor_told_anything(token_file, offered, caplog):
     notes = LeaderNotes()
     async with listening(Link(port=0, token_file=token_file), notes) as url:
         sentence = await refusal(url, Access(offered))
@@ -151,19 +147,19 @@ async def test_without_the_token_nobody_is_served_nor_told_anything(
 
 
 @pytest.mark.parametrize("offered", [5, TOKEN.encode(), [TOKEN], {"token": TOKEN}, True, "\ud800"])
-async def test_a_token_of_another_type_is_none(token_file: Path, offered: object) -> None:
+async def test_a_token_of_another_type_is_none(token_file, offered):
     access = Access.from_settings(Link(token_file=token_file))
     assert access.admits(TOKEN)
     assert not access.admits(offered)
 
 
-async def test_a_token_that_nobody_asks_for_is_no_reason_to_refuse() -> None:
+async def test_a_token_that_nobody_asks_for_is_no_reason_to_refuse():
     notes = LeaderNotes()
     async with listening(Link(port=0), notes) as url:
         await stream_one(url, Access(TOKEN), notes)
 
 
-async def test_the_token_is_asked_for_again_after_a_break(token_file: Path) -> None:
+async def test_the_token_is_asked_for_again_after_a_break(token_file):
     async with (
         leader(token_file=token_file) as server,
         relay(server.port) as wire,
@@ -177,7 +173,7 @@ async def test_the_token_is_asked_for_again_after_a_break(token_file: Path) -> N
         await follower.disconnect()
 
 
-def test_the_environment_precedes_the_file(token_file: Path) -> None:
+def test_the_environment_precedes_the_file(token_file):
     settings = Link(token_file=token_file)
     assert Access.from_settings(settings, {}).token == TOKEN
     assert Access.from_settings(settings, {TOKEN_VARIABLE: "x" * 16}).token == "x" * 16
@@ -185,7 +181,7 @@ def test_the_environment_precedes_the_file(token_file: Path) -> None:
     assert Access.from_settings(Link(), {}).token is None
 
 
-def test_a_token_that_can_be_guessed_or_not_be_read_is_refused(tmp_path: Path) -> None:
+def test_a_token_that_can_be_guessed_or_not_be_read_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"MMT_LINK_TOKEN has 15 characters, at least 16 .*rand"):
         Access.from_settings(Link(), {TOKEN_VARIABLE: "x" * 15})
     (tmp_path / "token").write_text("\n")
@@ -198,9 +194,7 @@ def test_a_token_that_can_be_guessed_or_not_be_read_is_refused(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("table", "settings"), [("link", Link), ("sharing", Sharing), ("listening", Listening)]
 )
-def test_what_is_wrong_with_certificates_names_the_table(
-    table: str, settings: type[SecuredTable]
-) -> None:
+def test_what_is_wrong_with_certificates_names_the_table(table, settings):
     access = Access.from_settings(settings(authority=Path("lab.pem")), {}, table=table)
     with pytest.raises(InputError, match=rf"set certificate and key of \[{table}\]"):
         access.server_context()
@@ -208,24 +202,24 @@ def test_what_is_wrong_with_certificates_names_the_table(
         check_scheme("http://lab:8766", access)
 
 
-def test_a_shared_models_errors_name_its_own_tables() -> None:
+def test_a_shared_models_errors_name_its_own_tables():
     lab = Path("lab.pem")
     with pytest.raises(InputError, match=r"\[listening\] has certificates"):
         ListenerClient(Listening(authority=lab))
 
 
-async def test_a_server_of_a_shared_model_names_its_own_table() -> None:
+async def test_a_server_of_a_shared_model_names_its_own_table():
     server = SharingServer(Sharing(port=0, authority=Path("lab.pem")), Relay(), {}, lambda *_: None)
     with pytest.raises(InputError, match=r"authority of \[sharing\]"):
         await server.start()
 
 
-def test_the_token_is_neither_shown_nor_dumped(token_file: Path) -> None:
+def test_the_token_is_neither_shown_nor_dumped(token_file):
     assert TOKEN not in repr(Access(TOKEN))
     assert TOKEN not in Link(token_file=token_file).model_dump_json()
 
 
-def test_bearer_tokens(token_file: Path) -> None:
+def test_bearer_tokens(token_file):
     access = Access(TOKEN)
     assert access.admits_header(f"Bearer {TOKEN}")
     assert access.admits_header(f"bearer  {TOKEN} ")
@@ -235,7 +229,7 @@ def test_bearer_tokens(token_file: Path) -> None:
 
 
 @pytest.mark.parametrize("path", ["/network", "/nothing", "/socket.io", "/socket.io/../network"])
-async def test_every_page_asks_for_the_token(token_file: Path, path: str) -> None:
+async def test_every_page_asks_for_the_token(token_file, path):
     async with (
         listening(Link(port=0, token_file=token_file)) as url,
         aiohttp.ClientSession() as session,
@@ -257,7 +251,7 @@ FOREIGN = {"Host": "evil.example:80", "Origin": "http://evil.example:80"}
 HANDSHAKE = "/socket.io/?EIO=4&transport=websocket"
 
 
-async def status(url: str, path: str, headers: dict[str, str], method: str = "GET") -> int:
+async def status(url, path, headers, method="GET"):
     async with (
         aiohttp.ClientSession() as session,
         session.request(method, url + path, headers=headers) as answer,
@@ -276,13 +270,13 @@ async def status(url: str, path: str, headers: dict[str, str], method: str = "GE
         {"Host": "127.0.0.1.evil.example"},
     ],
 )
-async def test_pages_of_other_sites_reach_no_route(path: str, headers: dict[str, str]) -> None:
+async def test_pages_of_other_sites_reach_no_route(path, headers):
     async with listening(OWN) as url:
         for method in ("GET", "PUT"):
             assert await status(url, path, headers, method) == 403
 
 
-async def test_the_own_machine_reaches_every_route() -> None:
+async def test_the_own_machine_reaches_every_route():
     async with listening(OWN) as url:
         port = url.rpartition(":")[2]
         for host in ("localhost", f"localhost:{port}", f"127.0.0.1:{port}", "[::1]"):
@@ -291,7 +285,7 @@ async def test_the_own_machine_reaches_every_route() -> None:
             assert await status(url, "/nothing", headers) == 404
 
 
-async def test_programs_may_use_any_name_where_everyone_may_connect(token_file: Path) -> None:
+async def test_programs_may_use_any_name_where_everyone_may_connect(token_file):
     named = {"Host": "leader.lab"}
     page = {**named, "Origin": "http://leader.lab"}
     async with listening(Link(host="0.0.0.0", port=0, open=True)) as everywhere:
@@ -307,12 +301,12 @@ async def test_programs_may_use_any_name_where_everyone_may_connect(token_file: 
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "127.8.8.8", "::1"])
-def test_the_own_machine_needs_no_permission(host: str) -> None:
+def test_the_own_machine_needs_no_permission(host):
     check_listening(host, 1, Access(), FOLLOWERS, allowed=False)
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "", "::", "192.0.2.1"])
-def test_listening_for_strangers_must_be_allowed(host: str, files: Files) -> None:
+def test_listening_for_strangers_must_be_allowed(host, files):
     with pytest.raises(InputError, match=r"everyone who reaches port 1 .* or allow it by open = t"):
         check_listening(host, 1, Access(), FOLLOWERS, allowed=False)
     with pytest.raises(InputError, match="everyone"):  # encrypted, but for everyone
@@ -322,7 +316,7 @@ def test_listening_for_strangers_must_be_allowed(host: str, files: Files) -> Non
     check_listening(host, 1, Access(authority=files.authority), FOLLOWERS, allowed=False)
 
 
-async def test_a_leader_does_not_listen_for_strangers(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_leader_does_not_listen_for_strangers(monkeypatch):
     server = LeaderServer(Link(host="0.0.0.0", port=0), CHANNELS, LeaderNotes().events())
     with pytest.raises(InputError, match=r"listening on 0\.0\.0\.0 lets everyone"):
         await server.start()
@@ -335,7 +329,7 @@ async def test_a_leader_does_not_listen_for_strangers(monkeypatch: pytest.Monkey
 # --- TLS
 
 
-async def test_certificates_on_both_sides(files: Files) -> None:
+async def test_certificates_on_both_sides(files):
     notes = LeaderNotes()
     async with listening(files.leads(), notes) as url:
         assert url.startswith("https://127.0.0.1:")
@@ -343,9 +337,7 @@ async def test_certificates_on_both_sides(files: Files) -> None:
     assert notes.sequences == [0]
 
 
-async def test_tls_with_a_token_needs_no_certificate_of_the_follower(
-    files: Files, token_file: Path
-) -> None:
+async def test_tls_with_a_token_needs_no_certificate_of_the_follower(files, token_file):
     notes = LeaderNotes()
     settings = files.leads(authority=None, token_file=token_file)
     async with listening(settings, notes) as url:
@@ -353,9 +345,7 @@ async def test_tls_with_a_token_needs_no_certificate_of_the_follower(
         assert "token is missing" in await refusal(url, Access(authority=files.authority))
 
 
-async def test_a_follower_without_the_right_certificate_is_refused(
-    files: Files, strangers: Files
-) -> None:
+async def test_a_follower_without_the_right_certificate_is_refused(files, strangers):
     notes = LeaderNotes()
     async with listening(files.leads(), notes) as url:
         for access in (
@@ -369,14 +359,14 @@ async def test_a_follower_without_the_right_certificate_is_refused(
     assert notes.hellos == []
 
 
-async def test_a_leader_that_is_not_the_one_is_refused(files: Files, strangers: Files) -> None:
+async def test_a_leader_that_is_not_the_one_is_refused(files, strangers):
     async with listening(strangers.leads(authority=None)) as url:
         sentence = await refusal(url, files.follows())
         assert "do not trust each other" in sentence
         assert "check certificate, key and authority of [link] on both" in sentence
 
 
-async def test_plain_text_gets_nowhere(files: Files) -> None:
+async def test_plain_text_gets_nowhere(files):
     async with listening(files.leads()) as url, aiohttp.ClientSession() as session:
         plain, notes = url.replace("https", "http"), FollowerNotes()
         with pytest.raises(InputError, match="has certificates, give an https:// URL"):
@@ -385,7 +375,7 @@ async def test_plain_text_gets_nowhere(files: Files) -> None:
             await session.get(plain)
 
 
-async def test_https_to_a_leader_without_tls_is_explained() -> None:
+async def test_https_to_a_leader_without_tls_is_explained():
     async with listening(Link(port=0)) as url:
         client = FollowerClient(url.replace("http", "https"), hello(), FollowerNotes().events())
         with pytest.raises(MmtError, match=r"no leader answered .* start mmt-leader there"):
@@ -393,9 +383,7 @@ async def test_https_to_a_leader_without_tls_is_explained() -> None:
         await client.disconnect()
 
 
-def test_certificate_files_that_do_not_fit_are_explained(
-    files: Files, strangers: Files, tmp_path: Path
-) -> None:
+def test_certificate_files_that_do_not_fit_are_explained(files, strangers, tmp_path):
     nothing, rubbish = tmp_path / "nothing.pem", tmp_path / "rubbish.pem"
     rubbish.write_text("rubbish")
     for access, sentence in (
@@ -412,16 +400,13 @@ def test_certificate_files_that_do_not_fit_are_explained(
         Link(certificate=files.leader)
 
 
-def test_old_tls_is_not_spoken(files: Files) -> None:
+def test_old_tls_is_not_spoken(files):
     context = Access(None, files.leader, files.leader_key, files.authority).server_context()
-    assert context is not None
     assert context.minimum_version >= ssl.TLSVersion.TLSv1_2
     assert context.verify_mode is ssl.CERT_REQUIRED
 
 
-async def test_a_handshake_that_fails_leaves_the_leader_alone(
-    files: Files, strangers: Files, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_handshake_that_fails_leaves_the_leader_alone(files, strangers, caplog):
     notes = LeaderNotes()
     with caplog.at_level(logging.WARNING):
         async with listening(files.leads(), notes) as url:
@@ -432,9 +417,7 @@ async def test_a_handshake_that_fails_leaves_the_leader_alone(
 
 @pytest.mark.skipif(os.name != "posix", reason="files have other rights")
 @pytest.mark.parametrize(("mode", "warned"), [(0o600, False), (0o644, True), (0o640, True)])
-def test_a_token_file_that_others_can_read_is_told_of(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, mode: int, warned: bool
-) -> None:
+def test_a_token_file_that_others_can_read_is_told_of(tmp_path, caplog, mode, warned):
     file = tmp_path / "token"
     file.write_text(TOKEN)
     file.chmod(mode)

@@ -8,9 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from link_samples import CHANNELS, FollowerNotes, LeaderNotes, follower, frames, leader, until
 
-from mmt.core.arrays import RecordArray
 from mmt.core.frames import frame_dtype
-from mmt.core.sequence_numbers import Range
 from mmt.link.endpoint import LeaderEvents
 from mmt.link.frame_sender import FRAMES_PER_MESSAGE, BackfillSender, FrameBuffer
 from mmt.link.protocol import BACKFILL, GONE, MAX_RANGES, encode_event
@@ -25,11 +23,9 @@ DTYPE = frame_dtype(CHANNELS)
     st.lists(st.tuples(st.integers(1, 30), st.integers(0, 5)), max_size=12),
     st.lists(st.tuples(st.integers(0, 200), st.integers(0, 40)), max_size=4),
 )
-def test_the_newest_frames_are_kept(
-    capacity: int, blocks: list[tuple[int, int]], asked: list[tuple[int, int]]
-) -> None:
+def test_the_newest_frames_are_kept(capacity, blocks, asked):
     kept = FrameBuffer(DTYPE, capacity)
-    sent: list[int] = []
+    sent = []
     firsts = accumulate((count + skipped for count, skipped in blocks), initial=0)
     for (count, _), first in zip(blocks, firsts, strict=False):
         kept.put(frames(first, count).tobytes())
@@ -44,7 +40,7 @@ def test_the_newest_frames_are_kept(
         assert frame == frames(int(frame["sequence"]))[0]
 
 
-def test_what_is_kept_out_of_order_is_found_in_order() -> None:
+def test_what_is_kept_out_of_order_is_found_in_order():
     kept = FrameBuffer(DTYPE, 10)
     for number in (4, 2, 4, 3):
         kept.put(frames(number).tobytes())
@@ -55,17 +51,17 @@ def test_what_is_kept_out_of_order_is_found_in_order() -> None:
 class Sent:
     """A link that takes messages when it is let, and says what they were."""
 
-    def __init__(self) -> None:
-        self.messages: list[bytes] = []
+    def __init__(self):
+        self.messages = []
         self.takes = asyncio.Event()
         self.takes.set()
 
-    async def __call__(self, message: bytes) -> None:
+    async def __call__(self, message):
         await self.takes.wait()
         self.messages.append(message)
 
 
-async def test_back_fill_goes_out_in_pieces_and_lets_live_frames_pass() -> None:
+async def test_back_fill_goes_out_in_pieces_and_lets_live_frames_pass():
     kept, outbox, link = FrameBuffer(DTYPE, 1000), SendQueue(50), Sent()
     kept.put(frames(0, 1000).tobytes())
     backfiller = BackfillSender(kept, outbox)
@@ -91,7 +87,7 @@ async def test_back_fill_goes_out_in_pieces_and_lets_live_frames_pass() -> None:
     outbox.close()
 
 
-async def test_what_is_promised_is_not_sent_twice_and_a_flood_of_requests_is_refused() -> None:
+async def test_what_is_promised_is_not_sent_twice_and_a_flood_of_requests_is_refused():
     kept, outbox, link = FrameBuffer(DTYPE, 1000), SendQueue(50), Sent()
     kept.put(frames(0, 1000).tobytes())
     backfiller = BackfillSender(kept, outbox)
@@ -115,12 +111,12 @@ async def test_what_is_promised_is_not_sent_twice_and_a_flood_of_requests_is_ref
     outbox.close()
 
 
-async def test_the_end_of_a_session_fills_in_what_is_missing_to_its_last_frame() -> None:
+async def test_the_end_of_a_session_fills_in_what_is_missing_to_its_last_frame():
     notes = LeaderNotes()
-    filled: list[int] = []
-    settled: list[int] = []
+    filled = []
+    settled = []
 
-    def settle(sent: int) -> list[Range]:
+    def settle(sent):
         settled.append(sent)
         return [[(2, 5), (8, 11)], [(8, 9)], []][len(settled) - 1]  # frame 8 is lost again
 
@@ -144,9 +140,9 @@ async def test_the_end_of_a_session_fills_in_what_is_missing_to_its_last_frame()
     assert notes.ends == ["done"]
 
 
-async def test_the_leader_asks_and_is_answered_while_frames_stream() -> None:
-    filled: list[RecordArray] = []
-    gone: list[list[Range]] = []
+async def test_the_leader_asks_and_is_answered_while_frames_stream():
+    filled = []
+    gone = []
     notes = LeaderNotes()
     events = LeaderEvents(
         on_frames=lambda block, arrival_ns: notes.blocks.append(block),

@@ -1,8 +1,5 @@
 """What a follower sends again is taken, given up or rejected; by the leader's side alone."""
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 from link_samples import CHANNELS, frames
@@ -20,14 +17,14 @@ RANGES = [(2 * k, 2 * k + 1) for k in range(MAX_RANGES + 9)]
 class Received:
     """A receiver with its server, reader and outbox, and what it does with them."""
 
-    def __init__(self) -> None:
-        self.handlers: dict[str, Callable[..., Any]] = {}
-        self.rejected: list[str] = []
-        self.filled: list[list[int]] = []
-        self.gone: list[Any] = []
-        self.settled: list[int] = []
-        self.errors: list[Exception] = []
-        self.sent: list[tuple[int, bytes]] = []
+    def __init__(self):
+        self.handlers = {}
+        self.rejected = []
+        self.filled = []
+        self.gone = []
+        self.settled = []
+        self.errors = []
+        self.sent = []
         self.on = self.handlers.__setitem__
         self.reject = self.rejected.append
         events = LeaderEvents(
@@ -38,19 +35,19 @@ class Received:
             on_error=self.errors.append,
         )
         expects = "follower".__eq__
-        self.receiver = BackfillReceiver(self, DTYPE, events, expects, self)  # type: ignore[arg-type]
+        self.receiver = BackfillReceiver(self, DTYPE, events, expects, self)
 
-    def is_plausible(self, sent: int, arrival_ns: int) -> bool:
+    def is_plausible(self, sent, arrival_ns):
         return arrival_ns > 0 and sent < 1000
 
-    def put(self, records: int, message: bytes) -> None:
+    def put(self, records, message):
         self.sent.append((records, message))
 
-    def _settle(self, sent: int) -> list[tuple[int, int]]:
+    def _settle(self, sent):
         self.settled.append(sent)
         return RANGES[:sent]
 
-    def give(self, event: str, *payload: object, sid: str = "follower") -> Any:
+    def give(self, event, *payload, sid="follower"):
         return self.handlers[event](sid, *payload)
 
 
@@ -63,14 +60,14 @@ class Received:
         ({"frames": 1}, {"frames": 1}),
     ],
 )  # fmt: skip
-def test_what_is_malformed_is_rejected(payload: tuple[Any, ...]) -> None:
+def test_what_is_malformed_is_rejected(payload):
     link = Received()
     assert [link.give(event, *payload) for event in link.handlers] == [None, None, {"missing": []}]
     assert link.rejected == ["malformed back-fill", "malformed gone", "malformed settle"]
     assert link.filled == link.gone == link.settled == link.errors == []
 
 
-def test_frames_that_cannot_be_measured_are_given_up_where_they_are_filled_in() -> None:
+def test_frames_that_cannot_be_measured_are_given_up_where_they_are_filled_in():
     link, block = Received(), frames(5, 100)
     block["force_n"][1, 2], block["position_mm"][2, 0] = np.nan, -1.001 * LARGEST_QUANTITY
     block["time_ns"][3:7] = (0, LATEST_NS - 1, -1, LATEST_NS)
@@ -86,7 +83,7 @@ def test_frames_that_cannot_be_measured_are_given_up_where_they_are_filled_in() 
     assert (link.filled[1:], link.gone[2:], link.errors) == ([[3]], [[(1, 3)]], [])
 
 
-def test_only_the_follower_is_heard() -> None:
+def test_only_the_follower_is_heard():
     link = Received()
     for event, payload in (("backfill", frames(0).tobytes()), ("gone", [[0, 1]]), ("gone", b"")):
         assert link.give(event, payload, sid="stranger") is None
@@ -95,17 +92,17 @@ def test_only_the_follower_is_heard() -> None:
     assert link.rejected == link.filled == link.gone == link.settled == []
 
 
-def test_at_the_end_the_follower_hears_what_is_missing() -> None:
+def test_at_the_end_the_follower_hears_what_is_missing():
     link = Received()
     for sent, listed in ((0, 0), (1000, 0), (4, 4), (0, 0), (999, MAX_RANGES)):
         assert link.give("settle", {"frames": sent}) == {"missing": RANGES[:listed]}
         assert link.receiver.settling is (4 in link.settled)
     assert link.settled == [0, 4, 0, 999]
-    link.receiver.request(link, iter(RANGES))  # type: ignore[arg-type]
+    link.receiver.request(link, iter(RANGES))
     assert link.sent == [(0, encode_event(MISSING, RANGES[:MAX_RANGES]))]
 
 
-def test_what_a_service_raises_is_handed_to_it() -> None:
+def test_what_a_service_raises_is_handed_to_it():
     link, unusable = Received(), frames(0)
     unusable["force_n"] = np.inf
     del link.filled, link.gone, link.settled

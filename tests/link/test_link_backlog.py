@@ -2,7 +2,6 @@
 
 import asyncio
 import socket
-from collections.abc import AsyncIterator
 
 import pytest
 from aiohttp import ClientSession, ClientWSTimeout, web
@@ -18,25 +17,24 @@ SOON = ClientWSTimeout(ws_close=0.1)
 class Stalled:
     """A server that takes WebSocket connections, but reads nothing until it is let."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.reading = asyncio.Event()
-        self.received: list[bytes] = []
+        self.received = []
         self.url = ""
 
-    async def hold(self, request: web.Request) -> web.WebSocketResponse:
+    async def hold(self, request):
         websocket = web.WebSocketResponse()
         await websocket.prepare(request)
-        assert request.transport is not None
-        request.transport.pause_reading()  # type: ignore[attr-defined]
+        request.transport.pause_reading()
         await self.reading.wait()
-        request.transport.resume_reading()  # type: ignore[attr-defined]
+        request.transport.resume_reading()
         async for message in websocket:
             self.received.append(message.data)
         return websocket
 
 
 @pytest.fixture
-async def stalled() -> AsyncIterator[Stalled]:
+async def stalled():
     server = Stalled()
     application = web.Application()
     application.router.add_get("/", server.hold)
@@ -49,7 +47,7 @@ async def stalled() -> AsyncIterator[Stalled]:
     await runner.cleanup()
 
 
-async def test_what_a_stalled_network_does_not_take_waits_in_the_outbox(stalled: Stalled) -> None:
+async def test_what_a_stalled_network_does_not_take_waits_in_the_outbox(stalled):
     async with (
         ClientSession() as session,
         session.ws_connect(stalled.url, timeout=SOON) as websocket,
@@ -66,13 +64,12 @@ async def test_what_a_stalled_network_does_not_take_waits_in_the_outbox(stalled:
             await asyncio.sleep(0)
         assert outbox.dropped > 100
         transport = queue._transport_of(websocket)  # what aiohttp hides
-        assert transport is not None
         assert transport.get_write_buffer_size() < 10_000
         outbox.close()
 
 
-async def test_what_waits_goes_out_once_the_network_takes_it(stalled: Stalled) -> None:
-    sent: list[bytes] = []
+async def test_what_waits_goes_out_once_the_network_takes_it(stalled):
+    sent = []
     async with (
         ClientSession() as session,
         session.ws_connect(stalled.url, timeout=SOON) as websocket,
@@ -90,9 +87,7 @@ async def test_what_waits_goes_out_once_the_network_takes_it(stalled: Stalled) -
         outbox.close()
 
 
-async def test_a_websocket_that_hides_what_it_writes_to_is_used_as_it_is(
-    stalled: Stalled, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_websocket_that_hides_what_it_writes_to_is_used_as_it_is(stalled, monkeypatch):
     monkeypatch.setattr(queue, "_transport_of", lambda _: None)
     async with (
         ClientSession() as session,

@@ -1,8 +1,6 @@
 import asyncio
 import time
-from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import Any
 
 import aiohttp
 import numpy as np
@@ -28,17 +26,17 @@ from mmt.scene import Link, Network
 class Sent:
     """Notes each message and when it went out."""
 
-    def __init__(self) -> None:
-        self.messages: list[bytes] = []
-        self.times_ns: list[int] = []
+    def __init__(self):
+        self.messages = []
+        self.times_ns = []
 
-    async def __call__(self, message: bytes) -> None:
+    async def __call__(self, message):
         self.messages.append(message)
         self.times_ns.append(time.monotonic_ns())
 
 
 @asynccontextmanager
-async def outbox(capacity: int = 50, **table: Any) -> AsyncIterator[tuple[EmulatedSendQueue, Sent]]:
+async def outbox(capacity=50, **table):
     box, sent = EmulatedSendQueue(capacity, Network(**table), seed=1), Sent()
     box.open(sent)
     try:
@@ -48,7 +46,7 @@ async def outbox(capacity: int = 50, **table: Any) -> AsyncIterator[tuple[Emulat
 
 
 @pytest.fixture(params=["timerfd", "call_at"])
-def timers(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+def timers(request, monkeypatch):
     if request.param == "call_at":
         monkeypatch.setattr(mmt.core.loop_timer, "open_timer", lambda: None)
     elif (timer := mmt.core.loop_timer.open_timer()) is None:
@@ -58,7 +56,7 @@ def timers(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.usefixtures("timers")
-async def test_messages_are_held_for_their_delay_and_in_order() -> None:
+async def test_messages_are_held_for_their_delay_and_in_order():
     async with outbox(delay_ms=20, jitter_ms=10) as (box, sent):
         put_ns = []
         for index in range(50):
@@ -72,7 +70,7 @@ async def test_messages_are_held_for_their_delay_and_in_order() -> None:
     assert np.median(delays_ms) < 200.0
 
 
-async def test_an_empty_table_sends_at_once() -> None:
+async def test_an_empty_table_sends_at_once():
     async with outbox() as (box, sent):
         box.put(1, b"now")
         await asyncio.sleep(0)
@@ -80,7 +78,7 @@ async def test_an_empty_table_sends_at_once() -> None:
         assert sent.messages == [b"now"]
 
 
-async def test_a_clump_larger_than_the_queue_goes_out_whole() -> None:
+async def test_a_clump_larger_than_the_queue_goes_out_whole():
     async with outbox(capacity=50, delay_ms=30) as (box, sent):
         for index in range(500):
             box.put(1, index.to_bytes(2))
@@ -89,7 +87,7 @@ async def test_a_clump_larger_than_the_queue_goes_out_whole() -> None:
     assert sent.messages == [index.to_bytes(2) for index in range(500)]
 
 
-async def test_losses_and_repetitions_are_counted() -> None:
+async def test_losses_and_repetitions_are_counted():
     async with outbox(loss=0.2, duplicate=0.3) as (box, sent):
         for _ in range(1000):
             box.put(1, b"message")
@@ -102,7 +100,7 @@ async def test_losses_and_repetitions_are_counted() -> None:
         await until(lambda: len(sent.messages) == 1000 - counts["lost"] + counts["repeated"])
 
 
-async def test_the_end_waits_for_what_is_held() -> None:
+async def test_the_end_waits_for_what_is_held():
     async with outbox(capacity=5, delay_ms=100) as (box, sent):
         for _ in range(30):
             box.put(1, b"message")
@@ -110,7 +108,7 @@ async def test_the_end_waits_for_what_is_held() -> None:
     assert len(sent.messages) == 30
 
 
-async def test_the_end_waits_no_longer_than_it_may() -> None:
+async def test_the_end_waits_no_longer_than_it_may():
     async with outbox(delay_ms=1000) as (box, sent):
         box.put(1, b"message")
         began_s = time.monotonic()
@@ -120,7 +118,7 @@ async def test_the_end_waits_no_longer_than_it_may() -> None:
     assert sent.messages == []
 
 
-async def test_what_is_held_when_the_link_breaks_never_comes() -> None:
+async def test_what_is_held_when_the_link_breaks_never_comes():
     async with outbox(delay_ms=20) as (box, sent):
         box.put(1, b"old")
         box.open(sent)
@@ -131,7 +129,7 @@ async def test_what_is_held_when_the_link_breaks_never_comes() -> None:
     assert box.emulated["lost"] == 1
 
 
-async def test_a_change_holds_for_what_is_put_afterwards() -> None:
+async def test_a_change_holds_for_what_is_put_afterwards():
     async with outbox(loss=1.0) as (box, sent):
         box.put(1, b"lost")
         box.change(Network(delay_ms=1), seed=2)
@@ -146,13 +144,13 @@ async def test_a_change_holds_for_what_is_put_afterwards() -> None:
 class Linked:
     """A leader and a follower with an emulated network, and what they were told."""
 
-    def __init__(self, **table: Any) -> None:
-        self.said: list[str] = []
+    def __init__(self, **table):
+        self.said = []
         self.up, self.down = LeaderNotes(), FollowerNotes()
         self.leads = EmulatedNetwork(Network(**table), "down", 1, self.said.append)
         self.follows = EmulatedNetwork(Network(**table), "up", 1, self.said.append)
 
-    async def __aenter__(self) -> "Linked":
+    async def __aenter__(self):
         self.server = LeaderServer(Link(port=0), CHANNELS, self.up.events(), network=self.leads)
         await self.server.start()
         self.url = f"http://127.0.0.1:{self.server.port}"
@@ -162,17 +160,17 @@ class Linked:
         self.http = aiohttp.ClientSession()
         return self
 
-    async def __aexit__(self, *_: object) -> None:
+    async def __aexit__(self, *_):
         await self.http.close()
         await self.client.disconnect()
         await self.server.stop()
 
-    async def put(self, **what: Any) -> tuple[int, dict[str, Any]]:
+    async def put(self, **what):
         async with self.http.put(f"{self.url}/network", **what) as response:
             return response.status, await response.json()
 
 
-async def test_both_directions_are_emulated_and_the_readers_count() -> None:
+async def test_both_directions_are_emulated_and_the_readers_count():
     async with Linked(loss=0.3, duplicate=0.3, delay_ms=10, jitter_ms=10, reorder=True) as link:
         for sequence in range(300):
             link.client.send_frames(frames(sequence))
@@ -193,7 +191,7 @@ async def test_both_directions_are_emulated_and_the_readers_count() -> None:
     assert link.up.sequences == sorted(set(link.up.sequences))
 
 
-async def test_one_direction_alone() -> None:
+async def test_one_direction_alone():
     async with Linked(loss=1.0, direction="up") as link:
         for sequence in range(20):
             link.client.send_frames(frames(sequence))
@@ -203,7 +201,7 @@ async def test_one_direction_alone() -> None:
         assert link.server.statistics.emulated == {"messages": 20, "lost": 0, "repeated": 0}
 
 
-async def test_a_program_reads_and_replaces_the_settings_on_both_sides() -> None:
+async def test_a_program_reads_and_replaces_the_settings_on_both_sides():
     async with Linked(profile="wifi") as link:
         async with link.http.get(f"{link.url}/network") as response:
             assert await response.json() == Network(profile="wifi").model_dump(mode="json")
@@ -217,7 +215,7 @@ async def test_a_program_reads_and_replaces_the_settings_on_both_sides() -> None
     assert link.said[0] == ("emulated network: delay 150 +- 60 ms, 0.5 lost in bursts of 10")
 
 
-async def test_a_follower_that_comes_later_hears_of_the_change() -> None:
+async def test_a_follower_that_comes_later_hears_of_the_change():
     link = Linked()
     link.leads.change({"profile": "lan"})
     async with link:
@@ -237,9 +235,7 @@ async def test_a_follower_that_comes_later_hears_of_the_change() -> None:
         ({"data": b"{}", "headers": {"Content-Type": "text/plain"}}, "Content-Type"),
     ],
 )
-async def test_wrong_settings_are_refused_with_a_sentence(
-    what: dict[str, Any], problem: str
-) -> None:
+async def test_wrong_settings_are_refused_with_a_sentence(what, problem):
     async with Linked() as link:
         status, answer = await link.put(**what)
         assert status == 400
@@ -248,7 +244,7 @@ async def test_wrong_settings_are_refused_with_a_sentence(
 
 
 @pytest.mark.parametrize("payload", [None, 3, {"delay_ms": "x"}, {"unknown": 1}, [{}]])
-async def test_a_malformed_event_changes_nothing_and_is_counted(payload: object) -> None:
+async def test_a_malformed_event_changes_nothing_and_is_counted(payload):
     async with Linked(profile="lan") as link:
         link.server.endpoint.outbox.put(0, encode_event("network", payload))
         await until(lambda: link.client.statistics.rejected)
@@ -256,7 +252,7 @@ async def test_a_malformed_event_changes_nothing_and_is_counted(payload: object)
         assert link.follows.settings == Network(profile="lan")
 
 
-async def test_without_the_table_there_is_nothing_to_change() -> None:
+async def test_without_the_table_there_is_nothing_to_change():
     server = LeaderServer(Link(port=0), CHANNELS, LeaderNotes().events())
     await server.start()
     try:
@@ -269,7 +265,7 @@ async def test_without_the_table_there_is_nothing_to_change() -> None:
         await server.stop()
 
 
-async def test_back_fill_waits_while_the_emulated_bandwidth_is_taken() -> None:
+async def test_back_fill_waits_while_the_emulated_bandwidth_is_taken():
     async with outbox(bandwidth_kbit_s=80) as (box, sent):
         assert box.idle
         box.put(1, bytes(1000))  # takes 100 ms
@@ -278,9 +274,7 @@ async def test_back_fill_waits_while_the_emulated_bandwidth_is_taken() -> None:
         await until(lambda: box.idle)
 
 
-async def test_settings_that_arrive_in_two_segments_are_taken_and_late_ones_refused(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_settings_that_arrive_in_two_segments_are_taken_and_late_ones_refused(monkeypatch):
     monkeypatch.setattr(mmt.link.emulation, "HANDSHAKE_S", 0.5)
     network = EmulatedNetwork(Network(), "down", 1, lambda _: None)
     server = LeaderServer(Link(port=0), CHANNELS, LeaderNotes().events(), network=network)
@@ -302,7 +296,7 @@ async def test_settings_that_arrive_in_two_segments_are_taken_and_late_ones_refu
     assert network.settings.delay_ms == 15
 
 
-async def test_what_is_under_way_at_the_end_is_lost_once_and_repeated_by_nobody() -> None:
+async def test_what_is_under_way_at_the_end_is_lost_once_and_repeated_by_nobody():
     async with outbox(delay_ms=1000, jitter_ms=1, duplicate=0.5) as (box, sent):
         for index in range(40):
             box.put(1, bytes([index]))

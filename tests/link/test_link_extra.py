@@ -9,28 +9,28 @@ from mmt.link.endpoint import ExtraEvent
 
 
 class Side:
-    def __init__(self) -> None:
-        self.taken: list[np.ndarray] = []
+    def __init__(self):
+        self.taken = []
         self.began = 0
-        self.errors: list[Exception] = []
+        self.errors = []
         self.extra = ExtraEvent(ENERGY, ENERGY_DTYPE, self.taken.append, self._begin)
         self.extra.restart()
 
-    def _begin(self) -> None:
+    def _begin(self):
         self.began += 1
 
-    def read(self, *arguments: object) -> None:
+    def read(self, *arguments):
         self.extra.read(arguments, self.errors.append)
 
 
-def records(*sequence: int, energy_j: float = 1.0) -> np.ndarray:
+def records(*sequence, energy_j=1.0):
     made = np.zeros(len(sequence), dtype=ENERGY_DTYPE)
     made["sequence"] = sequence
     made["energy_j"] = energy_j
     return made
 
 
-def test_what_is_encoded_is_read_again() -> None:
+def test_what_is_encoded_is_read_again():
     side = Side()
     message = msgpack.unpackb(side.extra.encode(records(0, 1)))
     event, payload = message["data"]
@@ -54,7 +54,7 @@ def test_what_is_encoded_is_read_again() -> None:
         records(*range(101)).tobytes(),
     ],
 )
-def test_what_is_malformed_is_thrown_away(payload: object) -> None:
+def test_what_is_malformed_is_thrown_away(payload):
     side = Side()
     side.read(payload)
     assert side.taken == []
@@ -63,7 +63,7 @@ def test_what_is_malformed_is_thrown_away(payload: object) -> None:
     assert side.errors == []
 
 
-def test_a_late_record_is_not_taken() -> None:
+def test_a_late_record_is_not_taken():
     side = Side()
     side.read(records(0).tobytes())
     side.read(records(2).tobytes())
@@ -71,6 +71,6 @@ def test_a_late_record_is_not_taken() -> None:
     assert [block["sequence"].tolist() for block in side.taken] == [[0], [2]]
 
 
-def test_records_of_another_kind_are_not_encoded() -> None:
+def test_records_of_another_kind_are_not_encoded():
     with pytest.raises(ValueError, match="energy records are of dtype"):
         Side().extra.encode(np.zeros(1, dtype="<f8"))

@@ -4,7 +4,6 @@ import asyncio
 import gc
 import socket
 import struct
-from collections.abc import Mapping
 from types import SimpleNamespace
 
 import pytest
@@ -27,10 +26,10 @@ import mmt.link.http
 import mmt.link.server_sockets
 from mmt.core.errors import MmtError
 from mmt.link.client import FollowerClient
-from mmt.link.websocket import Send, client_send
+from mmt.link.websocket import client_send
 
 
-async def test_a_follower_that_dies_frees_its_place_at_once() -> None:
+async def test_a_follower_that_dies_frees_its_place_at_once():
     notes = LeaderNotes()
     async with leader(notes) as server, relay(server.port) as wire:
         dying = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
@@ -50,7 +49,7 @@ async def test_a_follower_that_dies_frees_its_place_at_once() -> None:
         await dying.eio.wait()  # it closes its HTTP session last
 
 
-async def test_a_cut_link_is_taken_up_again_and_shows_as_a_gap() -> None:
+async def test_a_cut_link_is_taken_up_again_and_shows_as_a_gap():
     up, down = LeaderNotes(), FollowerNotes()
     async with (
         leader(up) as server,
@@ -80,7 +79,7 @@ async def test_a_cut_link_is_taken_up_again_and_shows_as_a_gap() -> None:
     assert up.ends == ["done"]
 
 
-async def test_a_leader_that_stops_without_asking_is_lost_and_may_come_back() -> None:
+async def test_a_leader_that_stops_without_asking_is_lost_and_may_come_back():
     up, down = LeaderNotes(), FollowerNotes()
     async with leader() as first:
         port = first.port
@@ -99,7 +98,7 @@ async def test_a_leader_that_stops_without_asking_is_lost_and_may_come_back() ->
     assert len(down.losses) == 1
 
 
-async def test_a_follower_may_give_up_on_a_leader_that_does_not_come_back() -> None:
+async def test_a_follower_may_give_up_on_a_leader_that_does_not_come_back():
     notes = FollowerNotes()
     async with leader() as server:
         client = FollowerClient(f"http://127.0.0.1:{server.port}", hello(), notes.events())
@@ -112,9 +111,7 @@ async def test_a_follower_may_give_up_on_a_leader_that_does_not_come_back() -> N
     assert len(notes.losses) == 1
 
 
-async def test_a_silent_wire_is_noticed_on_both_sides_and_the_link_is_taken_up_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_silent_wire_is_noticed_on_both_sides_and_the_link_is_taken_up_again(monkeypatch):
     monkeypatch.setattr(mmt.link.http, "PING_TIMEOUT_S", 1)
     monkeypatch.setattr(mmt.link.connection, "ATTEMPT_S", 0.2)
     up, down = LeaderNotes(), FollowerNotes()
@@ -133,9 +130,7 @@ async def test_a_silent_wire_is_noticed_on_both_sides_and_the_link_is_taken_up_a
     assert len(down.losses) == 1
 
 
-async def test_a_client_that_leaves_before_it_is_answered_is_no_error(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_client_that_leaves_before_it_is_answered_is_no_error(monkeypatch, caplog):
     monkeypatch.setattr(mmt.link.server_sockets, "HANDSHAKE_S", 0.1)
     request = (
         b"GET /socket.io/?EIO=4&transport=websocket HTTP/1.1\r\nHost: 127.0.0.1\r\n"
@@ -153,7 +148,7 @@ async def test_a_client_that_leaves_before_it_is_answered_is_no_error(
     assert caplog.messages == []
 
 
-async def test_a_follower_whose_old_connection_looks_alive_may_take_its_own_place() -> None:
+async def test_a_follower_whose_old_connection_looks_alive_may_take_its_own_place():
     up = LeaderNotes()
     async with (
         leader(up) as server,
@@ -172,9 +167,7 @@ async def test_a_follower_whose_old_connection_looks_alive_may_take_its_own_plac
                     pass
 
 
-async def test_the_end_does_not_wait_for_ever_on_a_silent_wire(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_the_end_does_not_wait_for_ever_on_a_silent_wire(monkeypatch):
     monkeypatch.setattr(mmt.link.client, "CLOSE_TIMEOUT_S", 0.2)
     async with (
         leader() as server,
@@ -185,12 +178,8 @@ async def test_the_end_does_not_wait_for_ever_on_a_silent_wire(
         await asyncio.wait_for(client.end("unheard"), 5.0)
 
 
-async def test_where_the_library_hides_its_websocket_its_queue_is_used(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def hidden(
-        self: mmt.link.server_sockets.ServerSockets, sid: str, environ: Mapping[str, object]
-    ) -> Send:
+async def test_where_the_library_hides_its_websocket_its_queue_is_used(monkeypatch):
+    def hidden(self, sid, environ):
         return usual(self, sid, {})
 
     usual = mmt.link.server_sockets.ServerSockets.send
@@ -211,7 +200,7 @@ async def test_where_the_library_hides_its_websocket_its_queue_is_used(
     assert up.sequences == down.sequences == list(range(20))
 
 
-async def test_a_link_that_breaks_in_the_moment_it_is_closed_is_closed() -> None:
+async def test_a_link_that_breaks_in_the_moment_it_is_closed_is_closed():
     notes = FollowerNotes()
     async with (
         leader() as server,

@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 
 import aiohttp
-import pytest
 import socketio
 from link_samples import (
     FollowerNotes,
@@ -21,9 +20,7 @@ import mmt.link.server_sockets
 from mmt.link.protocol import encode_event
 
 
-async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(monkeypatch):
     monkeypatch.setattr(mmt.link.rate_limit, "MESSAGES_PER_PERIOD", 1)
     monkeypatch.setattr(mmt.link.rate_limit, "BURST_S", 0.5)
     monkeypatch.setattr(mmt.link.rate_limit, "GRACE_S", 0.05)
@@ -52,9 +49,7 @@ async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(
     assert notes.errors == []
 
 
-async def test_a_leader_that_floods_ends_the_follower_with_a_reason(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_leader_that_floods_ends_the_follower_with_a_reason(monkeypatch):
     monkeypatch.setattr(mmt.link.rate_limit, "MESSAGES_PER_PERIOD", 1)
     monkeypatch.setattr(mmt.link.rate_limit, "BURST_S", 0.5)
     monkeypatch.setattr(mmt.link.rate_limit, "GRACE_S", 0.05)
@@ -70,9 +65,7 @@ async def test_a_leader_that_floods_ends_the_follower_with_a_reason(
         assert client.statistics.rejected["too fast"] > 0
 
 
-async def test_who_is_not_let_in_may_neither_stay_nor_talk(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_who_is_not_let_in_may_neither_stay_nor_talk(monkeypatch):
     monkeypatch.setattr(mmt.link.server_sockets, "HANDSHAKE_S", 0.3)
     async with leader() as server, aiohttp.ClientSession() as session:
         url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"

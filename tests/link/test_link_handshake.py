@@ -1,10 +1,8 @@
 """One follower at a time is admitted, welcomed and let go; by the handshake alone."""
 
 import asyncio
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import pytest
 import socketio
@@ -20,7 +18,7 @@ from mmt.link.handshake import FollowerSlot, Handshake, admit
 from mmt.link.reader import BlockReader
 
 GOOD = hello(run_id="r").to_auth()
-SCENE: dict[str, Any] = {"access": Access(), "channels": CHANNELS, "rate_hz": 1000}
+SCENE = {"access": Access(), "channels": CHANNELS, "rate_hz": 1000}
 TOKEN = "x" * 40
 WELCOME = {"protocol": 1, "clock_id": clock_id(), "session_id": "session 7"}
 NETWORK = {"delay_ms": 5}
@@ -31,16 +29,16 @@ class Host:
 
     application = "pages"
 
-    def __init__(self, *, emulates: bool = True, **callbacks: Any) -> None:
+    def __init__(self, *, emulates=True, **callbacks):
         self.server = self.sockets = self
-        self.handlers: dict[str, Callable[..., Any]] = {}
+        self.handlers = {}
         self.on = self.handlers.__setitem__
-        self.told: list[tuple[str, object, str]] = []
-        self.sent: list[tuple[str, str, bytes]] = []
-        self.admitted: list[tuple[str, Mapping[str, Any], object]] = []
-        self.dropped: list[str] = []
-        self.received: list[Any] = []
-        self.served: list[tuple[object, Any]] = []
+        self.told = []
+        self.sent = []
+        self.admitted = []
+        self.dropped = []
+        self.received = []
+        self.served = []
         self.restarts = 0
         self.notes, self.slot = LeaderNotes(), FollowerSlot()
         events = replace(self.notes.events(), **callbacks)
@@ -49,7 +47,7 @@ class Host:
         self.endpoint = Endpoint(reader, 4, 1000, events, self.slot.cut_off, extra=extra)
         self.clock = ClockResponder(reader, self.endpoint.outbox, self.received.append)
         self.handshake = Handshake(
-            self,  # type: ignore[arg-type]
+            self,
             self.slot,
             self.endpoint,
             self.clock,
@@ -57,46 +55,44 @@ class Host:
             partial(admit, **SCENE),
             {"frames": lambda *some: self.received.append(some)},
             session_id="session 7",
-            network=self if emulates else None,  # type: ignore[arg-type]
+            network=self if emulates else None,
         )
 
-    def _restart(self) -> None:
+    def _restart(self):
         self.restarts += 1
 
-    def connect(self, sid: str, *auth: object) -> None:
+    def connect(self, sid, *auth):
         self.handlers["connect"](sid, {"of": sid}, *auth)
 
-    async def emit(self, event: str, payload: object, to: str) -> None:
+    async def emit(self, event, payload, to):
         self.told.append((event, payload, to))
 
-    async def disconnect(self, sid: str) -> None:
+    async def disconnect(self, sid):
         self.dropped.append(sid)
 
-    def admit(self, environ: Mapping[str, str], handlers: Any, rate_limit: object) -> None:
+    def admit(self, environ, handlers, rate_limit):
         self.admitted.append((environ["of"], handlers, rate_limit))
 
-    def send(self, sid: str, environ: Mapping[str, str]) -> Any:
-        async def send(message: bytes) -> None:
+    def send(self, sid, environ):
+        async def send(message):
             self.sent.append((sid, environ["of"], message))
 
         return send
 
-    def serve(self, application: object, tell: Any) -> None:
+    def serve(self, application, tell):
         self.served.append((application, tell))
 
-    def payload(self) -> object:
+    def payload(self):
         return NETWORK
 
 
-async def spin() -> None:
+async def spin():
     for _ in range(9):
         await asyncio.sleep(0)
 
 
 @pytest.mark.parametrize("emulates", [True, False])
-async def test_a_follower_is_welcomed_before_anything_else_is_sent(
-    emulates: bool, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_follower_is_welcomed_before_anything_else_is_sent(emulates, caplog):
     host = Host(emulates=emulates)
     host.endpoint.rate_limit.shut = True  # of the follower before
     host.connect("a", GOOD)
@@ -124,8 +120,8 @@ async def test_a_follower_is_welcomed_before_anything_else_is_sent(
     assert caplog.messages == host.notes.errors == []
 
 
-def refuse(error: Exception) -> Callable[[object], None]:
-    def on_follower(_: object) -> None:
+def refuse(error):
+    def on_follower(_):
         raise error
 
     return on_follower
@@ -142,9 +138,7 @@ HELLO_MISSING = "the hello is missing: connect with an mmt follower's auth"
         ((GOOD,), ZeroDivisionError("x"), "the leader failed", []),
     ],
 )
-async def test_who_is_refused_is_told_why(
-    auth: Any, error: Any, told: str, logged: list[str], caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_who_is_refused_is_told_why(auth, error, told, logged, caplog):
     host = Host(**{"on_follower": refuse(error)} if error else {})
     for _ in range(2):  # the second one is not logged
         with pytest.raises(socketio.exceptions.ConnectionRefusedError) as caught:
@@ -156,7 +150,7 @@ async def test_who_is_refused_is_told_why(
     assert (host.slot.sid, host.restarts, host.admitted, host.told) == (None, 0, [], [])
 
 
-async def test_a_follower_that_connects_anew_drops_its_earlier_connection() -> None:
+async def test_a_follower_that_connects_anew_drops_its_earlier_connection():
     host = Host()
     host.connect("a", GOOD)
     host.connect("b", GOOD)
@@ -180,9 +174,7 @@ async def test_a_follower_that_connects_anew_drops_its_earlier_connection() -> N
         (lambda host: host.handshake.close(), []),
     ],
 )
-async def test_a_follower_that_leaves_is_lost_unless_the_session_is_over(
-    before: Callable[[Host], None], losses: list[str]
-) -> None:
+async def test_a_follower_that_leaves_is_lost_unless_the_session_is_over(before, losses):
     host = Host()
     host.connect("a", GOOD)
     await spin()
@@ -194,7 +186,7 @@ async def test_a_follower_that_leaves_is_lost_unless_the_session_is_over(
     assert (host.notes.losses, host.notes.errors) == (losses, [])
 
 
-async def test_a_leader_that_closes_welcomes_nobody() -> None:
+async def test_a_leader_that_closes_welcomes_nobody():
     host = Host()
     host.connect("a", GOOD)
     host.handshake.close()
@@ -203,7 +195,7 @@ async def test_a_leader_that_closes_welcomes_nobody() -> None:
     assert not host.endpoint.outbox.is_open
 
 
-def test_a_hello_is_admitted_with_the_token_if_the_place_is_free_or_its_own() -> None:
+def test_a_hello_is_admitted_with_the_token_if_the_place_is_free_or_its_own():
     one, scene = hello(run_id="a", extra="e"), {**SCENE, "access": Access(TOKEN), "extra": "e"}
     for occupant in (None, one):
         assert admit({**one.to_auth(), "token": TOKEN}, occupant, **scene) == one
@@ -246,13 +238,13 @@ def test_a_hello_is_admitted_with_the_token_if_the_place_is_free_or_its_own() ->
         ),
     ],
 )
-def test_a_follower_of_another_scene_is_refused(auth: Any, scene: Any, sentence: str) -> None:
+def test_a_follower_of_another_scene_is_refused(auth, scene, sentence):
     with pytest.raises(InputError) as caught:
         admit({**GOOD, **auth}, None, **SCENE | scene)
     assert str(caught.value) == f"the follower {sentence}: use the same scene on both"
 
 
-async def test_the_place_is_one_followers_until_it_leaves(caplog: pytest.LogCaptureFixture) -> None:
+async def test_the_place_is_one_followers_until_it_leaves(caplog):
     slot = FollowerSlot()
     assert (slot.hello, slot.fault) == (None, "")
     for sid, other in (("a", "b"), ("b", "a")):

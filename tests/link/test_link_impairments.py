@@ -1,7 +1,6 @@
 import itertools
 import math
 from statistics import NormalDist
-from typing import Any
 
 import numpy as np
 import pytest
@@ -31,28 +30,26 @@ TABLES = st.fixed_dictionaries(
 GAPS_NS = st.lists(st.integers(0, 10**9), min_size=1, max_size=60)
 
 
-def fates(
-    count: int = 20_000, seed: int = 1, size: int = 100, period_ns: int = MS, **table: Any
-) -> list[tuple[int, ...]]:
+def fates(count=20_000, seed=1, size=100, period_ns=MS, **table):
     """The delays (ns) of messages that are sent at an even rate."""
     model = MessageImpairments(Network(**table), seed, START_NS)
     times = [START_NS + index * period_ns for index in range(count)]
     return [tuple(at - sent for at in model.arrivals_ns(sent, size)) for sent in times]
 
 
-def delays_ms(given: list[tuple[int, ...]]) -> np.ndarray:
+def delays_ms(given):
     return np.array([fate[0] / MS for fate in given if fate])
 
 
-def lost(given: list[tuple[int, ...]]) -> np.ndarray:
+def lost(given):
     return np.array([not fate for fate in given])
 
 
 @settings(max_examples=150, deadline=None)
 @given(TABLES, GAPS_NS, st.integers(0, 2**63 - 1), st.floats(0.0, 1.0), st.integers(0, 131_072))
 def test_nothing_arrives_early_or_overtakes_or_comes_more_than_twice(
-    table: dict[str, Any], gaps_ns: list[int], seed: int, jitter_share: float, size: int
-) -> None:
+    table, gaps_ns, seed, jitter_share, size
+):
     table["jitter_ms"] = jitter_share * table["delay_ms"]
     network = Network(**table)
     model = MessageImpairments(network, seed, START_NS)
@@ -69,17 +66,17 @@ def test_nothing_arrives_early_or_overtakes_or_comes_more_than_twice(
         assert arrivals == sorted(arrivals)
 
 
-def test_an_empty_table_changes_nothing() -> None:
+def test_an_empty_table_changes_nothing():
     assert fates(1000) == [(0,)] * 1000
 
 
-def test_the_seed_chooses_the_fates() -> None:
+def test_the_seed_chooses_the_fates():
     assert fates(500, seed=1, profile="bad") == fates(500, seed=1, profile="bad")
     assert fates(500, seed=1, profile="bad") != fates(500, seed=2, profile="bad")
 
 
 @pytest.mark.parametrize("time_ms", [0.0, 20.0])
-def test_delays_are_spread_evenly_within_the_jitter(time_ms: float) -> None:
+def test_delays_are_spread_evenly_within_the_jitter(time_ms):
     given = delays_ms(
         fates(60_000, delay_ms=40, jitter_ms=10, jitter_time_ms=time_ms, reorder=True)
     )
@@ -89,7 +86,7 @@ def test_delays_are_spread_evenly_within_the_jitter(time_ms: float) -> None:
         assert np.quantile(given, share) == pytest.approx(30 + 20 * share, abs=0.9)
 
 
-def test_slow_jitter_is_correlated_as_it_says() -> None:
+def test_slow_jitter_is_correlated_as_it_says():
     given = delays_ms(fates(60_000, delay_ms=40, jitter_ms=10, jitter_time_ms=20, reorder=True))
     # back through the normal distribution's quantiles by ranks: the process is Gaussian there
     ranks = (np.argsort(np.argsort(given)) + 0.5) / len(given)
@@ -101,8 +98,8 @@ def test_slow_jitter_is_correlated_as_it_says() -> None:
         assert measured == pytest.approx(expected, abs=0.1)
 
 
-def test_smooth_jitter_hardly_needs_reordering_and_the_other_does() -> None:
-    def disordered(time_ms: float) -> float:
+def test_smooth_jitter_hardly_needs_reordering_and_the_other_does():
+    def disordered(time_ms):
         given = delays_ms(
             fates(20_000, delay_ms=40, jitter_ms=10, jitter_time_ms=time_ms, reorder=True)
         )
@@ -112,7 +109,7 @@ def test_smooth_jitter_hardly_needs_reordering_and_the_other_does() -> None:
     assert disordered(0.0) > 0.3
 
 
-def test_without_reordering_independent_jitter_gathers_at_its_upper_end() -> None:
+def test_without_reordering_independent_jitter_gathers_at_its_upper_end():
     ordered = delays_ms(fates(delay_ms=40, jitter_ms=10))
     assert np.median(ordered) > 44.0
     assert ordered.max() <= 50.0
@@ -121,7 +118,7 @@ def test_without_reordering_independent_jitter_gathers_at_its_upper_end() -> Non
 @pytest.mark.parametrize(
     ("loss", "burst", "burst_loss"), [(0.02, 10, 1.0), (0.1, 1, 1.0), (0.1, 30, 0.5), (0.7, 5, 1.0)]
 )
-def test_loss_and_bursts_have_the_wanted_means(loss: float, burst: int, burst_loss: float) -> None:
+def test_loss_and_bursts_have_the_wanted_means(loss, burst, burst_loss):
     gone = lost(fates(80_000, loss=loss, burst_messages=burst, burst_loss=burst_loss))
     assert gone.mean() == pytest.approx(loss, rel=0.2)
     if burst_loss == 1.0:
@@ -132,12 +129,12 @@ def test_loss_and_bursts_have_the_wanted_means(loss: float, burst: int, burst_lo
         assert np.std(runs) == pytest.approx(math.sqrt(expected * (expected - 1)), rel=0.3)
 
 
-def test_bursts_of_one_are_independent_losses() -> None:
+def test_bursts_of_one_are_independent_losses():
     gone = lost(fates(60_000, loss=0.3)).astype(float)
     assert abs(np.corrcoef(gone[1:], gone[:-1])[0, 1]) < 0.02
 
 
-def test_everything_and_nothing_can_be_lost() -> None:
+def test_everything_and_nothing_can_be_lost():
     assert lost(fates(1000, loss=1.0)).all()
     assert not lost(fates(1000, loss=0.0, burst_messages=50)).any()
 
@@ -151,8 +148,8 @@ def test_everything_and_nothing_can_be_lost() -> None:
     st.integers(0, 2**32),
 )
 def test_what_is_sent_again_arrives_in_order_and_none_is_lost(
-    delay_ms: float, loss: float, burst: float, jitter_time_ms: float, seed: int
-) -> None:
+    delay_ms, loss, burst, jitter_time_ms, seed
+):
     table = {"delay_ms": delay_ms, "jitter_ms": delay_ms / 2, "jitter_time_ms": jitter_time_ms}
     given = fates(2000, seed, **table, loss=loss, burst_messages=burst, retransmit=True)
     assert all(len(fate) == 1 for fate in given)
@@ -161,7 +158,7 @@ def test_what_is_sent_again_arrives_in_order_and_none_is_lost(
     assert delays_ms(given).min() >= delay_ms / 2 - 1e-6
 
 
-def test_a_lost_message_holds_up_those_behind_it_as_tcp_does() -> None:
+def test_a_lost_message_holds_up_those_behind_it_as_tcp_does():
     """One in a thousand: all wait until a round trip and 3 ms later, or twice as long."""
     given = delays_ms(fates(100_000, delay_ms=40.0, loss=0.001, retransmit=True))
     assert np.median(given) == 40.0
@@ -173,14 +170,14 @@ def test_a_lost_message_holds_up_those_behind_it_as_tcp_does() -> None:
     np.testing.assert_allclose(given[first : first + 80], 123.0 - np.arange(80))
 
 
-def test_duplicates_come_behind_the_first_with_a_delay_of_their_own() -> None:
+def test_duplicates_come_behind_the_first_with_a_delay_of_their_own():
     given = fates(20_000, duplicate=0.25, delay_ms=5, jitter_ms=5, reorder=True)
     twice = [fate for fate in given if len(fate) == 2]
     assert len(twice) / len(given) == pytest.approx(0.25, abs=0.02)
     assert sum(first != second for first, second in twice) > 0.99 * len(twice)
 
 
-def test_the_bandwidth_spaces_messages_and_the_full_queue_loses_them() -> None:
+def test_the_bandwidth_spaces_messages_and_the_full_queue_loses_them():
     # 100 bytes take 2 ms at 400 kbit/s, and one is sent each millisecond
     given = fates(2000, bandwidth_kbit_s=400, queue_ms=50)
     model_ms = delays_ms(given[:40])
@@ -189,12 +186,12 @@ def test_the_bandwidth_spaces_messages_and_the_full_queue_loses_them() -> None:
     assert delays_ms(given).max() <= 52.0
 
 
-def test_an_outage_ends_each_interval() -> None:
+def test_an_outage_ends_each_interval():
     gone = lost(fates(10_000, outage_s=0.5, outage_every_s=2.0))
     assert np.array_equal(gone, np.arange(10_000) % 2000 >= 1500)
 
 
-def test_messages_after_a_change_do_not_overtake_those_before() -> None:
+def test_messages_after_a_change_do_not_overtake_those_before():
     before = MessageImpairments(Network(delay_ms=500), 1, 0)
     (late_ns,) = before.arrivals_ns(0, 10)
     after = MessageImpairments(Network(), 1, MS)
@@ -204,7 +201,7 @@ def test_messages_after_a_change_do_not_overtake_those_before() -> None:
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-def test_a_profile_fills_in_what_is_not_given(profile: str) -> None:
+def test_a_profile_fills_in_what_is_not_given(profile):
     network = Network.model_validate({"profile": profile, "loss": 0.5})
     expected = {**PROFILES[profile], "loss": 0.5}
     assert {key: getattr(network, key) for key in expected} == expected
@@ -215,9 +212,7 @@ def test_a_profile_fills_in_what_is_not_given(profile: str) -> None:
     ("profile", "least", "middle", "most"),
     [("wifi", 1.0, 3.0, 5.0), ("wan", 30.0, 40.0, 50.0), ("bad", 90.0, 150.0, 210.0)],
 )
-def test_the_profiles_have_the_delays_that_their_names_promise(
-    profile: str, least: float, middle: float, most: float
-) -> None:
+def test_the_profiles_have_the_delays_that_their_names_promise(profile, least, middle, most):
     given = delays_ms(fates(40_000, profile=profile))
     width = most - least
     assert given.min() == pytest.approx(least, abs=0.02 * width)
@@ -239,6 +234,6 @@ def test_the_profiles_have_the_delays_that_their_names_promise(
         ({"speed": 1}, "speed"),
     ],
 )
-def test_what_cannot_be_emulated_is_refused(table: dict[str, Any], problem: str) -> None:
+def test_what_cannot_be_emulated_is_refused(table, problem):
     with pytest.raises(ValidationError, match=problem):
         Network(**table)

@@ -11,39 +11,32 @@ from link_samples import CHANNELS, LeaderNotes, commands, leader, until
 from node_programs import NEEDS_NODE, another_site, run_node, under_node
 from socketio.msgpack_packet import MsgPackPacket
 
-from mmt.core.arrays import RecordArray
-from mmt.core.frames import Channel
 from mmt.link.endpoint import LeaderEvents
 from mmt.link.protocol import PROTOCOL_VERSION
-from mmt.link.server import LeaderServer
 
-DOCUMENTED: tuple[Channel, ...] = ("position", "force", "acceleration")
+DOCUMENTED = ("position", "force", "acceleration")
 PROGRAM = Path(__file__).with_name("stock_follower.cjs")
 
 pytestmark = NEEDS_NODE
 
 
-async def follow(
-    port: int, count: int, protocol: int = PROTOCOL_VERSION, sending: str = "plain"
-) -> tuple[int, str, str]:
+async def follow(port, count, protocol=PROTOCOL_VERSION, sending="plain"):
     return await run_node(PROGRAM, f"http://127.0.0.1:{port}", count, protocol, sending)
 
 
 @pytest.mark.parametrize("sending", ["plain", "compressed"])
-async def test_a_stock_client_under_node_streams_frames_and_decodes_commands(
-    monkeypatch: pytest.MonkeyPatch, sending: str
-) -> None:
+async def test_a_stock_client_under_node_streams_frames_and_decodes_commands(monkeypatch, sending):
     count, by_the_library = 200, []
     notes = LeaderNotes()
-    servers: list[LeaderServer] = []
+    servers = []
     usual = MsgPackPacket.decode
 
-    def decode(self: MsgPackPacket, encoded: bytes) -> None:
+    def decode(self, encoded):
         usual(self, encoded)
         if self.packet_type == socketio.packet.EVENT:
             by_the_library.append(self.data[0])
 
-    def answer(block: RecordArray, arrival_ns: int) -> None:
+    def answer(block, arrival_ns):
         notes.blocks.append(block)
         for frame in block:
             answered = commands(int(frame["sequence"]), time_ns=2**62 + 1)
@@ -89,7 +82,7 @@ async def test_a_stock_client_under_node_streams_frames_and_decodes_commands(
     assert notes.losses == notes.errors == []
 
 
-async def test_a_stock_client_reads_why_it_is_refused() -> None:
+async def test_a_stock_client_reads_why_it_is_refused():
     async with leader() as server:
         code, printed, complaints = await follow(server.port, 1, protocol=99)
     assert code == 1
@@ -97,7 +90,7 @@ async def test_a_stock_client_reads_why_it_is_refused() -> None:
     assert "protocol 99" in complaints
 
 
-async def streamed(notes: LeaderNotes, server: LeaderServer) -> None:
+async def streamed(notes, server):
     """Take a second of the documented follower's frames, command it, and let it end."""
     await until(lambda: len(notes.sequences) > 1000)
     await until(lambda: server.clock.offset_ns is not None)
@@ -111,7 +104,7 @@ async def streamed(notes: LeaderNotes, server: LeaderServer) -> None:
     assert notes.ends == ["stopped"]
 
 
-async def test_the_documented_follower_streams_from_node(tmp_path: Path) -> None:
+async def test_the_documented_follower_streams_from_node(tmp_path):
     notes = LeaderNotes()
     async with leader(notes, channels=DOCUMENTED) as server:
         last = 'leader.on("disconnect", () => console.log(JSON.stringify(target_mm)));'
@@ -121,7 +114,7 @@ async def test_the_documented_follower_streams_from_node(tmp_path: Path) -> None
         assert await running == (0, "[2.5,2.5,2.5]\n", "")
 
 
-async def test_the_documented_follower_streams_from_a_page_of_another_site(tmp_path: Path) -> None:
+async def test_the_documented_follower_streams_from_a_page_of_another_site(tmp_path):
     notes = LeaderNotes()
     async with (
         another_site(tmp_path) as (link, show),

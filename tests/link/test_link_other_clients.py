@@ -21,7 +21,7 @@ TOKEN = "0123456789abcdef-secret"
 
 
 @pytest.mark.parametrize("stranger", [False, True])
-def test_extension_0_is_bytes_and_no_other_is(stranger: bool) -> None:
+def test_extension_0_is_bytes_and_no_other_is(stranger):
     for code, expected in ((0, ("frames", b"abc")), (1, None)):
         packet = {"type": 2, "nsp": "/", "data": ["frames", msgpack.ExtType(code, b"abc")]}
         decoded = decode_packet(msgpack.packb(packet), stranger=stranger)
@@ -30,7 +30,7 @@ def test_extension_0_is_bytes_and_no_other_is(stranger: bool) -> None:
     assert decode_packet(encode_event("frames", b"abc")) is not None
 
 
-async def test_a_client_that_is_not_understood_is_told_why_and_its_clock_is_missed() -> None:
+async def test_a_client_that_is_not_understood_is_told_why_and_its_clock_is_missed():
     notes, heard = LeaderNotes(), []
     async with leader(notes) as server:
         client = socketio.AsyncClient(serializer="msgpack")
@@ -49,9 +49,7 @@ async def test_a_client_that_is_not_understood_is_told_why_and_its_clock_is_miss
 
 
 @pytest.mark.parametrize("packet", ['40{"token":"x"}', '42["frames"]', "4x", "4"])
-async def test_a_client_without_msgpack_gets_a_connect_error(
-    packet: str, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_client_without_msgpack_gets_a_connect_error(packet, caplog):
     async with leader() as server, aiohttp.ClientSession() as session:
         url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
         async with session.ws_connect(url) as socket, asyncio.timeout(20):
@@ -68,9 +66,7 @@ async def test_a_client_without_msgpack_gets_a_connect_error(
         assert not [record for record in caplog.records if record.exc_info]
 
 
-async def test_pages_of_named_sites_may_connect_with_a_token(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_pages_of_named_sites_may_connect_with_a_token(monkeypatch):
     site = "https://lab.example"
     settings = Link(allow_origins=(site,))
     with pytest.raises(InputError, match="only with a token"):

@@ -10,24 +10,24 @@ from mmt.link.queue import SendQueue
 class Link:
     """Takes messages one at a time, when it is let."""
 
-    def __init__(self, permits: int = 10**6) -> None:
-        self.sent: list[bytes] = []
+    def __init__(self, permits=10**6):
+        self.sent = []
         self.permits = asyncio.Semaphore(permits)
         self.broken = False
 
-    async def __call__(self, message: bytes) -> None:
+    async def __call__(self, message):
         await self.permits.acquire()
         if self.broken:
             raise ConnectionResetError
         self.sent.append(message)
 
 
-async def spin() -> None:
+async def spin():
     for _ in range(20):
         await asyncio.sleep(0)
 
 
-async def test_messages_go_out_in_their_order() -> None:
+async def test_messages_go_out_in_their_order():
     outbox, link = SendQueue(100), Link()
     outbox.open(link)
     for number in range(50):
@@ -41,7 +41,7 @@ async def test_messages_go_out_in_their_order() -> None:
     assert not outbox.is_open
 
 
-async def test_a_full_queue_gives_up_the_oldest() -> None:
+async def test_a_full_queue_gives_up_the_oldest():
     outbox, link = SendQueue(3), Link(permits=1)
     outbox.open(link)
     await spin()
@@ -58,7 +58,7 @@ async def test_a_full_queue_gives_up_the_oldest() -> None:
     outbox.close()
 
 
-async def test_everything_put_is_either_sent_or_dropped() -> None:
+async def test_everything_put_is_either_sent_or_dropped():
     outbox, link = SendQueue(4), Link(permits=6)
     outbox.put(1, b"too early")
     outbox.open(link)
@@ -72,7 +72,7 @@ async def test_everything_put_is_either_sent_or_dropped() -> None:
     assert len(link.sent) == outbox.messages == 6
 
 
-async def test_a_broken_link_ends_the_sending() -> None:
+async def test_a_broken_link_ends_the_sending():
     outbox, link = SendQueue(4), Link()
     outbox.open(link)
     link.broken = True
@@ -88,7 +88,7 @@ async def test_a_broken_link_ends_the_sending() -> None:
     assert mended.sent == [b"z"]
 
 
-async def test_finish_does_not_wait_for_ever() -> None:
+async def test_finish_does_not_wait_for_ever():
     outbox = SendQueue(4)
     outbox.open(Link(permits=0))
     outbox.put(3, b"x")
@@ -99,7 +99,7 @@ async def test_finish_does_not_wait_for_ever() -> None:
     await outbox.finish(0.01)
 
 
-async def test_a_flush_waits_for_what_is_queued_but_not_for_ever() -> None:
+async def test_a_flush_waits_for_what_is_queued_but_not_for_ever():
     outbox, link = SendQueue(4), Link(permits=0)
     assert not outbox.idle
     outbox.open(link)
@@ -120,7 +120,7 @@ async def test_a_flush_waits_for_what_is_queued_but_not_for_ever() -> None:
         await outbox.flush(60.0)
 
 
-async def test_records_go_out_a_hundred_at_most_in_a_message() -> None:
+async def test_records_go_out_a_hundred_at_most_in_a_message():
     outbox, link = SendQueue(1), Link()
     outbox.open(link)
     data = bytes(range(250)) * 3
@@ -131,11 +131,11 @@ async def test_records_go_out_a_hundred_at_most_in_a_message() -> None:
     outbox.close()
 
 
-async def test_a_fault_that_is_not_the_links_comes_to_light() -> None:
+async def test_a_fault_that_is_not_the_links_comes_to_light():
     outbox, told = SendQueue(4), []
     asyncio.get_running_loop().set_exception_handler(lambda _, said: told.append(said["exception"]))
 
-    async def fail(message: bytes) -> None:
+    async def fail(message):
         raise ZeroDivisionError
 
     outbox.open(fail)
@@ -147,7 +147,7 @@ async def test_a_fault_that_is_not_the_links_comes_to_light() -> None:
     assert [type(each) for each in told] == [ZeroDivisionError]
 
 
-async def test_what_the_link_takes_at_once_is_sent_as_it_is_put() -> None:
+async def test_what_the_link_takes_at_once_is_sent_as_it_is_put():
     outbox, link = SendQueue(1), Link(permits=3)
     outbox.open(link)
     for number in range(5):
@@ -163,7 +163,7 @@ async def test_what_the_link_takes_at_once_is_sent_as_it_is_put() -> None:
     outbox.close()
 
 
-async def test_a_message_under_way_is_not_given_up_for_a_newer_one() -> None:
+async def test_a_message_under_way_is_not_given_up_for_a_newer_one():
     outbox, link = SendQueue(2), Link(permits=0)
     outbox.open(link)
     for number in range(6):
@@ -176,10 +176,10 @@ async def test_a_message_under_way_is_not_given_up_for_a_newer_one() -> None:
     outbox.close()
 
 
-async def test_closing_gives_up_the_message_under_way() -> None:
+async def test_closing_gives_up_the_message_under_way():
     given_up = []
 
-    async def never(message: bytes) -> None:
+    async def never(message):
         try:
             await asyncio.get_running_loop().create_future()
         except BaseException as error:
@@ -199,11 +199,11 @@ async def test_closing_gives_up_the_message_under_way() -> None:
     assert given_up == [GeneratorExit, asyncio.CancelledError]
 
 
-async def test_a_link_may_wait_several_times_and_handle_what_it_waits_for() -> None:
+async def test_a_link_may_wait_several_times_and_handle_what_it_waits_for():
     sent = []
-    future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+    future = asyncio.get_running_loop().create_future()
 
-    async def send(message: bytes) -> None:
+    async def send(message):
         try:
             await future
         except KeyError:
@@ -223,7 +223,7 @@ async def test_a_link_may_wait_several_times_and_handle_what_it_waits_for() -> N
     assert outbox.dropped == 0
 
 
-async def test_a_link_that_breaks_while_it_waits_ends_the_sending() -> None:
+async def test_a_link_that_breaks_while_it_waits_ends_the_sending():
     outbox, link = SendQueue(4), Link(permits=0)
     outbox.open(link)
     outbox.put(1, b"x")

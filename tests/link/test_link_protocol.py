@@ -1,7 +1,6 @@
 """What a peer sends is read or refused: hellos, ranges of frames, reasons."""
 
 import contextlib
-from typing import Any
 
 import msgpack
 import pytest
@@ -25,7 +24,7 @@ GOOD = hello().to_auth()
 SEVERAL = {**GOOD, "protocol": 2, "samples_per_frame": 5}
 
 
-def without(key: str) -> dict[str, object]:
+def without(key):
     return {name: value for name, value in GOOD.items() if name != key}
 
 
@@ -51,7 +50,7 @@ def without(key: str) -> dict[str, object]:
         ({**GOOD, "source": "x" * 257}, "source is longer than the 256"),
     ],
 )
-def test_a_bad_hello_is_refused_with_a_sentence(auth: Any, sentence: str) -> None:
+def test_a_bad_hello_is_refused_with_a_sentence(auth, sentence):
     with pytest.raises(InputError) as caught:
         FollowerHello.from_auth(auth)
     assert sentence in str(caught.value)
@@ -61,7 +60,7 @@ def test_a_bad_hello_is_refused_with_a_sentence(auth: Any, sentence: str) -> Non
     ("name", "least", "most"),
     [("frames_per_message", 1, 100), ("keep_frames", 0, 10**6), ("samples_per_frame", 1, 10)],
 )
-def test_numbers_of_a_hello_are_bounded(name: str, least: int, most: int) -> None:
+def test_numbers_of_a_hello_are_bounded(name, least, most):
     for value in (least, most):
         made = hello(channels=("acceleration",), rate_hz=500, **{name: value})
         read = FollowerHello.from_auth(made.to_auth())
@@ -73,7 +72,7 @@ def test_numbers_of_a_hello_are_bounded(name: str, least: int, most: int) -> Non
 
 
 @pytest.mark.parametrize("name", ["source", "clock_id", "run_id", "extra", "annotations"])
-def test_texts_of_a_hello_are_bounded(name: str) -> None:
+def test_texts_of_a_hello_are_bounded(name):
     filler, most = (b"x", 65_536) if name == "annotations" else ("x", 256)
     made = hello(**{name: filler * most})
     assert FollowerHello.from_auth(made.to_auth()) == made
@@ -90,7 +89,7 @@ JSONISH = st.recursive(
 
 @given(st.one_of(JSONISH, st.fixed_dictionaries(dict.fromkeys(GOOD, JSONISH))), JSONISH)
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-def test_no_hello_whatever_breaks_the_leader(auth: object, one: object) -> None:
+def test_no_hello_whatever_breaks_the_leader(auth, one):
     variants = [auth] + [{**GOOD, key: one} for key in GOOD]
     for variant in variants:
         with contextlib.suppress(InputError):  # anything else is a fault
@@ -99,7 +98,7 @@ def test_no_hello_whatever_breaks_the_leader(auth: object, one: object) -> None:
             assert FollowerHello.from_auth(read.to_auth()) == read
 
 
-def test_the_hello_puts_channels_in_the_frames_order() -> None:
+def test_the_hello_puts_channels_in_the_frames_order():
     assert hello(channels=("force", "position")).channels == CHANNELS
 
 
@@ -121,13 +120,13 @@ def test_the_hello_puts_channels_in_the_frames_order() -> None:
         [[0, 1]] * (MAX_RANGES + 1),
     ],
 )
-def test_malformed_ranges_are_refused(payload: object) -> None:
+def test_malformed_ranges_are_refused(payload):
     assert ranges_of_payload(payload) is None
     assert ranges_of_payload([[0, 1]] * MAX_RANGES) == [(0, 1)] * MAX_RANGES
     assert ranges_of_payload([[0, 2**32], (5, 6)]) == [(0, 2**32), (5, 6)]
 
 
-def test_what_a_peer_says_is_printable_and_of_bounded_length() -> None:
+def test_what_a_peer_says_is_printable_and_of_bounded_length():
     assert reason_of({"reason": "a\nb" * 100}) == reason_of({"reason": "a\nb" * 85 + "a"})
     assert reason_of({"reason": "x" * 257}) == "x" * 256
     assert reason_of({"reason": 5}) is reason_of({}) is reason_of("x") is None
@@ -140,14 +139,14 @@ def test_what_a_peer_says_is_printable_and_of_bounded_length() -> None:
     ("reason", "hint"),
     [("not bytes", "as the one argument"), ("size", "have 40 bytes each"), ("late", "")],
 )
-def test_a_peer_is_told_what_to_send_instead(reason: str, hint: str) -> None:
+def test_a_peer_is_told_what_to_send_instead(reason, hint):
     event, payload = msgpack.unpackb(encode_rejection("commands", reason, 3, 40))["data"]
     assert (event, payload["reason"], payload["times"]) == ("rejected", reason, 3)
     assert payload["text"].startswith(f"commands rejected: {reason}")
     assert payload["text"].endswith(hint or reason)
 
 
-def test_the_maps_keys_are_those_of_the_page() -> None:
+def test_the_maps_keys_are_those_of_the_page():
     assert msgpack.unpackb(encode_event("frames", b"\x01")) == {
         "type": 2,
         "data": ["frames", b"\x01"],

@@ -9,22 +9,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from link_samples import commands, frames
 
-from mmt.core.arrays import RecordArray
 from mmt.core.frames import COMMAND_DTYPE
 from mmt.core.sequence_numbers import shortest_period_ns
 from mmt.link.reader import LARGEST_QUANTITY, LATEST_NS, BlockReader
 
 
-def reader() -> BlockReader:
+def reader():
     return BlockReader(frames(0).dtype, "frames")
 
 
-def read(into: BlockReader, block: RecordArray) -> list[int]:
+def read(into, block):
     good = into.read((block.tobytes(),), 0)
     return [] if good is None else good["sequence"].tolist()
 
 
-def test_a_good_block_passes_whole_and_cannot_be_changed() -> None:
+def test_a_good_block_passes_whole_and_cannot_be_changed():
     into, block = reader(), frames(0, 5)
     good = into.read((block.tobytes(),), 0)
     assert good is not None
@@ -50,9 +49,7 @@ def test_a_good_block_passes_whole_and_cannot_be_changed() -> None:
         ((frames(0, 101).tobytes(),), "too many"),
     ],
 )
-def test_malformed_events_are_counted_and_leave_no_trace(
-    arguments: tuple[object, ...], reason: str
-) -> None:
+def test_malformed_events_are_counted_and_leave_no_trace(arguments, reason):
     into = reader()
     assert into.read(arguments, 0) is None
     assert into.rejected == {reason: 1}
@@ -62,7 +59,7 @@ def test_malformed_events_are_counted_and_leave_no_trace(
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("channel", ["position_mm", "force_n"])
-def test_frames_that_are_not_finite_become_a_gap(value: float, channel: str) -> None:
+def test_frames_that_are_not_finite_become_a_gap(value, channel):
     into, block = reader(), frames(0, 4)
     block[channel][2, 1] = value
     assert read(into, block) == [0, 1, 3]
@@ -70,7 +67,7 @@ def test_frames_that_are_not_finite_become_a_gap(value: float, channel: str) -> 
     assert (into.records, into.lost) == (3, 0)
 
 
-def test_opposite_infinities_do_not_cancel_and_extremes_are_finite() -> None:
+def test_opposite_infinities_do_not_cancel_and_extremes_are_finite():
     into, block = reader(), frames(0, 3)
     block["position_mm"][0] = (math.inf, -math.inf, 0)
     block["position_mm"][1] = 4e5
@@ -91,7 +88,7 @@ def test_opposite_infinities_do_not_cancel_and_extremes_are_finite() -> None:
         ("time_ns", np.iinfo(np.int64).min, "time out of range"),
     ],
 )
-def test_what_nothing_can_measure_becomes_a_gap(field: str, value: float, reason: str) -> None:
+def test_what_nothing_can_measure_becomes_a_gap(field, value, reason):
     into, block = reader(), frames(0, 3)
     block[field][1] = value
     assert read(into, block) == [0, 2]
@@ -104,18 +101,18 @@ SECOND = 1_000_000_000
 PACE = shortest_period_ns(1000, 1.0)
 
 
-def numbered(sequence: int) -> RecordArray:
+def numbered(sequence):
     block = frames(0)
     block["sequence"] = sequence
     return block
 
 
-def read_at(into: BlockReader, block: RecordArray, arrival_ns: int) -> list[int]:
+def read_at(into, block, arrival_ns):
     good = into.read((block.tobytes(),), arrival_ns)
     return [] if good is None else good["sequence"].tolist()
 
 
-def test_a_number_far_ahead_is_not_believed_and_does_no_harm() -> None:
+def test_a_number_far_ahead_is_not_believed_and_does_no_harm():
     into = BlockReader(frames(0).dtype, "frames", PACE)
     assert read_at(into, frames(0, 10), 10 * SECOND) == list(range(10))
     for huge in (2**31 + 8, 2**31, 100_000, 4100):
@@ -125,7 +122,7 @@ def test_a_number_far_ahead_is_not_believed_and_does_no_harm() -> None:
     assert read_at(into, frames(10, 2), 10 * SECOND) == [10, 11]
 
 
-def test_after_a_silence_as_much_is_believed_as_it_lasted() -> None:
+def test_after_a_silence_as_much_is_believed_as_it_lasted():
     into = BlockReader(frames(0).dtype, "frames", PACE)
     read_at(into, frames(0), 10 * SECOND)
     assert read_at(into, numbered(601_000), 310 * SECOND) == [601_000]
@@ -133,7 +130,7 @@ def test_after_a_silence_as_much_is_believed_as_it_lasted() -> None:
     assert read_at(into, numbered(610_000), 311 * SECOND) == []
 
 
-def test_a_clump_after_a_stall_passes() -> None:
+def test_a_clump_after_a_stall_passes():
     into = BlockReader(frames(0).dtype, "frames", PACE)
     read_at(into, frames(0), 10 * SECOND)
     for first in range(1, 5901, 100):
@@ -141,10 +138,10 @@ def test_a_clump_after_a_stall_passes() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(0, 2**32 - 1), st.integers(0, SECOND)), max_size=60))
-def test_numbers_never_outrun_twice_the_pace(arrivals: list[tuple[int, int]]) -> None:
+def test_numbers_never_outrun_twice_the_pace(arrivals):
     into = BlockReader(frames(0).dtype, "frames", PACE)
     now_ns, start_ns, advance = 10 * SECOND, 0, 0
-    passed: list[int] = []
+    passed = []
     for sequence, silence_ns in arrivals:
         now_ns += silence_ns
         passed += read_at(into, numbered(sequence), now_ns)
@@ -155,7 +152,7 @@ def test_numbers_never_outrun_twice_the_pace(arrivals: list[tuple[int, int]]) ->
     assert into.lost <= advance
 
 
-def test_after_the_clock_jumped_back_frames_are_believed_as_far_as_before() -> None:
+def test_after_the_clock_jumped_back_frames_are_believed_as_far_as_before():
     into, hour_ns = reader(), 3600 * 10**9
     for number in range(10):
         assert read_at(into, numbered(number), hour_ns + number * 10**6) == [number]
@@ -166,7 +163,7 @@ def test_after_the_clock_jumped_back_frames_are_believed_as_far_as_before() -> N
     assert read_at(into, numbered(10**6), 10**9 + 21 * 10**6) == []
 
 
-def test_a_message_from_the_future_with_a_number_of_long_ago_counts_anew() -> None:
+def test_a_message_from_the_future_with_a_number_of_long_ago_counts_anew():
     """Late and repeated records are of the past, whatever their number."""
     into = BlockReader(frames(0).dtype, "frames", PACE)
     for first in range(0, 1000, 100):
@@ -182,9 +179,7 @@ def test_a_message_from_the_future_with_a_number_of_long_ago_counts_anew() -> No
 
 
 @pytest.mark.parametrize(("number", "passes"), [(45, False), (44, True), (600, True)])
-def test_a_number_of_which_the_newest_256_tell_nothing_is_the_newest(
-    number: int, passes: bool
-) -> None:
+def test_a_number_of_which_the_newest_256_tell_nothing_is_the_newest(number, passes):
     into = BlockReader(frames(0).dtype, "frames", PACE)
     read_at(into, frames(300, time_ns=1), 10 * SECOND)
     for time_ns, passed in ((2, passes), (3, False)):
@@ -192,7 +187,7 @@ def test_a_number_of_which_the_newest_256_tell_nothing_is_the_newest(
     assert (into.repeated, into.out_of_order) == ((1, 0) if passes else (1, 1))
 
 
-def test_counting_anew_takes_its_time_as_well() -> None:
+def test_counting_anew_takes_its_time_as_well():
     into = BlockReader(frames(0).dtype, "frames", PACE)
     passed = [n for n in range(5000) if read_at(into, frames(n, time_ns=n + 1), 10 * SECOND)]
     assert 1000 < len(passed) < 5000
@@ -201,16 +196,16 @@ def test_counting_anew_takes_its_time_as_well() -> None:
     assert read_at(into, frames(0, time_ns=6000), 11 * SECOND) == [0]
 
 
-def test_counting_anew_again_and_again_does_not_outrun_the_pace() -> None:
+def test_counting_anew_again_and_again_does_not_outrun_the_pace():
     into = BlockReader(frames(0).dtype, "frames", PACE)
-    passed: list[int] = []
+    passed = []
     for turn in range(100):
         for number in (0, 3000):
             passed += read_at(into, frames(number, time_ns=len(passed) + 1), 10 * SECOND + turn)
     assert len(passed) < 5
 
 
-def test_a_follower_that_comes_back_too_far_ahead_is_a_new_one() -> None:
+def test_a_follower_that_comes_back_too_far_ahead_is_a_new_one():
     into = BlockReader(frames(0).dtype, "frames", PACE)
     read_at(into, frames(0, 10), 10 * SECOND)
     into.restart()
@@ -223,17 +218,15 @@ def test_a_follower_that_comes_back_too_far_ahead_is_a_new_one() -> None:
     st.integers(0, 2**32 - 1),
 )
 @settings(max_examples=200, deadline=None)
-def test_order_agrees_with_a_model_that_remembers_everything(
-    messages: list[list[int]], offset: int
-) -> None:
+def test_order_agrees_with_a_model_that_remembers_everything(messages, offset):
     into = reader()
-    passed: list[int] = []
+    passed = []
     for message in messages:
         block = frames(0, len(message))
         block["sequence"] = (np.array(message) + offset) % 2**32
         passed += read(into, block)
     flat = [number + offset for message in messages for number in message]
-    seen: set[int] = set()
+    seen = set()
     expected, repeated, late = [], 0, 0
     for number in flat:
         if not expected or number > expected[-1]:
@@ -248,14 +241,14 @@ def test_order_agrees_with_a_model_that_remembers_everything(
     assert into.lost == expected[-1] - expected[0] + 1 - len(expected)
 
 
-def test_a_number_from_very_long_ago_is_out_of_order() -> None:
+def test_a_number_from_very_long_ago_is_out_of_order():
     into = reader()
     assert read(into, numbered(2**31 - 1)) == [2**31 - 1]
     assert read(into, frames(0)) == []
     assert (into.out_of_order, into.repeated) == (1, 0)
 
 
-def test_the_end_tells_what_was_lost_last() -> None:
+def test_the_end_tells_what_was_lost_last():
     into = reader()
     into.end(0, 0)
     assert (into.lost, into.rejected) == (0, {})
@@ -279,7 +272,7 @@ def test_the_end_tells_what_was_lost_last() -> None:
     assert last.rejected == {"implausible count": 3}
 
 
-def test_what_is_read_and_lost_adds_up_over_messages() -> None:
+def test_what_is_read_and_lost_adds_up_over_messages():
     into = reader()
     blocks = [frames(0), frames(2, 3), frames(9), frames(20, 2)]
     for block in blocks:
@@ -295,7 +288,7 @@ def test_what_is_read_and_lost_adds_up_over_messages() -> None:
     assert (into.records, into.lost) == (8, 18 + 8)
 
 
-def test_after_a_break_the_next_number_and_the_same_again_are_taken() -> None:
+def test_after_a_break_the_next_number_and_the_same_again_are_taken():
     """The next goes on without a loss; the same is that of another sender, which begins."""
     for number, lost in ((10, 0), (11, 1), (9, 0)):
         into = reader()
@@ -305,7 +298,7 @@ def test_after_a_break_the_next_number_and_the_same_again_are_taken() -> None:
         assert into.lost == lost
 
 
-def test_how_many_may_have_been_sent_is_bounded_by_the_time() -> None:
+def test_how_many_may_have_been_sent_is_bounded_by_the_time():
     into = BlockReader(frames(0).dtype, "frames", shortest_ns=1_000_000)
     assert into.read((frames(0, 10).tobytes(),), 0) is not None
     assert into.is_plausible(0, 0)
@@ -321,7 +314,7 @@ def test_how_many_may_have_been_sent_is_bounded_by_the_time() -> None:
     assert (into.lost, into.rejected) == (most - 10, {})
 
 
-def test_values_at_the_bounds_are_taken() -> None:
+def test_values_at_the_bounds_are_taken():
     into = reader()
     block = frames(0)
     block["position_mm"] = block["force_n"] = 0.0
@@ -333,7 +326,7 @@ def test_values_at_the_bounds_are_taken() -> None:
     assert into.rejected == {"time out of range": 1}
 
 
-def test_latency_is_measured_by_the_senders_clock_while_its_offset_is_known() -> None:
+def test_latency_is_measured_by_the_senders_clock_while_its_offset_is_known():
     into = reader()
     into.read((frames(0, time_ns=1_000_000).tobytes(),), 3_000_000)
     assert into.latency.count == 0
@@ -346,7 +339,7 @@ def test_latency_is_measured_by_the_senders_clock_while_its_offset_is_known() ->
     assert into.latency.count == 2
 
 
-def test_commands_are_read_alike() -> None:
+def test_commands_are_read_alike():
     into = BlockReader(COMMAND_DTYPE, "commands")
     block = commands(0, 3)
     block["echo_time_ns"] = np.iinfo(np.int64).max
@@ -354,7 +347,7 @@ def test_commands_are_read_alike() -> None:
     assert read(into, block) == [0, 2]
 
 
-def test_a_flood_is_logged_once_a_second(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_flood_is_logged_once_a_second(caplog):
     into, told = reader(), []
     into.on_rejected = lambda reason, times: told.append((reason, times))
     with caplog.at_level(logging.WARNING, logger="mmt.link"):

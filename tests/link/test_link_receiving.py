@@ -2,7 +2,6 @@
 
 import asyncio
 from collections import Counter
-from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 import aiohttp
@@ -29,7 +28,6 @@ import mmt.link.server_sockets
 import mmt.link.socket_client
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
 from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
-from mmt.link.server import LeaderServer
 from mmt.link.websocket import (
     DecodedPacket,
     Packet,
@@ -42,12 +40,12 @@ from mmt.link.websocket import (
 
 
 @pytest.fixture
-def decoded(monkeypatch: pytest.MonkeyPatch) -> Counter[int]:
+def decoded(monkeypatch):
     """Count by type the packets that reach the library, on both sides together."""
-    counted: Counter[int] = Counter()
+    counted = Counter()
     usual = Packet.decode
 
-    def decode(self: Packet, encoded: bytes) -> None:
+    def decode(self, encoded):
         usual(self, encoded)
         counted[self.packet_type] += 1
 
@@ -55,24 +53,24 @@ def decoded(monkeypatch: pytest.MonkeyPatch) -> Counter[int]:
     return counted
 
 
-def open_gate() -> RateLimit:
+def open_gate():
     return RateLimit(1000, on_drop=pytest.fail, on_exceeded=pytest.fail)
 
 
-async def stays_open(**_: object) -> None:
+async def stays_open(**_):
     pytest.fail("the WebSocket was closed")
 
 
-async def no_pong(_: bytes) -> None:
+async def no_pong(_):
     pytest.fail("nobody has pinged")
 
 
-def event_in(message: bytes) -> tuple[str, bytes] | None:
+def event_in(message):
     packet = decode_packet(message)
     return None if packet is None else binary_event(packet)
 
 
-async def exchange(count: int) -> tuple[LeaderNotes, FollowerNotes]:
+async def exchange(count):
     """Send so many frames and commands, one a message, and a reason at the end."""
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down) as client:
@@ -87,9 +85,7 @@ async def exchange(count: int) -> tuple[LeaderNotes, FollowerNotes]:
     return up, down
 
 
-async def test_frames_and_commands_do_not_pass_through_the_library(
-    decoded: Counter[int],
-) -> None:
+async def test_frames_and_commands_do_not_pass_through_the_library(decoded):
     await exchange(100)
     # the welcome, the end, and at most what came before the connection was told of
     assert decoded[socketio.packet.EVENT] <= 4
@@ -98,8 +94,8 @@ async def test_frames_and_commands_do_not_pass_through_the_library(
 
 
 async def test_where_the_websocket_cannot_be_asked_the_library_hands_over_the_same(
-    monkeypatch: pytest.MonkeyPatch, decoded: Counter[int]
-) -> None:
+    monkeypatch, decoded
+):
     monkeypatch.setattr(mmt.link.server_sockets, "receive_directly", lambda *_: None)
     monkeypatch.setattr(
         mmt.link.socket_client, "client_websocket", lambda *_: aiohttp.ClientWebSocketResponse
@@ -112,7 +108,7 @@ async def test_where_the_websocket_cannot_be_asked_the_library_hands_over_the_sa
     assert up.losses == down.losses == up.errors == down.errors == []
 
 
-async def test_frames_that_ask_for_an_acknowledgement_get_one() -> None:
+async def test_frames_that_ask_for_an_acknowledgement_get_one():
     notes = LeaderNotes()
     client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
     async with leader(notes) as server:
@@ -132,13 +128,13 @@ JOIN = MsgPackPacket(socketio.packet.CONNECT, data=hello().to_auth(), namespace=
 
 
 @asynccontextmanager
-async def plain_websocket(server: LeaderServer) -> AsyncIterator[aiohttp.ClientWebSocketResponse]:
+async def plain_websocket(server):
     url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
     async with aiohttp.ClientSession() as session, session.ws_connect(url) as websocket:
         yield websocket
 
 
-async def test_a_client_that_joins_again_on_the_same_websocket_is_a_new_follower() -> None:
+async def test_a_client_that_joins_again_on_the_same_websocket_is_a_new_follower():
     notes = LeaderNotes()
     leave = MsgPackPacket(socketio.packet.DISCONNECT, namespace="/").encode()
     async with leader(notes) as server, plain_websocket(server) as websocket:
@@ -155,7 +151,7 @@ async def test_a_client_that_joins_again_on_the_same_websocket_is_a_new_follower
 
 
 @pytest.mark.parametrize("text", ["", ">", "b!", "\N{SUPERSCRIPT TWO}"])
-async def test_a_text_that_is_no_packet_is_dropped_and_the_link_goes_on(text: str) -> None:
+async def test_a_text_that_is_no_packet_is_dropped_and_the_link_goes_on(text):
     notes = LeaderNotes()
     async with leader(notes) as server, plain_websocket(server) as websocket:
         await websocket.send_bytes(JOIN)
@@ -169,8 +165,8 @@ async def test_a_text_that_is_no_packet_is_dropped_and_the_link_goes_on(text: st
 @pytest.mark.parametrize("event", ["connect", "disconnect", "connect_error"])
 @pytest.mark.parametrize("argument", [b"x", "text", {"message": "forged"}, None])
 async def test_an_event_by_a_name_of_the_library_reaches_none_of_its_handlers(
-    event: str, argument: object, caplog: pytest.LogCaptureFixture
-) -> None:
+    event, argument, caplog
+):
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down) as client:
         await until(lambda: server.can_send)
@@ -189,17 +185,17 @@ async def test_an_event_by_a_name_of_the_library_reaches_none_of_its_handlers(
     assert "refused" not in caplog.text
 
 
-async def test_a_flood_leaves_the_loop_its_turns() -> None:
+async def test_a_flood_leaves_the_loop_its_turns():
     message = WSMessage(WSMsgType.BINARY, encode_event("frames", b"x"), None)
     last = WSMessage(WSMsgType.TEXT, "2", None)
     flood = iter([*[message] * 1000, last])
-    taken: list[bytes] = []
+    taken = []
     turns = 0
 
-    async def receive() -> WSMessage:
+    async def receive():
         return next(flood)
 
-    async def count_turns() -> None:
+    async def count_turns():
         nonlocal turns
         while len(taken) < 1000:
             await asyncio.sleep(0)
@@ -215,15 +211,15 @@ async def test_a_flood_leaves_the_loop_its_turns() -> None:
     assert turns >= 10
 
 
-async def test_what_does_not_pass_the_gate_is_thrown_away_until_it_shuts() -> None:
+async def test_what_does_not_pass_the_gate_is_thrown_away_until_it_shuts():
     message = WSMessage(WSMsgType.BINARY, encode_event("frames", b"x"), None)
-    taken: list[bytes] = []
-    closed: list[object] = []
+    taken = []
+    closed = []
 
-    async def receive() -> WSMessage:
+    async def receive():
         return message
 
-    async def close(**reason: object) -> None:
+    async def close(**reason):
         closed.append(reason["code"])
 
     last = await receive_rest(receive, no_pong, close, HandshakeLimit(), {"frames": taken.append})
@@ -232,9 +228,9 @@ async def test_what_does_not_pass_the_gate_is_thrown_away_until_it_shuts() -> No
     assert taken == [b"x"] * HANDSHAKE_MESSAGES
 
 
-def test_a_websocket_that_cannot_be_changed_is_left_as_it_is() -> None:
+def test_a_websocket_that_cannot_be_changed_is_left_as_it_is():
     class Closed(web.WebSocketResponse):
-        def __setattr__(self, name: str, value: object) -> None:
+        def __setattr__(self, name, value):
             if name == "receive":
                 raise AttributeError(name)
             super().__setattr__(name, value)
@@ -252,10 +248,10 @@ def test_a_websocket_that_cannot_be_changed_is_left_as_it_is() -> None:
         (WSMsgType.ERROR, encode_event("frames", b"x")),
     ],
 )
-async def test_what_is_not_binary_is_the_librarys(kind: WSMsgType, data: str | bytes) -> None:
+async def test_what_is_not_binary_is_the_librarys(kind, data):
     message = WSMessage(kind, data, None)
 
-    async def receive() -> WSMessage:
+    async def receive():
         return message
 
     assert (
@@ -268,12 +264,10 @@ async def test_what_is_not_binary_is_the_librarys(kind: WSMsgType, data: str | b
     ("data", "decoded_here"),
     [(encode_event("end", b"x"), True), (encode_event("frames", bytes(MAX_MESSAGE_BYTES)), False)],
 )
-async def test_other_events_and_those_too_long_are_the_librarys(
-    data: bytes, decoded_here: bool
-) -> None:
+async def test_other_events_and_those_too_long_are_the_librarys(data, decoded_here):
     message = WSMessage(WSMsgType.BINARY, data, None)
 
-    async def receive() -> WSMessage:
+    async def receive():
         return message
 
     rest = await receive_rest(receive, no_pong, stays_open, open_gate(), {"frames": pytest.fail})
@@ -283,7 +277,7 @@ async def test_other_events_and_those_too_long_are_the_librarys(
 
 @given(st.text(max_size=10), st.binary(max_size=300))
 @settings(max_examples=50, deadline=None)
-def test_an_event_of_the_library_is_read_back(name: str, argument: bytes) -> None:
+def test_an_event_of_the_library_is_read_back(name, argument):
     packet = MsgPackPacket(socketio.packet.EVENT, data=[name, argument], namespace="/")
     assert event_in(packet.encode()) == (name, argument)
 
@@ -296,7 +290,7 @@ SMALL = st.recursive(
 )
 
 
-def containers(value: object) -> int:
+def containers(value):
     """How many maps and arrays a value has."""
     inner = [*value.values()] if isinstance(value, dict) else value
     return 1 + sum(map(containers, inner)) if isinstance(inner, list) else 0
@@ -304,7 +298,7 @@ def containers(value: object) -> int:
 
 @given(SMALL)
 @settings(max_examples=100, deadline=None)
-def test_a_strangers_packet_is_decoded_as_anyones_if_it_is_small(auth: object) -> None:
+def test_a_strangers_packet_is_decoded_as_anyones_if_it_is_small(auth):
     packet = {"type": 0, "data": auth, "nsp": "/"}
     small = containers(packet) <= 32
     assert decode_packet(msgpack.packb(packet), stranger=True) == (packet if small else None)
@@ -314,22 +308,22 @@ def test_a_strangers_packet_is_decoded_as_anyones_if_it_is_small(auth: object) -
     "auth",
     [[{}] * 130_000, [[]] * 33, [None] * 33, dict.fromkeys(map(str, range(33))), [[[{}] * 11] * 3]],
 )
-def test_what_takes_long_to_decode_is_no_strangers_packet(auth: object) -> None:
+def test_what_takes_long_to_decode_is_no_strangers_packet(auth):
     packet = {"type": 0, "data": auth, "nsp": "/"}
     assert decode_packet(msgpack.packb(packet)) == packet
     assert decode_packet(msgpack.packb(packet), stranger=True) is None
 
 
-async def test_pings_and_pongs_of_strangers_are_among_what_is_limited() -> None:
-    answered: list[bytes] = []
+async def test_pings_and_pongs_of_strangers_are_among_what_is_limited():
+    answered = []
 
-    async def receive() -> WSMessage:
+    async def receive():
         return WSMessage(WSMsgType.PING if len(answered) < 2 else WSMsgType.PONG, b"p", None)
 
-    async def pong(message: bytes) -> None:
+    async def pong(message):
         answered.append(message)
 
-    async def close(**_: object) -> None:
+    async def close(**_):
         answered.append(b"closed")
 
     last = await receive_rest(receive, pong, close, HandshakeLimit(), {})
@@ -337,7 +331,7 @@ async def test_pings_and_pongs_of_strangers_are_among_what_is_limited() -> None:
     assert answered == [b"p", b"p", b"closed"]
 
 
-def test_the_order_of_keys_and_further_ones_do_not_matter() -> None:
+def test_the_order_of_keys_and_further_ones_do_not_matter():
     packet = {"nsp": "/", "options": {"compress": True}, "data": ["frames", b"x"], "type": 2}
     assert event_in(msgpack.packb(packet)) == ("frames", b"x")
 
@@ -357,12 +351,12 @@ def test_the_order_of_keys_and_further_ones_do_not_matter() -> None:
         {"data": None},
     ],
 )
-def test_all_else_is_the_librarys(changes: dict[str, object]) -> None:
+def test_all_else_is_the_librarys(changes):
     packet = {"type": 2, "data": ["frames", b"x"], "nsp": "/", **changes}
     assert event_in(msgpack.packb(packet)) is None
 
 
-def test_the_librarys_packet_is_that_of_the_message_or_what_was_decoded_of_it() -> None:
+def test_the_librarys_packet_is_that_of_the_message_or_what_was_decoded_of_it():
     fields = {"type": 2, "nsp": "/", "data": ["end", b"x"], "id": 7}
     decoded = DecodedPacket(b"is not decoded again")
     decoded.packet = fields
@@ -376,7 +370,7 @@ def test_the_librarys_packet_is_that_of_the_message_or_what_was_decoded_of_it() 
         Packet(encoded_packet=b"\xc1")
 
 
-def test_an_event_is_reserved_if_the_library_handles_its_name() -> None:
+def test_an_event_is_reserved_if_the_library_handles_its_name():
     assert is_reserved({"type": 2, "data": ["connect", b"x"]})
     for kind, data in ((2, ["frames", b"x"]), (3, ["connect"]), (2, []), (2, None)):
         assert is_reserved({"type": kind, "data": data}) is False
@@ -396,6 +390,6 @@ _EVENT = encode_event("frames", bytes(20))
     )
 )
 @settings(max_examples=300, deadline=None)
-def test_no_message_whatever_raises(message: bytes) -> None:
+def test_no_message_whatever_raises(message):
     event = event_in(message)
     assert event is None or (isinstance(event[0], str) and isinstance(event[1], bytes))

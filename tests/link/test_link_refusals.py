@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator
 
 import pytest
 import socketio
@@ -25,18 +24,18 @@ GOOD = hello().to_auth()
 
 
 @pytest.fixture
-async def server() -> AsyncIterator[LeaderServer]:
+async def server():
     async with leader() as started:
         yield started
 
 
-async def test_the_followers_user_reads_the_refusal(server: LeaderServer) -> None:
+async def test_the_followers_user_reads_the_refusal(server):
     with pytest.raises(MmtError, match=r"the leader at http://127.+ refused: .+ needs position, f"):
         async with follower(server.port, channels=("position",)):
             pass
 
 
-async def test_a_second_follower_is_refused_until_the_first_has_gone(server: LeaderServer) -> None:
+async def test_a_second_follower_is_refused_until_the_first_has_gone(server):
     async with follower(server.port) as first:
         with pytest.raises(MmtError, match="another follower is connected"):
             async with follower(server.port):
@@ -48,7 +47,7 @@ async def test_a_second_follower_is_refused_until_the_first_has_gone(server: Lea
         assert second.connected
 
 
-async def test_malformed_events_do_no_harm() -> None:
+async def test_malformed_events_do_no_harm():
     notes = LeaderNotes()
     client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
     async with leader(notes) as server:
@@ -86,7 +85,7 @@ async def test_malformed_events_do_no_harm() -> None:
     assert notes.errors == []
 
 
-async def test_packets_that_are_no_socketio_do_no_harm(caplog: pytest.LogCaptureFixture) -> None:
+async def test_packets_that_are_no_socketio_do_no_harm(caplog):
     notes = LeaderNotes()
     client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
     async with leader(notes) as server:
@@ -100,7 +99,7 @@ async def test_packets_that_are_no_socketio_do_no_harm(caplog: pytest.LogCapture
         await client.disconnect()
 
 
-async def test_a_message_that_is_too_long_closes_that_link_alone() -> None:
+async def test_a_message_that_is_too_long_closes_that_link_alone():
     notes = LeaderNotes()
     client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
     async with leader(notes) as server:
@@ -113,7 +112,7 @@ async def test_a_message_that_is_too_long_closes_that_link_alone() -> None:
             await until(lambda: notes.sequences == [0])
 
 
-async def test_events_after_the_end_are_not_of_the_session() -> None:
+async def test_events_after_the_end_are_not_of_the_session():
     notes = LeaderNotes()
     client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
     async with leader(notes) as server:
@@ -127,7 +126,7 @@ async def test_events_after_the_end_are_not_of_the_session() -> None:
     assert notes.ends == ["x" * 256]
 
 
-async def test_no_leader_is_explained(unused_tcp_port: int) -> None:
+async def test_no_leader_is_explained(unused_tcp_port):
     client = FollowerClient(
         f"http://127.0.0.1:{unused_tcp_port}", hello(), FollowerNotes().events()
     )
@@ -138,8 +137,8 @@ async def test_no_leader_is_explained(unused_tcp_port: int) -> None:
     await client.disconnect()
 
 
-async def test_a_server_that_is_no_leader_is_explained() -> None:
-    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+async def test_a_server_that_is_no_leader_is_explained():
+    async def answer(reader, writer):
         await reader.readline()
         writer.write(b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\nConnection: close\r\n\r\n")
         await writer.drain()
@@ -155,10 +154,10 @@ async def test_a_server_that_is_no_leader_is_explained() -> None:
     await other.wait_closed()
 
 
-async def test_a_server_that_never_speaks_does_not_hold_the_follower_up() -> None:
+async def test_a_server_that_never_speaks_does_not_hold_the_follower_up():
     hang = asyncio.Event()
 
-    async def keep_silent(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def keep_silent(reader, writer):
         await hang.wait()
         writer.close()
 
@@ -172,7 +171,7 @@ async def test_a_server_that_never_speaks_does_not_hold_the_follower_up() -> Non
     await asyncio.sleep(0.05)
 
 
-async def test_the_leader_may_start_after_the_follower(unused_tcp_port: int) -> None:
+async def test_the_leader_may_start_after_the_follower(unused_tcp_port):
     client = FollowerClient(
         f"http://127.0.0.1:{unused_tcp_port}", hello(), FollowerNotes().events()
     )
@@ -185,7 +184,7 @@ async def test_the_leader_may_start_after_the_follower(unused_tcp_port: int) -> 
         await client.disconnect()
 
 
-async def test_a_follower_may_give_up_while_it_connects(unused_tcp_port: int) -> None:
+async def test_a_follower_may_give_up_while_it_connects(unused_tcp_port):
     client = FollowerClient(
         f"http://127.0.0.1:{unused_tcp_port}", hello(), FollowerNotes().events()
     )
@@ -211,11 +210,11 @@ async def test_a_follower_may_give_up_while_it_connects(unused_tcp_port: int) ->
         "http://[::1",
     ],
 )
-def test_a_bad_url_is_explained(url: str) -> None:
+def test_a_bad_url_is_explained(url):
     with pytest.raises(InputError, match="allowed is http://HOST:PORT"):
         FollowerClient(url, hello(), FollowerNotes().events())
 
 
-def test_a_leader_needs_channels() -> None:
+def test_a_leader_needs_channels():
     with pytest.raises(InputError, match="channels"):
         LeaderServer(Link(), (), LeaderNotes().events())

@@ -1,7 +1,6 @@
 import asyncio
 import time
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,11 +22,10 @@ from mmt.core.frames import frame_dtype
 from mmt.link.client import FollowerClient
 from mmt.link.endpoint import LeaderEvents
 from mmt.link.server import LeaderServer
-from mmt.link.websocket import Send
 from mmt.scene import Link
 
 
-async def test_frames_go_up_and_commands_come_down_unchanged() -> None:
+async def test_frames_go_up_and_commands_come_down_unchanged():
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down) as client:
         assert server.connected
@@ -45,7 +43,7 @@ async def test_frames_go_up_and_commands_come_down_unchanged() -> None:
     assert up.losses == down.losses == up.errors == down.errors == []
 
 
-async def test_the_hello_arrives_whole() -> None:
+async def test_the_hello_arrives_whole():
     notes = LeaderNotes()
     sent = {"source": "replay", "frames_per_message": 3, "annotations": bytes(range(256))}
     async with leader(notes) as server, follower(server.port, **sent):
@@ -53,7 +51,7 @@ async def test_the_hello_arrives_whole() -> None:
     assert notes.hellos == [hello(**sent)]
 
 
-async def test_both_sides_count_the_same() -> None:
+async def test_both_sides_count_the_same():
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down) as client:
         await until(lambda: server.can_send)
@@ -71,17 +69,15 @@ async def test_both_sides_count_the_same() -> None:
     assert above.bytes_received == 5 * frame_dtype(CHANNELS).itemsize
     assert above.lost == below.lost == 2
     for statistics in (above, below):
-        assert statistics.latency_p50_ms is not None
         assert statistics.latency_p99_ms is not None
         assert 0.0 < statistics.latency_p50_ms <= statistics.latency_p99_ms < 10_000
         assert statistics.dropped == statistics.repeated == statistics.out_of_order == 0
         assert statistics.rejected == {}
-    assert below.round_trip_p50_ms is not None
     assert below.round_trip_p50_ms > 0
     assert above.round_trip_p50_ms is None
 
 
-async def test_one_way_latency_is_unknown_between_different_clocks() -> None:
+async def test_one_way_latency_is_unknown_between_different_clocks():
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down, clock_id="elsewhere") as client:
         client.send_frames(frames(0, time_ns=time.monotonic_ns()))
@@ -89,7 +85,7 @@ async def test_one_way_latency_is_unknown_between_different_clocks() -> None:
         assert server.statistics.latency_p50_ms is None
 
 
-async def test_the_round_trip_leaves_out_how_long_the_leader_held_the_echo() -> None:
+async def test_the_round_trip_leaves_out_how_long_the_leader_held_the_echo():
     down = FollowerNotes()
     async with leader() as server, follower(server.port, down) as client:
         await until(lambda: server.can_send)
@@ -99,12 +95,11 @@ async def test_the_round_trip_leaves_out_how_long_the_leader_held_the_echo() -> 
         server.send_commands(echo)
         await until(lambda: down.sequences)
         round_trip_ms = client.statistics.round_trip_p50_ms
-    assert round_trip_ms is not None
     assert 99.0 <= round_trip_ms < 2_000
 
 
 @pytest.mark.parametrize("size", [1, 4, 100])
-async def test_frames_are_gathered_into_messages(size: int) -> None:
+async def test_frames_are_gathered_into_messages(size):
     notes = LeaderNotes()
     async with (
         leader(notes) as server,
@@ -119,7 +114,7 @@ async def test_frames_are_gathered_into_messages(size: int) -> None:
     assert [len(block) for block in notes.blocks] == expected
 
 
-async def test_a_long_block_is_split_at_the_largest_message() -> None:
+async def test_a_long_block_is_split_at_the_largest_message():
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down) as client:
         await until(lambda: server.can_send)
@@ -131,7 +126,7 @@ async def test_a_long_block_is_split_at_the_largest_message() -> None:
     assert up.sequences == list(range(250))
 
 
-async def test_nothing_is_sent_for_an_empty_block() -> None:
+async def test_nothing_is_sent_for_an_empty_block():
     async with leader() as server, follower(server.port) as client:
         await until(lambda: server.can_send)
         client.send_frames(frames(0, 0))
@@ -140,7 +135,7 @@ async def test_nothing_is_sent_for_an_empty_block() -> None:
         assert client.statistics.messages_sent == server.statistics.messages_sent == 0
 
 
-async def test_blocks_of_another_dtype_are_refused() -> None:
+async def test_blocks_of_another_dtype_are_refused():
     async with leader() as server, follower(server.port) as client:
         with pytest.raises(ValueError, match="dtype"):
             client.send_frames(commands(0))
@@ -148,12 +143,12 @@ async def test_blocks_of_another_dtype_are_refused() -> None:
             server.send_commands(frames(0))
 
 
-async def test_the_leader_asks_the_follower_to_stop_and_waits_for_its_end() -> None:
+async def test_the_leader_asks_the_follower_to_stop_and_waits_for_its_end():
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server:
         await server.request_stop("nobody there")
 
-        async def follow() -> None:
+        async def follow():
             async with follower(server.port, down) as client:
                 client.send_frames(frames(0))
                 await until(lambda: down.stops)
@@ -169,7 +164,7 @@ async def test_the_leader_asks_the_follower_to_stop_and_waits_for_its_end() -> N
     assert up.losses == down.losses == []
 
 
-async def test_a_follower_that_ignores_the_stop_does_not_hold_the_leader_up() -> None:
+async def test_a_follower_that_ignores_the_stop_does_not_hold_the_leader_up():
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down):
         await server.request_stop("completed")
@@ -179,7 +174,7 @@ async def test_a_follower_that_ignores_the_stop_does_not_hold_the_leader_up() ->
     assert up.losses == down.losses == []
 
 
-async def test_the_end_counts_what_was_lost_at_the_tail() -> None:
+async def test_the_end_counts_what_was_lost_at_the_tail():
     notes = LeaderNotes()
     async with leader(notes) as server, follower(server.port) as client:
         client.send_frames(frames(0, 10))
@@ -196,13 +191,11 @@ async def test_the_end_counts_what_was_lost_at_the_tail() -> None:
     assert notes.ends == ["done"]
 
 
-async def test_a_stalled_link_drops_the_oldest_and_says_how_many(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_stalled_link_drops_the_oldest_and_says_how_many(monkeypatch):
     notes, gate = LeaderNotes(), asyncio.Event()
 
-    def stalled(client: Any) -> Send:
-        async def send(message: bytes) -> None:
+    def stalled(client):
+        async def send(message):
             await gate.wait()
             await usual(client)(message)
 
@@ -220,7 +213,7 @@ async def test_a_stalled_link_drops_the_oldest_and_says_how_many(
     assert notes.sequences == [0, *range(200, 1200)]
 
 
-async def test_both_may_be_used_without_ever_being_connected() -> None:
+async def test_both_may_be_used_without_ever_being_connected():
     server = LeaderServer(Link(port=0), CHANNELS, LeaderNotes().events())
     assert server.port == 0
     assert not server.connected
@@ -235,7 +228,7 @@ async def test_both_may_be_used_without_ever_being_connected() -> None:
     assert not client.connected
 
 
-async def test_a_port_that_is_taken_is_explained() -> None:
+async def test_a_port_that_is_taken_is_explained():
     async with leader() as server:
         second = LeaderServer(Link(port=server.port), CHANNELS, LeaderNotes().events())
         with pytest.raises(MmtError, match=rf"cannot listen on 127.0.0.1 port {server.port}"):
@@ -246,10 +239,10 @@ async def test_a_port_that_is_taken_is_explained() -> None:
         await elsewhere.start()
 
 
-async def test_what_a_service_raises_is_handed_to_it() -> None:
+async def test_what_a_service_raises_is_handed_to_it():
     up, down = LeaderNotes(), FollowerNotes()
 
-    def fail(*_: object) -> None:
+    def fail(*_):
         raise ZeroDivisionError
 
     events = replace(up.events(), on_frames=fail)
@@ -261,8 +254,8 @@ async def test_what_a_service_raises_is_handed_to_it() -> None:
     assert all(isinstance(error, ZeroDivisionError) for error in up.errors)
 
 
-async def test_by_default_such_an_error_is_logged(caplog: pytest.LogCaptureFixture) -> None:
-    def fail(*_: object) -> None:
+async def test_by_default_such_an_error_is_logged(caplog):
+    def fail(*_):
         raise ZeroDivisionError("in the service")
 
     async with leader(events=LeaderEvents(on_frames=fail)) as server, follower(server.port) as of:

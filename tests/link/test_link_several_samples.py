@@ -18,7 +18,7 @@ from link_samples import (
 )
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import ALL_CHANNELS, CHANNELS, MOST_SAMPLES, SEQUENCES, Channel
+from mmt.core.frames import ALL_CHANNELS, CHANNELS, MOST_SAMPLES, SEQUENCES
 from mmt.link.endpoint import LeaderEvents
 from mmt.link.frame_sender import FrameBuffer, FrameSender
 from mmt.link.protocol import MAX_MESSAGE_BYTES, MAX_RECORDS_PER_MESSAGE, FollowerHello
@@ -31,14 +31,14 @@ SOME_CHANNELS = st.sets(st.sampled_from(ALL_CHANNELS), min_size=1).map(tuple)
 SAMPLES = st.integers(1, MOST_SAMPLES)
 
 
-def spoil(frames: RecordArray, frame: int, sample: int, axis: int, value: float) -> None:
+def spoil(frames, frame, sample, axis, value):
     frames["acceleration_m_s2"][frame].reshape(-1, 3)[sample, axis] = value
 
 
-def outbox_into(messages: list[bytes]) -> SendQueue:
+def outbox_into(messages):
     """A follower's queue whose messages are kept."""
     outbox = SendQueue(50)
-    outbox.put = lambda records, message: messages.append(message)  # type: ignore[method-assign]
+    outbox.put = lambda records, message: messages.append(message)
     return outbox
 
 
@@ -50,17 +50,15 @@ def outbox_into(messages: list[bytes]) -> SendQueue:
     st.lists(st.integers(1, 130), min_size=1, max_size=5),
     st.integers(0, 2**31),
 )
-def test_what_a_follower_sends_is_what_a_leader_reads(
-    channels: tuple[Channel, ...], samples: int, gathered: int, counts: list[int], seed: int
-) -> None:
+def test_what_a_follower_sends_is_what_a_leader_reads(channels, samples, gathered, counts, seed):
     said = hello(channels=channels, samples_per_frame=samples, frames_per_message=gathered)
     heard = FollowerHello.from_auth(msgpack.unpackb(msgpack.packb(said.to_auth())))
     assert heard == said
-    messages: list[bytes] = []
+    messages = []
     sender = FrameSender(said, outbox_into(messages))
     reader = BlockReader(heard.frame_dtype, "frames")
     kept = FrameBuffer(heard.frame_dtype, sum(counts))
-    sent: list[RecordArray] = []
+    sent = []
     for count in counts:
         frames = drawn_frames(sum(map(len, sent)), count, said.frame_dtype, seed)
         sent.append(frames)
@@ -77,9 +75,7 @@ def test_what_a_follower_sends_is_what_a_leader_reads(
 
 @settings(max_examples=50, deadline=None)
 @given(SAMPLES, st.data(), st.sampled_from([np.nan, np.inf, -np.inf, 1.01 * LARGEST_QUANTITY]))
-def test_one_bad_sample_rejects_its_frame_alone(
-    samples: int, data: st.DataObject, bad: float
-) -> None:
+def test_one_bad_sample_rejects_its_frame_alone(samples, data, bad):
     said = hello(channels=CHANNELS, samples_per_frame=samples)
     frames = drawn_frames(0, 5, said.frame_dtype)
     row = data.draw(st.integers(0, 5 * samples - 1))
@@ -94,7 +90,7 @@ def test_one_bad_sample_rejects_its_frame_alone(
     assert other.rejected == {"size": 1}
 
 
-async def test_frames_of_ten_samples_cross_the_link_and_come_again() -> None:
+async def test_frames_of_ten_samples_cross_the_link_and_come_again():
     up, filled, gone = LeaderNotes(), list[RecordArray](), list[tuple[int, int]]()
     events = LeaderEvents(
         on_frames=lambda block, arrival_ns: up.blocks.append(block),
@@ -126,7 +122,7 @@ async def test_frames_of_ten_samples_cross_the_link_and_come_again() -> None:
     assert up.errors == []
 
 
-def test_a_hello_says_more_only_where_frames_hold_more() -> None:
+def test_a_hello_says_more_only_where_frames_hold_more():
     plain = hello(channels=CHANNELS).to_auth()
     assert plain["protocol"] == 1
     assert "samples_per_frame" not in plain
@@ -135,8 +131,8 @@ def test_a_hello_says_more_only_where_frames_hold_more() -> None:
     assert hello(channels=("position",), samples_per_frame=5).to_auth()["protocol"] == 1
 
 
-def test_a_replay_of_the_largest_frames_stays_within_the_rate_limit() -> None:
-    dropped: list[str] = []
+def test_a_replay_of_the_largest_frames_stays_within_the_rate_limit():
+    dropped = []
     limit = RateLimit(1000, dropped.append, pytest.fail)
     size = hello(channels=CHANNELS, samples_per_frame=MOST_SAMPLES).frame_dtype.itemsize
     assert size == 156

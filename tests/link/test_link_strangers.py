@@ -6,9 +6,7 @@ import logging
 import socket
 import threading
 import time
-from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
-from pathlib import Path
 
 import aiohttp
 import pytest
@@ -34,17 +32,13 @@ from mmt.link.client import FollowerClient
 from mmt.link.gate import BYTES as GATE_BYTES
 from mmt.link.gate import Gate
 from mmt.link.protocol import MAX_ANNOTATIONS_BYTES
-from mmt.link.server import LeaderServer
 from mmt_lab.bench import strangers as disturbing
 
 TOKEN = "a token that nobody guesses"
-Stream = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 
 
 @asynccontextmanager
-async def guarded_leader(
-    monkeypatch: pytest.MonkeyPatch, notes: LeaderNotes | None = None, **settings: object
-) -> AsyncIterator[LeaderServer]:
+async def guarded_leader(monkeypatch, notes=None, **settings):
     """A leader with a token; the followers made here have it too."""
     monkeypatch.setenv("MMT_LINK_TOKEN", TOKEN)
     async with leader(notes, **settings) as server:
@@ -52,9 +46,7 @@ async def guarded_leader(
 
 
 @asynccontextmanager
-async def strangers(
-    port: int, count: int, says: bytes = b"", address: str = "127.0.0.1"
-) -> AsyncIterator[list[Stream]]:
+async def strangers(port, count, says=b"", address="127.0.0.1"):
     """Connections that say this and then nothing."""
     streams = [
         await asyncio.open_connection("127.0.0.1", port, local_addr=(address, 0))
@@ -69,7 +61,7 @@ async def strangers(
             writer.transport.abort()
 
 
-async def is_open(stream: Stream) -> bool:
+async def is_open(stream):
     """Whether the leader has not closed a connection."""
     try:
         async with asyncio.timeout(0.05):
@@ -80,14 +72,14 @@ async def is_open(stream: Stream) -> bool:
         return True
 
 
-async def connects_within(port: int, timeout_s: float, **access: object) -> None:
+async def connects_within(port, timeout_s, **access):
     started_s = time.monotonic()
     scheme = "https" if "authority" in access else "http"
     client = FollowerClient(
         f"{scheme}://127.0.0.1:{port}",
         hello(run_id="the follower's"),
         FollowerNotes().events(),
-        access=Access(TOKEN, **access),  # type: ignore[arg-type]
+        access=Access(TOKEN, **access),
     )
     try:
         await client.connect(timeout_s)
@@ -98,17 +90,13 @@ async def connects_within(port: int, timeout_s: float, **access: object) -> None
 
 @pytest.mark.parametrize("says", [b"", b"GET /socket.io/?EIO=4&transport=websocket HTTP/1.1\r\n"])
 @pytest.mark.parametrize("count", [24, 150])
-async def test_connections_that_stay_idle_do_not_keep_the_follower_out(
-    monkeypatch: pytest.MonkeyPatch, says: bytes, count: int
-) -> None:
+async def test_connections_that_stay_idle_do_not_keep_the_follower_out(monkeypatch, says, count):
     monkeypatch.setattr(mmt.link.accepting, "HANDSHAKE_S", 30.0)  # only their number counts
     async with guarded_leader(monkeypatch) as server, strangers(server.port, count, says):
         await connects_within(server.port, 5.0)
 
 
-async def test_web_sockets_without_a_hello_do_not_keep_the_follower_out(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_web_sockets_without_a_hello_do_not_keep_the_follower_out(monkeypatch):
     monkeypatch.setattr(mmt.link.server_sockets, "HANDSHAKE_S", 30.0)
     async with (
         guarded_leader(monkeypatch) as server,
@@ -121,9 +109,7 @@ async def test_web_sockets_without_a_hello_do_not_keep_the_follower_out(
         await connects_within(server.port, 5.0)
 
 
-async def test_idle_connections_before_tls_do_not_keep_the_follower_out(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+async def test_idle_connections_before_tls_do_not_keep_the_follower_out(monkeypatch, tmp_path):
     monkeypatch.setattr(mmt.link.accepting, "HANDSHAKE_S", 30.0)
     authority = trustme.CA()
     issued = authority.issue_cert("127.0.0.1")
@@ -140,9 +126,7 @@ async def test_idle_connections_before_tls_do_not_keep_the_follower_out(
 
 
 @pytest.mark.parametrize("says", [b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: "])
-async def test_headers_that_do_not_end_are_closed(
-    monkeypatch: pytest.MonkeyPatch, says: bytes
-) -> None:
+async def test_headers_that_do_not_end_are_closed(monkeypatch, says):
     monkeypatch.setattr(mmt.link.accepting, "HANDSHAKE_S", 0.3)
     async with guarded_leader(monkeypatch) as server, strangers(server.port, 1, says) as (one,):
         assert await is_open(one)
@@ -151,9 +135,7 @@ async def test_headers_that_do_not_end_are_closed(
                 pass
 
 
-async def test_strangers_of_one_address_displace_only_each_other(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_strangers_of_one_address_displace_only_each_other(monkeypatch):
     monkeypatch.setattr(mmt.link.accepting, "HANDSHAKE_S", 30.0)
     async with (
         guarded_leader(monkeypatch) as server,
@@ -167,9 +149,7 @@ async def test_strangers_of_one_address_displace_only_each_other(
         assert await is_open(quiet)
 
 
-async def test_strangers_of_many_addresses_displace_those_of_the_busiest(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_strangers_of_many_addresses_displace_those_of_the_busiest(monkeypatch):
     monkeypatch.setattr(mmt.link.accepting, "HANDSHAKE_S", 30.0)
     monkeypatch.setattr(mmt.link.accepting, "MOST_STRANGERS", 8)
     async with (
@@ -183,9 +163,7 @@ async def test_strangers_of_many_addresses_displace_those_of_the_busiest(
         assert [await is_open(stream) for stream in many] == [False] * 2 + [True] * 4
 
 
-async def test_a_follower_that_was_let_in_stays_whatever_strangers_do(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_follower_that_was_let_in_stays_whatever_strangers_do(monkeypatch):
     notes = LeaderNotes()
     async with (
         guarded_leader(monkeypatch, notes) as server,
@@ -197,14 +175,12 @@ async def test_a_follower_that_was_let_in_stays_whatever_strangers_do(
         assert notes.losses == []
 
 
-async def test_a_crowd_comes_in_slowly_while_a_session_goes_on_and_all_are_served(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_crowd_comes_in_slowly_while_a_session_goes_on_and_all_are_served(monkeypatch):
     turn_s = 0.2
     monkeypatch.setattr(mmt.link.accepting, "_TURN_S", turn_s)
     async with leader() as server:
 
-        async def crowd_s() -> float:
+        async def crowd_s():
             started_s = time.monotonic()
             async with strangers(
                 server.port, 10, b"GET /health HTTP/1.1\r\nHost: a\r\n\r\n"
@@ -226,12 +202,10 @@ async def test_a_crowd_comes_in_slowly_while_a_session_goes_on_and_all_are_serve
 
 
 @pytest.mark.parametrize("kind", ["tokens", "pings"])
-async def test_a_follower_connects_anew_beside_strangers_of_its_address(
-    monkeypatch: pytest.MonkeyPatch, kind: str
-) -> None:
+async def test_a_follower_connects_anew_beside_strangers_of_its_address(monkeypatch, kind):
     over = threading.Event()
 
-    def disturb(port: int) -> None:
+    def disturb(port):
         while not over.is_set():
             disturbing.send_as_stranger("127.0.0.1", port, kind)
 
@@ -257,9 +231,7 @@ UPGRADE = (
 
 
 @pytest.mark.parametrize("kind", list(disturbing.KINDS))
-async def test_no_stranger_sends_more_than_a_hello_needs(
-    monkeypatch: pytest.MonkeyPatch, kind: str
-) -> None:
+async def test_no_stranger_sends_more_than_a_hello_needs(monkeypatch, kind):
     async with guarded_leader(monkeypatch) as server:
         said = asyncio.to_thread(disturbing.send_as_stranger, "127.0.0.1", server.port, kind)
         async with asyncio.timeout(10):
@@ -267,7 +239,7 @@ async def test_no_stranger_sends_more_than_a_hello_needs(
         await connects_within(server.port, 5.0)
 
 
-async def closes(stream: Stream) -> bool:
+async def closes(stream):
     """Whether the leader closes a connection within five seconds, after whatever it says."""
     try:
         async with asyncio.timeout(5):
@@ -290,14 +262,14 @@ async def closes(stream: Stream) -> bool:
     ids=["bytes", "pieces", "pings", "requests"],
 )
 async def test_who_sends_more_than_a_hello_needs_is_closed_before_the_time_is_over(
-    monkeypatch: pytest.MonkeyPatch, says: bytes
-) -> None:
+    monkeypatch, says
+):
     monkeypatch.setattr(mmt.link.server_sockets, "HANDSHAKE_S", 30.0)
     async with guarded_leader(monkeypatch) as server, strangers(server.port, 1, says) as (one,):
         assert await closes(one)
 
 
-async def test_the_longest_hello_fits_through_the_gate(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_the_longest_hello_fits_through_the_gate(monkeypatch):
     notes = LeaderNotes()
     annotations = bytes(MAX_ANNOTATIONS_BYTES)
     async with (
@@ -313,17 +285,17 @@ async def test_the_longest_hello_fits_through_the_gate(monkeypatch: pytest.Monke
 
 @given(data=st.lists(st.binary(min_size=1, max_size=20_000), max_size=8), opens=st.booleans())
 @settings(max_examples=30, deadline=None)
-def test_a_gate_hands_on_all_bytes_in_order_and_in_slices(data: list[bytes], opens: bool) -> None:
-    handed: list[bytes] = []
+def test_a_gate_hands_on_all_bytes_in_order_and_in_slices(data, opens):
+    handed = []
 
     class Taking(asyncio.Protocol):
-        def data_received(self, data: bytes) -> None:
+        def data_received(self, data):
             handed.append(data)
 
-    async def run() -> None:
+    async def run():
         loop = asyncio.get_running_loop()
         ours, other = socket.socketpair()
-        gate = Gate(Taking())  # type: ignore[arg-type]
+        gate = Gate(Taking())
         transport, _ = await loop.connect_accepted_socket(lambda: gate, ours)
         whole = b"".join(data)[:GATE_BYTES]
         with other:
@@ -346,9 +318,7 @@ def test_a_gate_hands_on_all_bytes_in_order_and_in_slices(data: list[bytes], ope
     asyncio.run(run())
 
 
-async def test_a_page_that_shows_the_token_keeps_its_connection(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_page_that_shows_the_token_keeps_its_connection(monkeypatch):
     says = f"GET /none HTTP/1.1\r\nHost: a\r\nAuthorization: Bearer {TOKEN}\r\n\r\n".encode()
     async with (
         guarded_leader(monkeypatch) as server,
@@ -361,13 +331,11 @@ async def test_a_page_that_shows_the_token_keeps_its_connection(
             assert b" 404 " in await page[0].readuntil(b"\r\n\r\n")
 
 
-async def test_without_descriptors_the_leader_waits_and_then_accepts(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_without_descriptors_the_leader_waits_and_then_accepts(monkeypatch):
     loop, calls = asyncio.get_running_loop(), 0
     accept, lacking_until_s = loop.sock_accept, time.monotonic() + 0.5
 
-    async def sock_accept(listening: socket.socket) -> tuple[socket.socket, object]:
+    async def sock_accept(listening):
         nonlocal calls
         calls += 1
         if time.monotonic() < lacking_until_s:
@@ -380,16 +348,14 @@ async def test_without_descriptors_the_leader_waits_and_then_accepts(
     assert 2 <= calls < 20
 
 
-async def test_few_descriptors_allow_few_strangers(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_few_descriptors_allow_few_strangers(monkeypatch):
     monkeypatch.setattr(mmt.link.accepting, "descriptors", lambda: 40)
     async with guarded_leader(monkeypatch) as server, strangers(server.port, 30) as many:
         await asyncio.sleep(0.2)
         assert sum([await is_open(stream) for stream in many]) == 10
 
 
-async def test_strangers_fill_no_log(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_strangers_fill_no_log(monkeypatch, caplog):
     caplog.set_level(logging.INFO)
     async with guarded_leader(monkeypatch) as server, strangers(server.port, 300):
         for _ in range(40):
@@ -403,9 +369,7 @@ async def test_strangers_fill_no_log(
     assert len(caplog.text) < 10_000
 
 
-async def test_malformed_requests_are_a_line_a_second_without_a_traceback(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_malformed_requests_are_a_line_a_second_without_a_traceback(monkeypatch, caplog):
     async with guarded_leader(monkeypatch) as server:
         for _ in range(50):
             async with strangers(server.port, 1, b"GET / HTTP/1.1\r\nbad\r\n\r\n") as (one,):
@@ -415,14 +379,14 @@ async def test_malformed_requests_are_a_line_a_second_without_a_traceback(
 
 
 async def test_a_name_with_an_address_that_the_machine_lacks_is_listened_on_at_the_other(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     loop = asyncio.get_running_loop()
     absent = (socket.AF_INET6, socket.SOCK_STREAM, 6, "", ("2001:db8::1", 0, 0, 0))
     present = (socket.AF_INET, socket.SOCK_STREAM, 6, "", ("127.0.0.1", 0))
     for found in ([absent, present], [present, absent]):
 
-        async def names(*_: object, found: object = found, **__: object) -> object:
+        async def names(*_, found=found, **__):
             return found
 
         with monkeypatch.context() as patched:
@@ -432,14 +396,12 @@ async def test_a_name_with_an_address_that_the_machine_lacks_is_listened_on_at_t
                 await connects_within(server.port, 5.0)
 
 
-async def test_a_port_that_is_taken_on_one_of_two_addresses_is_an_error(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_port_that_is_taken_on_one_of_two_addresses_is_an_error(monkeypatch):
     loop = asyncio.get_running_loop()
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
 
-        async def names(*_: object, **__: object) -> object:
+        async def names(*_, **__):
             return [
                 (socket.AF_INET, socket.SOCK_STREAM, 6, "", (address, port))
                 for address in ("127.0.0.2", "127.0.0.1")
@@ -453,10 +415,10 @@ async def test_a_port_that_is_taken_on_one_of_two_addresses_is_an_error(
         pass  # it was let go
 
 
-async def test_a_link_is_not_passed_on_to_another_leader(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_link_is_not_passed_on_to_another_leader(monkeypatch):
     notes = LeaderNotes()
 
-    async def pass_on(request: web.Request) -> web.Response:
+    async def pass_on(request):
         raise web.HTTPTemporaryRedirect(f"http://127.0.0.1:{server.port}{request.path_qs}")
 
     async with guarded_leader(monkeypatch, notes) as server:

@@ -28,39 +28,39 @@ REFUSED = {"code": WSCloseCode.UNSUPPORTED_DATA, "message": b"msgpack alone"}
 CUT = {"code": WSCloseCode.POLICY_VIOLATION, "message": b"too many messages"}
 
 
-def binary(data: bytes) -> WSMessage:
+def binary(data):
     return WSMessage(WSMsgType.BINARY, data, None)
 
 
-def text(data: str) -> WSMessage:
+def text(data):
     return WSMessage(WSMsgType.TEXT, data, None)
 
 
 class Socket(web.WebSocketResponse):
     """A server's WebSocket to which these messages come, and then the last one."""
 
-    def __init__(self, *messages: WSMessage) -> None:
+    def __init__(self, *messages):
         super().__init__()
         self.coming = iter([*messages, LAST])
-        self.pongs: list[bytes] = []
-        self.texts: list[str] = []
-        self.closings: list[dict[str, Any]] = []
+        self.pongs = []
+        self.texts = []
+        self.closings = []
 
-    async def receive(self, timeout: float | None = None) -> WSMessage:
+    async def receive(self, timeout=None):
         return next(self.coming)
 
-    async def pong(self, message: bytes = b"") -> None:
+    async def pong(self, message=b""):
         self.pongs.append(message)
 
-    async def send_str(self, data: str, compress: int | None = None) -> None:
+    async def send_str(self, data, compress=None):
         self.texts.append(data)
 
-    async def close(self, **reason: Any) -> bool:
+    async def close(self, **reason):
         self.closings.append(reason)
         return True
 
 
-async def rest_of(*messages: WSMessage, **more: Any) -> tuple[WSMessage, list[str]]:
+async def rest_of(*messages, **more):
     """Return what an admitted client's messages leave for the library, and why some are dropped."""
     socket, why = Socket(*messages), list[str]()
     limit = RateLimit(1000, on_drop=why.append, on_exceeded=pytest.fail)
@@ -78,14 +78,14 @@ async def rest_of(*messages: WSMessage, **more: Any) -> tuple[WSMessage, list[st
         (text("42[]"), "packet without msgpack"),
     ],
 )
-async def test_what_cannot_be_used_is_dropped_for_a_reason(message: WSMessage, reason: str) -> None:
+async def test_what_cannot_be_used_is_dropped_for_a_reason(message, reason):
     assert await rest_of(message) == (LAST, [reason])
 
 
-async def test_a_text_that_is_no_packet_is_not_refused() -> None:
-    refusals: list[None] = []
+async def test_a_text_that_is_no_packet_is_not_refused():
+    refusals = []
 
-    async def refuse() -> None:
+    async def refuse():
         refusals.append(None)
 
     assert await rest_of(text("x"), refuse=refuse) == (LAST, ["malformed packet"])
@@ -94,7 +94,7 @@ async def test_a_text_that_is_no_packet_is_not_refused() -> None:
     assert (rest.type, why, refusals) == (WSMsgType.CLOSED, ["packet without msgpack"], [None])
 
 
-async def test_a_stranger_may_send_less_than_who_is_admitted() -> None:
+async def test_a_stranger_may_send_less_than_who_is_admitted():
     rest, why = await rest_of(binary(DEEP))
     assert (rest.data, why) == (DEEP, [])
     assert rest.data.packet["data"][0] == "end"
@@ -103,17 +103,17 @@ async def test_a_stranger_may_send_less_than_who_is_admitted() -> None:
     assert await socket.receive() is LAST
 
 
-async def test_the_longest_message_is_decoded() -> None:
+async def test_the_longest_message_is_decoded():
     empty = len(encode_event("end", bytes(70_000))) - 70_000
     rest, _ = await rest_of(binary(encode_event("end", bytes(MAX_MESSAGE_BYTES - empty))))
     assert len(rest.data) == MAX_MESSAGE_BYTES
     assert isinstance(rest.data, DecodedPacket)
 
 
-async def test_a_turn_of_the_loop_comes_after_64_messages(monkeypatch: pytest.MonkeyPatch) -> None:
-    pauses: list[float] = []
+async def test_a_turn_of_the_loop_comes_after_64_messages(monkeypatch):
+    pauses = []
 
-    async def sleep(delay_s: float) -> None:
+    async def sleep(delay_s):
         pauses.append(delay_s)
 
     monkeypatch.setattr(asyncio, "sleep", sleep)
@@ -121,8 +121,8 @@ async def test_a_turn_of_the_loop_comes_after_64_messages(monkeypatch: pytest.Mo
     assert pauses == [0]
 
 
-async def test_a_stranger_without_msgpack_is_told_and_closed() -> None:
-    taken: list[bytes] = []
+async def test_a_stranger_without_msgpack_is_told_and_closed():
+    taken = []
     socket = Socket(
         WSMessage(WSMsgType.PING, b"alive", None), binary(encode_event("frames", b"x")), text("40")
     )
@@ -133,7 +133,7 @@ async def test_a_stranger_without_msgpack_is_told_and_closed() -> None:
     assert socket._autoping is False
 
 
-async def test_who_is_admitted_stays_without_msgpack() -> None:
+async def test_who_is_admitted_stays_without_msgpack():
     socket, why = Socket(text("42[]")), list[str]()
     receive_directly(socket, {}, RateLimit(1000, on_drop=why.append, on_exceeded=pytest.fail))
     assert await socket.receive() is LAST
@@ -141,10 +141,10 @@ async def test_who_is_admitted_stays_without_msgpack() -> None:
 
 
 @pytest.mark.parametrize("own", [True, False])
-async def test_a_stranger_that_goes_on_is_cut_off(own: bool) -> None:
+async def test_a_stranger_that_goes_on_is_cut_off(own):
     socket, closings = Socket(*[text("2x")] * 9), list[dict[str, Any]]()
 
-    async def close(**reason: Any) -> None:
+    async def close(**reason):
         closings.append(reason)
 
     receive_directly(socket, {}, HandshakeLimit(), close if own else None)
@@ -154,14 +154,14 @@ async def test_a_stranger_that_goes_on_is_cut_off(own: bool) -> None:
     assert (closings, socket.closings) == (([CUT], []) if own else ([], [CUT]))
 
 
-def test_messages_go_to_the_websocket_itself_if_the_library_shows_it() -> None:
+def test_messages_go_to_the_websocket_itself_if_the_library_shows_it():
     class Shown(aiohttp.ClientWebSocketResponse):
-        def __init__(self) -> None: ...
+        def __init__(self): ...
 
-        def get_extra_info(self, name: str, default: Any = None) -> Any:
+        def get_extra_info(self, name, default=None):
             return default
 
-    async def send(_: bytes) -> None: ...
+    async def send(_): ...
 
     shown = SimpleNamespace(eio=SimpleNamespace(ws=Shown(), send=send))
     assert isinstance(client_send(shown), UnbufferedSend)
@@ -169,12 +169,12 @@ def test_messages_go_to_the_websocket_itself_if_the_library_shows_it() -> None:
         assert client_send(SimpleNamespace(eio=hidden)) is send
 
 
-def record(message: str, error: Exception | None) -> logging.LogRecord:
+def record(message, error):
     trace = None if error is None else (type(error), error, None)
     return logging.makeLogRecord({"msg": message, "args": (), "exc_info": trace})
 
 
-def test_a_library_logs_a_trace_of_each_kind_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_library_logs_a_trace_of_each_kind_a_second(monkeypatch):
     logger = logging.getLogger("mmt.link.wire")
     monkeypatch.setattr(logger, "filters", [])
     monkeypatch.setattr(logger, "level", logging.NOTSET)

@@ -45,28 +45,27 @@ AUTH = {
 
 @given(st.text(min_size=1, max_size=10), st.binary(max_size=300))
 @settings(max_examples=50, deadline=None)
-def test_events_are_encoded_as_python_socketio_does(event: str, payload: bytes) -> None:
+def test_events_are_encoded_as_python_socketio_does(event, payload):
     packet = MsgPackPacket(socketio.packet.EVENT, data=[event, payload], namespace="/")
     assert encode_event(event, payload) == packet.encode()
 
 
-def test_the_layouts_are_those_of_the_page() -> None:
+def test_the_layouts_are_those_of_the_page():
     text = PAGE.read_text(encoding="utf-8")
     rows = dict.fromkeys(re.findall(r"^\| (\d+) \| [^|]+ \| `(\w+)`", text, re.MULTILINE))
-    fields: dict[str, set[int]] = {}
+    fields = {}
     for offset, name in rows:
         fields.setdefault(name, set()).add(int(offset))
     for dtype in (frame_dtype(ALL_CHANNELS), COMMAND_DTYPE):
-        assert dtype.fields is not None
         for name, (_, offset, *_) in dtype.fields.items():
             assert offset in fields[name], name
     assert struct.calcsize("<Iq9f") == frame_dtype(ALL_CHANNELS).itemsize == 48
     assert struct.calcsize("<Iqqq3f") == COMMAND_DTYPE.itemsize == 40
 
 
-async def test_a_stock_client_can_take_the_followers_place() -> None:
+async def test_a_stock_client_can_take_the_followers_place():
     up = LeaderNotes()
-    heard: list[tuple[str, object]] = []
+    heard = []
     client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
     client.on("*", lambda event, data: heard.append((event, data)))
     async with leader(up) as server:
@@ -86,22 +85,22 @@ async def test_a_stock_client_can_take_the_followers_place() -> None:
     assert frame["force_n"].tolist() == [4, 5, 6]
     assert up.ends == ["bye"]
     kinds = dict(heard)
-    assert kinds["welcome"]["protocol"] == 1  # type: ignore[index]
+    assert kinds["welcome"]["protocol"] == 1
     assert kinds["stop"] == {"reason": "enough"}
-    command = struct.unpack("<Iqqq3f", kinds["commands"])  # type: ignore[arg-type]
+    command = struct.unpack("<Iqqq3f", kinds["commands"])
     assert command == (9, 1, 0, 0, 2.5, 2.5, 2.5)
 
 
-async def test_our_follower_can_talk_to_a_stock_server() -> None:
-    heard: list[tuple[str, object]] = []
+async def test_our_follower_can_talk_to_a_stock_server():
+    heard = []
     server = socketio.AsyncServer(async_mode="aiohttp", serializer="msgpack")
 
     @server.on("connect")
-    def connect(sid: str, environ: object, auth: object) -> None:
+    def connect(sid, environ, auth):
         heard.append(("connect", auth))
 
     @server.on("*")
-    def note(event: str, sid: str, data: object) -> None:
+    def note(event, sid, data):
         heard.append((event, data))
 
     application = web.Application()
@@ -118,15 +117,14 @@ async def test_our_follower_can_talk_to_a_stock_server() -> None:
         await client.end("done")
     await server.shutdown()
     await runner.cleanup()
-    assert heard[0][1]["channels"] == list(CHANNELS)  # type: ignore[index]
+    assert heard[0][1]["channels"] == list(CHANNELS)
     assert heard[1] == ("frames", frames(3).tobytes())
     assert heard[2] == ("end", {"reason": "done", "frames": 4})
     assert notes.blocks[0]["position_mm"].tolist() == [[1, 2, 3]]
 
 
-async def test_the_program_in_the_page_runs(tmp_path: Path) -> None:
+async def test_the_program_in_the_page_runs(tmp_path):
     match = re.search(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    assert match is not None
     program = tmp_path / "follower.py"
     program.write_text(match.group(1), encoding="utf-8")
     notes = LeaderNotes()
@@ -155,7 +153,7 @@ async def test_the_program_in_the_page_runs(tmp_path: Path) -> None:
     assert notes.losses == []
 
 
-async def test_polling_is_refused() -> None:
+async def test_polling_is_refused():
     client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
     async with leader() as server:
         with pytest.raises(socketio.exceptions.ConnectionError):

@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.core.errors import MmtError
 from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, PeriodLimit, RateLimit
 
 SECOND = 1_000_000_000
@@ -19,12 +18,12 @@ TOO_LONG = 2 * FULL
 class Limited:
     """A limit whose drops and cut-offs are noted."""
 
-    def __init__(self, rate_hz: float = 1000.0) -> None:
-        self.dropped: list[str] = []
-        self.exceeded: list[MmtError] = []
+    def __init__(self, rate_hz=1000.0):
+        self.dropped = []
+        self.exceeded = []
         self.limit = RateLimit(rate_hz, self.dropped.append, self.exceeded.append)
 
-    def passes(self, *messages: tuple[int, int]) -> list[bool]:
+    def passes(self, *messages):
         """Offer messages of these sizes at these times."""
         return [self.limit.passes(size, now_ns) for size, now_ns in messages]
 
@@ -33,7 +32,7 @@ class Limited:
     ("messages_hz", "size"),
     [(1000, 100), (5000, 80), (9000, 60), (1000, 5000), (100, 100_000)],
 )
-def test_what_a_session_sends_passes_for_ever(messages_hz: int, size: int) -> None:
+def test_what_a_session_sends_passes_for_ever(messages_hz, size):
     count = 20 * messages_hz
     assert all(Limited().passes(*((size, k * SECOND // messages_hz) for k in range(count))))
 
@@ -41,7 +40,7 @@ def test_what_a_session_sends_passes_for_ever(messages_hz: int, size: int) -> No
 @given(
     st.lists(st.tuples(st.integers(0, SECOND // 10), st.integers(0, 131_072)), max_size=300),
 )
-def test_over_any_time_no_more_than_the_bound_passes(messages: list[tuple[int, int]]) -> None:
+def test_over_any_time_no_more_than_the_bound_passes(messages):
     peer, now_ns, passed = Limited(1.0), SECOND, list[int]()
     for silence_ns, size in messages:
         now_ns += silence_ns
@@ -52,14 +51,14 @@ def test_over_any_time_no_more_than_the_bound_passes(messages: list[tuple[int, i
     assert len(passed) + len(peer.dropped) == len(messages)
 
 
-def test_the_limit_costs_little() -> None:
+def test_the_limit_costs_little():
     peer, started_s = Limited(), time.perf_counter()
     for number in range(100_000):
         peer.limit.passes(90, number * 1_000_000)
     assert (time.perf_counter() - started_s) / 100_000 < 20e-6  # a loaded machine included
 
 
-def test_the_bucket_holds_ten_seconds() -> None:
+def test_the_bucket_holds_ten_seconds():
     assert Limited().passes((FULL, 0), (0, 0)) == [True, False]
     assert Limited().passes((FULL + 1, 0), (FULL, 0)) == [False, True]
     assert Limited().passes((FULL, 7), (0, 7 + 99_999), (0, 7 + 100_000)) == [True, False, True]
@@ -69,13 +68,13 @@ def test_the_bucket_holds_ten_seconds() -> None:
     assert again.passes((0, 0)) == [False]
 
 
-def test_a_message_and_its_bytes_always_cost_something() -> None:
+def test_a_message_and_its_bytes_always_cost_something():
     bytes_of_ten_seconds = (10 * SECOND - 1) * 1000  # 1 ps each, and 1 ns for the message
     fast = Limited(1e9)
     assert fast.passes((bytes_of_ten_seconds + 1000, 0), (bytes_of_ten_seconds, 0)) == [False, True]
 
 
-def test_the_peer_is_cut_off_after_more_than_two_seconds_of_excess() -> None:
+def test_the_peer_is_cut_off_after_more_than_two_seconds_of_excess():
     peer = Limited()
     assert peer.limit.shut is False
     assert peer.passes((TOO_LONG, 5), (TOO_LONG, 5 + 2 * SECOND)) == [False, False]
@@ -90,7 +89,7 @@ def test_the_peer_is_cut_off_after_more_than_two_seconds_of_excess() -> None:
     assert peer.limit.shut is False
 
 
-def test_the_excess_is_over_once_the_bucket_is_less_than_half_full() -> None:
+def test_the_excess_is_over_once_the_bucket_is_less_than_half_full():
     for size, over in ((HALF, False), (HALF - 1, True)):
         peer = Limited()
         start = 100 * SECOND
@@ -98,7 +97,7 @@ def test_the_excess_is_over_once_the_bucket_is_less_than_half_full() -> None:
         assert peer.limit.shut is not over
 
 
-def test_a_clock_that_jumps_back_takes_the_bucket_along() -> None:
+def test_a_clock_that_jumps_back_takes_the_bucket_along():
     peer = Limited()
     assert peer.passes((FULL, 9 * SECOND), (0, SECOND), (0, SECOND + 100_000)) == [
         True,
@@ -112,13 +111,13 @@ def test_a_clock_that_jumps_back_takes_the_bucket_along() -> None:
     assert peer.limit.shut is True
 
 
-def test_the_bound_is_said_in_messages_and_megabytes() -> None:
+def test_the_bound_is_said_in_messages_and_megabytes():
     peer = Limited(100.0)
     peer.passes((TOO_LONG, 0), (TOO_LONG, 3 * SECOND))
     assert str(peer.exceeded[0]) == "it sent more than 1000 messages, or 2 MB, a second for 2 s"
 
 
-def test_a_stranger_may_send_a_few_messages() -> None:
+def test_a_stranger_may_send_a_few_messages():
     stranger = HandshakeLimit()
     assert stranger.shut is False
     for _ in range(HANDSHAKE_MESSAGES):
@@ -129,7 +128,7 @@ def test_a_stranger_may_send_a_few_messages() -> None:
         assert stranger.shut is True
 
 
-def test_an_action_is_permitted_half_a_period_early_and_once_a_period_on_average() -> None:
+def test_an_action_is_permitted_half_a_period_early_and_once_a_period_on_average():
     limit = PeriodLimit(4.0)
     permitted = {0.0: True, 1.9: False, 2.0: True, 5.9: False, 6.0: True}  # at 2, 6, 10, ...
     assert {now_s: limit.passes(now_s) for now_s in permitted} == permitted

@@ -1,26 +1,23 @@
 """Apple patterns: the level and mean frequency of each moment, as Core Haptics would read them."""
 
 import json
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt_bridges.haptics.ahap import moments, write_ahap
 
 
-def read(path: Path) -> tuple[list[dict[str, Any]], dict[str, FloatArray]]:
+def read(path):
     """Return the events, and by parameter all points of (time, value), as a player takes them.
 
     A player keeps sixteen points of a curve; one that ends where the next begins leaves no gap.
     """
     document = json.loads(path.read_text())
     assert document.keys() == {"Version", "Pattern"}
-    events: list[dict[str, Any]] = []
-    curves: dict[str, FloatArray] = {}
+    events = []
+    curves = {}
     for entry in document["Pattern"]:
         if "Event" in entry:
             events.append(entry["Event"])
@@ -40,7 +37,7 @@ def read(path: Path) -> tuple[list[dict[str, Any]], dict[str, FloatArray]]:
 
 
 @pytest.mark.parametrize("rate_hz", [2000, 11_025, 44_100])
-def test_a_growing_sine_has_its_level_and_frequency(rate_hz: int, tmp_path: Path) -> None:
+def test_a_growing_sine_has_its_level_and_frequency(rate_hz, tmp_path):
     time_s = np.arange(rate_hz) / rate_hz
     samples = (1.0 + 3.0 * time_s) * np.sin(2.0 * np.pi * 200.0 * time_s)
     written = write_ahap(tmp_path / "x.ahap", samples, rate_hz, 5.0)
@@ -55,20 +52,20 @@ def test_a_growing_sine_has_its_level_and_frequency(rate_hz: int, tmp_path: Path
     np.testing.assert_allclose(sharpness, (200.0 - 65.0) / (300.0 - 65.0), atol=0.03)
 
 
-def test_the_ends_have_the_level_of_what_there_is() -> None:
+def test_the_ends_have_the_level_of_what_there_is():
     samples = np.sin(2.0 * np.pi * 150.0 * np.arange(3000) / 1000.0)
     _, amplitude, _ = moments(samples, 1000.0)
     np.testing.assert_allclose(amplitude, 1.0, atol=0.08)
 
 
-def test_silence_and_pauses_are_still(tmp_path: Path) -> None:
+def test_silence_and_pauses_are_still(tmp_path):
     write_ahap(tmp_path / "x.ahap", np.zeros(1000), 1000)
     _, curves = read(tmp_path / "x.ahap")
     assert all(not curve[:, 1].any() for curve in curves.values())
 
 
 @pytest.mark.parametrize("count", [1, 2, 290, 300, 310, 320, 5000])
-def test_the_curves_together_are_the_moments(count: int, tmp_path: Path) -> None:
+def test_the_curves_together_are_the_moments(count, tmp_path):
     samples = np.random.default_rng(count).standard_normal(count)
     write_ahap(tmp_path / "x.ahap", samples, 1000, 10.0)
     _, curves = read(tmp_path / "x.ahap")
@@ -77,28 +74,28 @@ def test_the_curves_together_are_the_moments(count: int, tmp_path: Path) -> None
     np.testing.assert_allclose(curves["HapticIntensityControl"][:, 1], amplitude / 10, atol=1e-5)
 
 
-def test_long_vibration_is_events_of_half_a_minute(tmp_path: Path) -> None:
+def test_long_vibration_is_events_of_half_a_minute(tmp_path):
     write_ahap(tmp_path / "x.ahap", np.ones(70_000), 1000)
     events, _ = read(tmp_path / "x.ahap")
     spans = [(event["Time"], event["EventDuration"]) for event in events]
     assert spans == [(0.0, 30.0), (30.0, 30.0), (60.0, 10.0)]
 
 
-def test_too_loud_and_too_sharp_are_clipped(tmp_path: Path) -> None:
+def test_too_loud_and_too_sharp_are_clipped(tmp_path):
     samples = np.sin(2.0 * np.pi * 400.0 * np.arange(2000) / 2000.0)
     write_ahap(tmp_path / "x.ahap", samples, 2000, 0.1)
     _, curves = read(tmp_path / "x.ahap")
     assert all((curve[1:-1, 1] == 1.0).all() for curve in curves.values())
 
 
-def test_a_sound_beside_it_is_named(tmp_path: Path) -> None:
+def test_a_sound_beside_it_is_named(tmp_path):
     write_ahap(tmp_path / "x.ahap", np.ones(100), 1000, sound="x.wav")
     events, _ = read(tmp_path / "x.ahap")
     sounds = [event for event in events if event["EventType"] == "AudioCustom"]
     assert [event["EventWaveformPath"] for event in sounds] == ["x.wav"]
 
 
-def test_mistakes_are_explained(tmp_path: Path) -> None:
+def test_mistakes_are_explained(tmp_path):
     with pytest.raises(InputError, match="full scale"):
         write_ahap(tmp_path / "x.ahap", np.ones(10), 1000, -1.0)
     with pytest.raises(InputError, match="too short"):

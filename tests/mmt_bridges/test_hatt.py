@@ -1,7 +1,5 @@
 """Models of the Penn Haptic Texture Toolkit come in and go out; bad files are explained."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from library_samples import directed, model, write_hatt
@@ -15,7 +13,7 @@ from mmt_bridges.hatt.models import export_hatt, import_hatt
 FREQUENCIES = np.linspace(5.0, 495.0, 99)
 
 
-def test_a_file_of_poles_comes_in_as_it_is(tmp_path: Path) -> None:
+def test_a_file_of_poles_comes_in_as_it_is(tmp_path):
     imported = import_hatt(write_hatt(tmp_path / "cork.xml"))
     assert (imported.material, imported.friction, imported.zeros) == ("Cork", 0.31, 0)
     assert imported.spectrum_error_db == 0.0
@@ -31,7 +29,7 @@ def test_a_file_of_poles_comes_in_as_it_is(tmp_path: Path) -> None:
     assert 0.0 <= middle < 0.25
 
 
-def test_a_file_with_zeros_comes_in_with_more_poles(tmp_path: Path) -> None:
+def test_a_file_with_zeros_comes_in_with_more_poles(tmp_path):
     imported = import_hatt(write_hatt(tmp_path / "cork.xml", zeros=True))
     assert imported.zeros == 2
     assert 0.0 < imported.spectrum_error_db <= 0.1
@@ -42,7 +40,7 @@ def test_a_file_with_zeros_comes_in_with_more_poles(tmp_path: Path) -> None:
     assert np.abs(10 * np.log10(found / wanted)).max() < 0.5
 
 
-def test_a_model_that_went_out_comes_back_the_same(tmp_path: Path) -> None:
+def test_a_model_that_went_out_comes_back_the_same(tmp_path):
     before = model()
     path = tmp_path / "out.xml"
     path.write_bytes(export_hatt(before, "cork & <bark>", friction=0.2))
@@ -56,7 +54,7 @@ def test_a_model_that_went_out_comes_back_the_same(tmp_path: Path) -> None:
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
 
 
-def test_a_field_goes_out_with_its_variance_at_the_vertices(tmp_path: Path) -> None:
+def test_a_field_goes_out_with_its_variance_at_the_vertices(tmp_path):
     before = type(model())(model().samples)
     path = tmp_path / "out.xml"
     path.write_bytes(export_hatt(before, "cork"))
@@ -64,7 +62,7 @@ def test_a_field_goes_out_with_its_variance_at_the_vertices(tmp_path: Path) -> N
     np.testing.assert_allclose(import_hatt(path).model.at(*at)[1], before.at(*at)[1], rtol=1e-9)
 
 
-def test_a_model_with_a_heading_has_no_place_in_such_a_file() -> None:
+def test_a_model_with_a_heading_has_no_place_in_such_a_file():
     with pytest.raises(InputError, match="heading"):
         export_hatt(directed(), "cork")
 
@@ -87,14 +85,14 @@ def test_a_model_with_a_heading_has_no_place_in_such_a_file() -> None:
         (('<?xml version="1.0"?>', "<!DOCTYPE x [<!ENTITY a 'b'>]>"), "document type"),
     ],
 )
-def test_a_bad_file_is_explained(tmp_path: Path, change: tuple[str, str], message: str) -> None:
+def test_a_bad_file_is_explained(tmp_path, change, message):
     path = write_hatt(tmp_path / "bad.xml", change=change)
     with pytest.raises(InputError, match=message) as raised:
         import_hatt(path)
     assert "bad.xml" in str(raised.value)
 
 
-def test_another_xml_file_and_none_are_refused(tmp_path: Path) -> None:
+def test_another_xml_file_and_none_are_refused(tmp_path):
     with pytest.raises(InputError, match="no file of HaTT"):
         parse_hatt(b"<html/>")
     with pytest.raises(InputError, match="holds no <model>"):
@@ -103,6 +101,6 @@ def test_another_xml_file_and_none_are_refused(tmp_path: Path) -> None:
         import_hatt(tmp_path / "none.xml")
 
 
-def test_units_are_converted(tmp_path: Path) -> None:
+def test_units_are_converted(tmp_path):
     path = write_hatt(tmp_path / "m.xml", change=("<SpeedUnits>mm/s", "<SpeedUnits>m/s"))
     assert import_hatt(path).model.space.maximum_speed_mm_s == 800_000.0

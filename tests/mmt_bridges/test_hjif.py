@@ -3,14 +3,12 @@
 import datetime
 import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.io import wavfile
 from wavelet_decoder import analysis, decode
 
-from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.models import find_model, shipped_models
 from mmt.texture.model.texture_model import TextureModel
@@ -21,7 +19,7 @@ SYNTHESIZER = "MMT_HJIF_SYNTHESIZER"
 """Environment variable with the path of the reference software's Synthesizer."""
 
 
-def stroke(name: str, rate_hz: int, seconds: float) -> FloatArray:
+def stroke(name, rate_hz, seconds):
     count = round(100 * seconds)
     velocity_mm_s = np.tile([120.0, 0.0], (count, 1))
     model = TextureModel.load(find_model(name))
@@ -30,18 +28,18 @@ def stroke(name: str, rate_hz: int, seconds: float) -> FloatArray:
     )
 
 
-def relative_error(decoded: FloatArray, samples: FloatArray) -> float:
+def relative_error(decoded, samples):
     return float(np.sqrt(np.mean((decoded - samples) ** 2) / np.mean(samples**2)))
 
 
 @pytest.mark.parametrize("count", [16, 128, 1024])
-def test_the_transform_is_the_linear_map_of_its_filters(count: int) -> None:
+def test_the_transform_is_the_linear_map_of_its_filters(count):
     blocks = np.random.default_rng(1).standard_normal((3, count))
     np.testing.assert_allclose(transform(blocks), blocks @ analysis(count).T, atol=1e-12)
 
 
 @pytest.mark.parametrize("rate_hz", [1000, 2000, 4000, 8000])
-def test_vibration_comes_back_within_the_rounding_of_sound(rate_hz: int, tmp_path: Path) -> None:
+def test_vibration_comes_back_within_the_rounding_of_sound(rate_hz, tmp_path):
     samples = stroke("oak", rate_hz, 0.7)
     written = write_hjif(tmp_path / "oak.hjif", samples, rate_hz, description="oak")
     decoded, document = decode(tmp_path / "oak.hjif")
@@ -59,7 +57,7 @@ def test_vibration_comes_back_within_the_rounding_of_sound(rate_hz: int, tmp_pat
 @pytest.mark.parametrize(
     "shape", ["silence", "offset", "impulse", "alternating", "tiny", "pause", "noise", "one"]
 )
-def test_extreme_waveforms_come_back(shape: str, tmp_path: Path) -> None:
+def test_extreme_waveforms_come_back(shape, tmp_path):
     samples = np.zeros(300)
     if shape == "offset":
         samples[:] = 1.0
@@ -86,7 +84,7 @@ def test_extreme_waveforms_come_back(shape: str, tmp_path: Path) -> None:
         assert relative_error(decoded, samples / full_scale) < 3e-4
 
 
-def test_beyond_full_scale_is_clipped(tmp_path: Path) -> None:
+def test_beyond_full_scale_is_clipped(tmp_path):
     samples = 3.0 * np.sin(np.arange(500) / 7.0)
     write_hjif(tmp_path / "x.hjif", samples, 1000, 2.0)
     decoded, _ = decode(tmp_path / "x.hjif")
@@ -101,9 +99,7 @@ def test_beyond_full_scale_is_clipped(tmp_path: Path) -> None:
         (1000, 10, 0.0, "full scale"),
     ],
 )
-def test_mistakes_are_explained(
-    rate_hz: int, count: int, full_scale: float | None, message: str, tmp_path: Path
-) -> None:
+def test_mistakes_are_explained(rate_hz, count, full_scale, message, tmp_path):
     with pytest.raises(InputError, match=message):
         write_hjif(tmp_path / "x.hjif", np.ones(count), rate_hz, full_scale)
     assert not (tmp_path / "x.hjif").exists()
@@ -111,7 +107,7 @@ def test_mistakes_are_explained(
 
 @pytest.mark.skipif(SYNTHESIZER not in os.environ, reason=f"{SYNTHESIZER} names no program")
 @pytest.mark.parametrize("name", shipped_models())
-def test_the_reference_software_plays_each_shipped_model(name: str, tmp_path: Path) -> None:
+def test_the_reference_software_plays_each_shipped_model(name, tmp_path):
     rate_hz = 8000
     samples = stroke(name, rate_hz, 2.0)
     full_scale = write_hjif(tmp_path / "x.hjif", samples, rate_hz).full_scale_m_s2

@@ -84,12 +84,12 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     (tmp_path / "scene.toml").write_text(SCENE)
     return tmp_path
 
 
-def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def run(folder, *arguments):
     """Run a program of LeRobot, which asks no server."""
     offline = {"HF_HUB_OFFLINE": "1", "HF_HOME": str(folder / "cache")}
     return subprocess.run(
@@ -103,11 +103,11 @@ def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def command(folder: Path, name: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+def command(folder, name, *arguments):
     return run(folder, "-m", f"lerobot.scripts.lerobot_{name}", *arguments)
 
 
-def test_what_is_recorded_opens_and_the_forces_rise_in_contact(folder: Path) -> None:
+def test_what_is_recorded_opens_and_the_forces_rise_in_contact(folder):
     recorded = command(
         folder,
         "record",
@@ -155,7 +155,7 @@ def test_what_is_recorded_opens_and_the_forces_rise_in_contact(folder: Path) -> 
 
 
 @pytest.mark.timeout(900)
-def test_stock_policies_train_on_what_is_recorded_and_on_what_is_exported(folder: Path) -> None:
+def test_stock_policies_train_on_what_is_recorded_and_on_what_is_exported(folder):
     (folder / "camera").mkdir()
     (folder / "camera" / "__init__.py").write_text(CAMERA)
     recorded = command(
@@ -169,7 +169,7 @@ def test_stock_policies_train_on_what_is_recorded_and_on_what_is_exported(folder
     )
     assert recorded.returncode == 0, recorded.stderr
     export_lerobot([read_session(folder / "session.mcap")], folder / "exported", fps=30)
-    runs: list[list[str]] = []
+    runs = []
     for root in ("strokes", "exported"):
         info = json.loads((folder / root / "meta/info.json").read_text())
         felt = info["features"]["observation.environment_state"]["names"]
@@ -192,7 +192,7 @@ def test_stock_policies_train_on_what_is_recorded_and_on_what_is_exported(folder
     assert len(losses) == 2 * len(runs), trained.stderr
 
 
-def test_the_hand_may_be_connected_first_and_a_problem_is_one_sentence(folder: Path) -> None:
+def test_the_hand_may_be_connected_first_and_a_problem_is_one_sentence(folder):
     shown = command(folder, "teleoperate", *ROBOT, *HAND, "--fps=30", "--teleop_time_s=1")
     assert shown.returncode == 0, shown.stderr
     assert "Teleop loop time" in shown.stdout

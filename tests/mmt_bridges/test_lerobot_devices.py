@@ -5,11 +5,8 @@
 
 import importlib
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -22,42 +19,42 @@ class Config:
     """What both configurations are derived from."""
 
     @classmethod
-    def register_subclass(cls, _: str) -> Any:
+    def register_subclass(cls, _):
         return lambda kind: kind
 
 
 class Device:
     """What both devices are derived from."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config):
         self.given_config = config
 
 
 class Camera:
     """Gives its number of pictures."""
 
-    def __init__(self, config: SimpleNamespace) -> None:
+    def __init__(self, config):
         self.pictures, self.is_connected = 0, False
         self.there = config.fps > 0
 
-    def connect(self) -> None:
+    def connect(self):
         if not self.there:
             raise ConnectionError
         self.is_connected = True
 
-    def disconnect(self) -> None:
+    def disconnect(self):
         self.is_connected = False
 
-    def async_read(self) -> int:
+    def async_read(self):
         self.pictures += 1
         return self.pictures
 
 
-def made_cameras(configs: dict[str, SimpleNamespace]) -> dict[str, Camera]:
+def made_cameras(configs):
     return {name: Camera(config) for name, config in configs.items()}
 
 
-def made_features(values: dict[str, Any], prefix: str, use_video: bool = True) -> dict[str, Any]:
+def made_features(values, prefix, use_video=True):
     names = [name for name, kind in values.items() if kind is float]
     return {f"{prefix}.state": {"dtype": "float32", "shape": (len(names),), "names": names}}
 
@@ -68,7 +65,7 @@ class NotConnectedError(ConnectionError): ...
 class AlreadyConnectedError(ConnectionError): ...
 
 
-STAND_IN: dict[str, dict[str, Any]] = {
+STAND_IN = {
     "lerobot": {},
     "lerobot.cameras": {"CameraConfig": Config},
     "lerobot.cameras.utils": {"make_cameras_from_configs": made_cameras},
@@ -97,7 +94,7 @@ class Answers:
 
 
 @pytest.fixture
-def devices(monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
+def devices(monkeypatch):
     for name, content in STAND_IN.items():
         module = ModuleType(name)
         vars(module).update(content)
@@ -111,16 +108,16 @@ def devices(monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
 
 
 @pytest.fixture
-def answers(monkeypatch: pytest.MonkeyPatch) -> Answers:
+def answers(monkeypatch):
     """Sessions answer as this says, in place of a process."""
     told = Answers()
 
-    def start(_: SharedSession) -> None:
+    def start(_):
         if told.problem is not None:
             raise told.problem
         told.running = True
 
-    def answer(_: SharedSession, what: str, action_mm: Any = None) -> list[float]:
+    def answer(_, what, action_mm=None):
         if told.problem is not None:
             raise told.problem
         if what == "follow":
@@ -135,18 +132,16 @@ def answers(monkeypatch: pytest.MonkeyPatch) -> Answers:
     return told
 
 
-def robot_of(devices: ModuleType, **options: Any) -> Any:
+def robot_of(devices, **options):
     return devices.MmtRobot(devices.MmtRobotConfig(**options))
 
 
-def teleoperator_of(devices: ModuleType, **options: Any) -> Any:
+def teleoperator_of(devices, **options):
     return devices.MmtTeleoperator(devices.MmtTeleoperatorConfig(**options))
 
 
 @pytest.mark.parametrize("robot_first", [True, False])
-def test_both_use_one_session_in_either_order(
-    devices: ModuleType, answers: Answers, robot_first: bool
-) -> None:
+def test_both_use_one_session_in_either_order(devices, answers, robot_first):
     robot, hand = robot_of(devices), teleoperator_of(devices)
     order = [robot, hand] if robot_first else [hand, robot]
     for device in order:
@@ -171,7 +166,7 @@ def test_both_use_one_session_in_either_order(
     assert not answers.running
 
 
-def test_the_hand_does_not_follow_other_actions(devices: ModuleType, answers: Answers) -> None:
+def test_the_hand_does_not_follow_other_actions(devices, answers):
     robot, hand = robot_of(devices), teleoperator_of(devices)
     robot.connect()
     action = dict.fromkeys(NAMES, 0.0)
@@ -183,9 +178,7 @@ def test_the_hand_does_not_follow_other_actions(devices: ModuleType, answers: An
         robot.send_action(action)
 
 
-def test_actions_move_the_robot_where_the_options_say_so(
-    devices: ModuleType, answers: Answers
-) -> None:
+def test_actions_move_the_robot_where_the_options_say_so(devices, answers):
     robot, hand = robot_of(devices, moved_by="actions"), teleoperator_of(devices)
     with pytest.raises(ValueError, match="there is no hand"):
         hand.connect()
@@ -200,7 +193,7 @@ def test_actions_move_the_robot_where_the_options_say_so(
     assert answers.command == (3.0, 4.0, 5.0)
 
 
-def test_what_is_not_connected_says_so(devices: ModuleType, answers: Answers) -> None:
+def test_what_is_not_connected_says_so(devices, answers):
     robot, hand = robot_of(devices), teleoperator_of(devices)
     for use in (
         robot.get_observation,
@@ -214,7 +207,7 @@ def test_what_is_not_connected_says_so(devices: ModuleType, answers: Answers) ->
             use()
 
 
-def test_problems_of_mmt_are_those_of_a_connection(devices: ModuleType, answers: Answers) -> None:
+def test_problems_of_mmt_are_those_of_a_connection(devices, answers):
     robot = robot_of(devices)
     answers.problem = MmtError("the port is in use")
     with pytest.raises(NotConnectedError, match=r"^mmt: the port is in use$"):
@@ -230,7 +223,7 @@ def test_problems_of_mmt_are_those_of_a_connection(devices: ModuleType, answers:
     robot.disconnect()
 
 
-def test_the_hand_takes_no_force_of_lerobot(devices: ModuleType, answers: Answers) -> None:
+def test_the_hand_takes_no_force_of_lerobot(devices, answers):
     hand = teleoperator_of(devices)
     hand.connect()
     assert hand.feedback_features == {}
@@ -239,7 +232,7 @@ def test_the_hand_takes_no_force_of_lerobot(devices: ModuleType, answers: Answer
         hand.send_feedback({"force_z_n": 1.0})
 
 
-def test_nothing_is_to_be_calibrated_or_configured(devices: ModuleType, answers: Answers) -> None:
+def test_nothing_is_to_be_calibrated_or_configured(devices, answers):
     for device in (robot_of(devices), teleoperator_of(devices)):
         device.calibrate()
         device.configure()
@@ -247,9 +240,7 @@ def test_nothing_is_to_be_calibrated_or_configured(devices: ModuleType, answers:
         assert not device.is_connected
 
 
-def test_options_and_features_are_known_before_it_is_connected(
-    devices: ModuleType, answers: Answers, tmp_path: Path
-) -> None:
+def test_options_and_features_are_known_before_it_is_connected(devices, answers, tmp_path):
     (tmp_path / "scene.toml").write_text("[link]\n[simulated]\n[hand]\n[force_feedback]\n")
     robot = robot_of(devices, scene=str(tmp_path / "scene.toml"))
     assert [name[:5] for name in robot.observation_features] == ["force"] * 3
@@ -259,7 +250,7 @@ def test_options_and_features_are_known_before_it_is_connected(
         robot_of(devices, moved_by="feet")
 
 
-def test_pictures_of_cameras_are_passed_on(devices: ModuleType, answers: Answers) -> None:
+def test_pictures_of_cameras_are_passed_on(devices, answers):
     front = SimpleNamespace(height=48, width=64, fps=30)
     robot = robot_of(devices, cameras={"front": front})
     assert robot.observation_features["front"] == (48, 64, 3)
@@ -269,9 +260,7 @@ def test_pictures_of_cameras_are_passed_on(devices: ModuleType, answers: Answers
     assert not robot.cameras["front"].is_connected
 
 
-def test_a_camera_that_is_not_there_leaves_no_session(
-    devices: ModuleType, answers: Answers
-) -> None:
+def test_a_camera_that_is_not_there_leaves_no_session(devices, answers):
     front, side = (SimpleNamespace(height=48, width=64, fps=fps) for fps in (30, 0))
     robot = robot_of(devices, cameras={"front": front, "side": side})
     with pytest.raises(ConnectionError):
@@ -281,7 +270,7 @@ def test_a_camera_that_is_not_there_leaves_no_session(
     assert not robot.cameras["front"].is_connected
 
 
-def test_what_is_felt_is_the_environments_state_as_well(devices: ModuleType) -> None:
+def test_what_is_felt_is_the_environments_state_as_well(devices):
     features = devices.pipeline_features.hw_to_dataset_features
     robot = robot_of(devices)
     found = features(robot.observation_features | {"front": (48, 64, 3)}, "observation")

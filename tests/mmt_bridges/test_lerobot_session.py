@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
@@ -56,17 +55,17 @@ print(*(child.pid for child in psutil.Process().children()))
 
 
 @pytest.fixture
-def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def scene(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.toml").write_text(SCENE)
     return str(tmp_path / "scene.toml")
 
 
 @pytest.fixture
-def started() -> Iterator[Callable[[Settings], SharedSession]]:
+def started():
     sessions = []
 
-    def start(settings: Settings) -> SharedSession:
+    def start(settings):
         sessions.append(SharedSession(settings))
         sessions[-1].acquire("test")
         return sessions[-1]
@@ -76,14 +75,14 @@ def started() -> Iterator[Callable[[Settings], SharedSession]]:
         session.release("test")
 
 
-def wait_until(holds: Callable[[], bool]) -> None:
+def wait_until(holds):
     give_up_s = time.monotonic() + LONGEST_S
     while not holds():
         assert time.monotonic() < give_up_s
         time.sleep(0.01)
 
 
-def beside(session: SharedSession) -> psutil.Process:
+def beside(session):
     """The process of the session."""
     assert session.running
     children = psutil.Process(os.getpid()).children()
@@ -94,7 +93,7 @@ def beside(session: SharedSession) -> psutil.Process:
 # --- the process
 
 
-def test_two_users_see_one_session_whose_hand_presses_until_the_last_leaves(scene: str) -> None:
+def test_two_users_see_one_session_whose_hand_presses_until_the_last_leaves(scene):
     session = shared_session(scene, Settings(scene))
     assert shared_session(os.path.relpath(scene)) is session
     session.acquire("teleoperator")
@@ -122,9 +121,7 @@ def test_two_users_see_one_session_whose_hand_presses_until_the_last_leaves(scen
     assert (Path(scene).parent / "mmt-demo" / "session.mcap").stat().st_size > 1000
 
 
-def test_actions_move_the_robot_within_its_workspace_until_the_process_dies(
-    scene: str, started: Callable[[Settings], SharedSession]
-) -> None:
+def test_actions_move_the_robot_within_its_workspace_until_the_process_dies(scene, started):
     session = started(Settings(scene, moved_by="actions"))
     start = session.ask("observe")[:3]
     assert math.dist(start, (0.0, 0.0, 5.0)) < 1.0
@@ -145,14 +142,12 @@ def test_actions_move_the_robot_within_its_workspace_until_the_process_dies(
     assert not psutil.wait_procs(children, LONGEST_S)[1]  # without a leader they end
 
 
-def test_a_follower_that_is_lost_is_told(
-    scene: str, started: Callable[[Settings], SharedSession]
-) -> None:
+def test_a_follower_that_is_lost_is_told(scene, started):
     session = started(Settings(scene))
     (follower,) = beside(session).children()
     follower.kill()
 
-    def lost() -> bool:
+    def lost():
         try:
             session.ask("observe")
         except DeviceLost:
@@ -165,7 +160,7 @@ def test_a_follower_that_is_lost_is_told(
         session.ask("observe")
 
 
-def test_a_program_that_ends_ends_its_second_session_too(scene: str) -> None:
+def test_a_program_that_ends_ends_its_second_session_too(scene):
     ended = subprocess.run(
         [sys.executable, "-c", PROGRAM, scene],
         capture_output=True,
@@ -179,7 +174,7 @@ def test_a_program_that_ends_ends_its_second_session_too(scene: str) -> None:
     assert (Path(scene).parent / "mmt-demo" / "session-2.mcap").stat().st_size > 1000
 
 
-def test_why_a_session_does_not_begin_is_one_sentence(scene: str) -> None:
+def test_why_a_session_does_not_begin_is_one_sentence(scene):
     text = SCENE.replace("[simulated]", '[devices]\nrobot = "lost_lab:Robot"')
     Path(scene).write_text(text)
     session = SharedSession(Settings(scene))
@@ -189,9 +184,7 @@ def test_why_a_session_does_not_begin_is_one_sentence(scene: str) -> None:
     assert not session.running
 
 
-def test_a_follower_elsewhere_is_not_waited_for_too_long(
-    scene: str, unused_tcp_port: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_follower_elsewhere_is_not_waited_for_too_long(scene, unused_tcp_port, monkeypatch):
     monkeypatch.setenv("MMT_LINK__PORT", str(unused_tcp_port))
     session = SharedSession(Settings(scene, follower=False, wait_s=0.1))
     with pytest.raises(MmtError, match=r"no frame .* within 0\.1 s"):
@@ -199,9 +192,7 @@ def test_a_follower_elsewhere_is_not_waited_for_too_long(
     assert not session.running
 
 
-def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(monkeypatch):
     monkeypatch.setattr("mmt_bridges.lerobot.session._REPLY_S", 0.01)
     session, silent = SharedSession(Settings()), "import sys; sys.stdin.read()"
     session._process = process = subprocess.Popen(
@@ -224,19 +215,19 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(
 
 
 @pytest.mark.parametrize("name", ["replay", "listener"])
-def test_a_scene_without_a_robot_to_move_is_refused(name: str) -> None:
+def test_a_scene_without_a_robot_to_move_is_refused(name):
     with pytest.raises(InputError, match="moves none: take one with"):
         session_scene(Settings(name))
 
 
-def test_settings_that_are_not_allowed_are_refused() -> None:
+def test_settings_that_are_not_allowed_are_refused():
     with pytest.raises(InputError, match='moved_by is \'feet\', allowed is "hand", "actions"'):
-        Settings(moved_by="feet")  # type: ignore[arg-type]
+        Settings(moved_by="feet")
     with pytest.raises(InputError, match="wait_s is nan, allowed is a finite number above 0"):
         Settings(wait_s=math.nan)
 
 
-def test_actions_take_the_place_of_the_hand_and_all_else_stays() -> None:
+def test_actions_take_the_place_of_the_hand_and_all_else_stays():
     by_hand, by_actions = (
         session_scene(Settings("demo", moved_by=who)).dump() for who in ("hand", "actions")
     )
@@ -248,37 +239,34 @@ def test_actions_take_the_place_of_the_hand_and_all_else_stays() -> None:
 # --- the handle that nobody holds
 
 
-def test_before_an_action_nothing_is_commanded() -> None:
+def test_before_an_action_nothing_is_commanded():
     assert ActionHandle().read(1) is None
 
 
-def test_the_way_to_the_first_action_and_after_a_pause_is_bounded_in_speed() -> None:
+def test_the_way_to_the_first_action_and_after_a_pause_is_bounded_in_speed():
     handle = ActionHandle(recovery_mm_s=50.0)
     for start, goal in ((0.0, 100.0), (100.0, 0.0)):
         handle.follow((goal, 0.0, 0.0), (0.0, 0.0, 0.0))
         state = handle.read(1000)
-        assert state is not None
         assert state.position_mm[0] == pytest.approx(start + (goal - start) / 2)
         assert state.velocity_mm_s[0] == pytest.approx((goal - start) / 2)
         state = handle.read(1000)
-        assert state is not None
         assert state.position_mm == (goal, 0.0, 0.0)
         assert handle.read(1) == (state.position_mm, (0.0, 0.0, 0.0), 0.0, False)
 
 
-def test_actions_at_a_rate_give_a_steady_motion_a_period_late() -> None:
+def test_actions_at_a_rate_give_a_steady_motion_a_period_late():
     handle, positions = ActionHandle(), []
     for k in range(11):
         handle.follow((0.0, 3.0 * k, 0.0), (0.0, 0.0, 0.0))
         for _ in range(30):
             state = handle.read(1)
-            assert state is not None
             positions.append(state.position_mm[1])
     np.testing.assert_allclose(np.diff(positions[30:]), 0.1, atol=1e-9)
     assert positions[-1] == 30.0
 
 
-def test_the_displayed_force_is_that_of_the_hand() -> None:
+def test_the_displayed_force_is_that_of_the_hand():
     handle = ActionHandle(box_mm=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)))
     assert handle.follow((9.0, 0.0, -9.0), None) == (1.0, 0.0, -1.0)
     handle.write((0.3, 0.0, 1.5))
@@ -294,17 +282,17 @@ class Remote:
     connected = True
 
 
-def observing(remote: Remote, samples_per_frame: int = 1) -> ObservingPart:
+def observing(remote, samples_per_frame=1):
     import asyncio
 
     scene = session_scene(Settings("demo"))
     hand = SimpleNamespace(device=None, command_mm=(1.0, 2.0, 3.0))
     session = SimpleNamespace(scene=scene, remote=remote, samples_per_frame=samples_per_frame)
-    return ObservingPart(session, hand, asyncio.Event())  # type: ignore[arg-type]
+    return ObservingPart(session, hand, asyncio.Event())
 
 
 @pytest.mark.parametrize("samples", [1, 5])
-def test_a_state_is_a_row_of_the_export(samples: int) -> None:
+def test_a_state_is_a_row_of_the_export(samples):
     frames = made_frames(0, 1000, samples_per_frame=samples)
     shape = frames["acceleration_m_s2"].shape
     frames["acceleration_m_s2"] = np.random.default_rng(5).normal(0.0, 3.0, shape)
@@ -319,7 +307,7 @@ def test_a_state_is_a_row_of_the_export(samples: int) -> None:
     np.testing.assert_allclose(part.observe()[-1], rows[-1][-1], rtol=1e-5)  # held
 
 
-def test_what_is_long_past_is_not_in_the_level() -> None:
+def test_what_is_long_past_is_not_in_the_level():
     frames = made_frames(0, 1000)
     part = observing(Remote())
     part.on_frames(frames, 0)
@@ -328,7 +316,7 @@ def test_what_is_long_past_is_not_in_the_level() -> None:
     assert part.observe()[-1] == pytest.approx(expected, rel=1e-6)
 
 
-def test_nothing_old_is_observed() -> None:
+def test_nothing_old_is_observed():
     remote = Remote()
     part = observing(remote)
     part.on_frames(made_frames(0, 1), 0)

@@ -32,15 +32,15 @@ OFFSET_NS = 5_000_000_000_123
 class Outlet:
     """Keeps what is pushed; waits before it where it is held, and fails where it is broken."""
 
-    def __init__(self, info: Any, max_buffered: int) -> None:
+    def __init__(self, info, max_buffered):
         self.info = info
-        self.samples: list[tuple[Any, Any]] = []
+        self.samples = []
         self.holding = threading.Event()
         self.holding.set()
         self.arrived = threading.Event()
         self.broken = False
 
-    def push_chunk(self, values: Any, stamps_s: list[float]) -> None:
+    def push_chunk(self, values, stamps_s):
         self.arrived.set()
         assert self.holding.wait(30)
         if self.broken:
@@ -49,43 +49,36 @@ class Outlet:
         assert values.dtype == np.float32
         self.samples += zip(stamps_s, values.tolist(), strict=True)
 
-    def push_sample(self, values: list[str], stamp_s: float) -> None:
+    def push_sample(self, values, stamp_s):
         self.samples.append((stamp_s, *values))
 
-    def have_consumers(self) -> bool:
+    def have_consumers(self):
         return False
 
 
 class Info(dict[str, Any]):
-    def desc(self) -> "Info":
+    def desc(self):
         return self
 
-    def append_child(self, name: str) -> "Info":
+    def append_child(self, name):
         return self
 
-    def append_child_value(self, name: str, value: str) -> "Info":
+    def append_child_value(self, name, value):
         self.setdefault(name, []).append(value)
         return self
 
 
-def stream_info(
-    name: str, kind: str, channel_count: int, rate_hz: float, form: int, source: str
-) -> Info:
+def stream_info(name, kind, channel_count, rate_hz, form, source):
     return Info(name=name, channel_count=channel_count, rate_hz=rate_hz, source=source)
 
 
 class Running:
     """The part in a session whose follower's clock is known, with its outlets."""
 
-    def __init__(
-        self,
-        monkeypatch: pytest.MonkeyPatch,
-        session: dict[str, object] | None = None,
-        **link: object,
-    ) -> None:
-        made: list[Outlet] = []
+    def __init__(self, monkeypatch, session=None, **link):
+        made = []
 
-        def outlet(info: Info, max_buffered: int) -> Outlet:
+        def outlet(info, max_buffered):
             made.append(Outlet(info, max_buffered))
             return made[-1]
 
@@ -100,32 +93,31 @@ class Running:
         monkeypatch.setattr(lsl_streams, "load_pylsl", lambda: library)
         monkeypatch.setattr(lsl, "require", lambda _: None)
         monkeypatch.setattr(publishing, "clock_ahead_ns", lambda _: AHEAD_NS)
-        self.said: list[str] = []
+        self.said = []
         tables = {"link": link, "simulated": {}, "hand": {}, "lsl": {"chunk_ms": 1}}
         tables["session"] = session or {}
         self.session = Session(scene_from_tables(tables), self.said.append, lambda: 1.25)
         self.remote = SimpleNamespace(clock_offset_ns=OFFSET_NS, follower_time_ns=0)
-        self.session.remote = self.remote  # type: ignore[assignment]
+        self.session.remote = self.remote
         part = LslPart.build(self.session, LeaderParts())
-        assert part is not None
         self.part = part
         self.session.parts.add(part)
         part.connect()
         self.frames, *self.faster, self.events = made
 
-    def send(self, frames: Any, follower_time_ns: int | None = None) -> None:
+    def send(self, frames, follower_time_ns=None):
         newest_ns = int(frames["time_ns"][-1])
         self.remote.follower_time_ns = newest_ns if follower_time_ns is None else follower_time_ns
         self.part.on_frames(frames, 0)
 
-    def end(self) -> dict[str, Any]:
+    def end(self):
         asyncio.run(self.part.stop())
         self.part.close()
         return self.part.summary(1.0)["lsl"]
 
 
 @pytest.fixture
-def running(monkeypatch: pytest.MonkeyPatch) -> Any:
+def running(monkeypatch):
     made = Running(monkeypatch)
     made.part.begin()
     yield made
@@ -133,7 +125,7 @@ def running(monkeypatch: pytest.MonkeyPatch) -> Any:
     made.part.close()
 
 
-def test_stamps_are_the_followers_by_the_leaders_clock_by_that_of_lsl(running: Running) -> None:
+def test_stamps_are_the_followers_by_the_leaders_clock_by_that_of_lsl(running):
     frames = made_frames(10, 40)
     gap = np.delete(frames, slice(10, 25))
     running.send(gap[:5])
@@ -147,9 +139,7 @@ def test_stamps_are_the_followers_by_the_leaders_clock_by_that_of_lsl(running: R
         np.testing.assert_array_equal(values[:, column : column + 3], gap[field])
 
 
-def test_several_samples_of_acceleration_a_frame_have_a_stream_of_their_own(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_several_samples_of_acceleration_a_frame_have_a_stream_of_their_own(monkeypatch):
     running = Running(monkeypatch, {"acceleration_rate_hz": 5000})
     running.part.begin()
     (faster,) = running.faster
@@ -169,7 +159,7 @@ def test_several_samples_of_acceleration_a_frame_have_a_stream_of_their_own(
     np.testing.assert_array_equal(np.array(fast, np.float32), acceleration_samples(frames))
 
 
-def test_a_follower_that_was_started_anew_is_stamped_by_its_own_clock(running: Running) -> None:
+def test_a_follower_that_was_started_anew_is_stamped_by_its_own_clock(running):
     frames = made_frames(500, 4)  # numbered on, its times with them
     running.send(frames, follower_time_ns=77_003_000_000)
     running.end()
@@ -178,7 +168,7 @@ def test_a_follower_that_was_started_anew_is_stamped_by_its_own_clock(running: R
     assert [stamp_s for stamp_s, _ in running.frames.samples] == expected_s.tolist()
 
 
-def test_frames_before_the_clock_is_known_are_counted(running: Running) -> None:
+def test_frames_before_the_clock_is_known_are_counted(running):
     running.remote.clock_offset_ns = None
     running.send(made_frames(0, 7))
     running.remote.clock_offset_ns = OFFSET_NS
@@ -188,7 +178,7 @@ def test_frames_before_the_clock_is_known_are_counted(running: Running) -> None:
     assert running.part.faults() == []
 
 
-def test_a_clock_that_is_never_compared_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_clock_that_is_never_compared_is_a_fault(monkeypatch):
     made = Running(monkeypatch, clock_hz=0)
     made.part.begin()
     made.send(made_frames(0, 1))
@@ -200,9 +190,7 @@ def test_a_clock_that_is_never_compared_is_a_fault(monkeypatch: pytest.MonkeyPat
     made.end()
 
 
-def test_a_library_that_stands_still_holds_nothing_up_and_the_newest_are_kept(
-    running: Running, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_library_that_stands_still_holds_nothing_up_and_the_newest_are_kept(running, monkeypatch):
     running.frames.holding.clear()
     running.send(made_frames(0, 2))
     assert running.frames.arrived.wait(30)
@@ -217,7 +205,7 @@ def test_a_library_that_stands_still_holds_nothing_up_and_the_newest_are_kept(
     assert running.frames.samples[-1][0] == newest_ns / 1e9
 
 
-def test_a_library_that_fails_is_told_once_and_the_session_goes_on(running: Running) -> None:
+def test_a_library_that_fails_is_told_once_and_the_session_goes_on(running):
     running.frames.broken = True
     running.send(made_frames(0, 5))
     until(lambda: running.part.error)
@@ -232,7 +220,7 @@ def test_a_library_that_fails_is_told_once_and_the_session_goes_on(running: Runn
     assert figures["error"] == running.part.error
 
 
-def test_events_are_markers_at_the_moment_at_which_they_are_told(running: Running) -> None:
+def test_events_are_markers_at_the_moment_at_which_they_are_told(running):
     before_ns = time.monotonic_ns()
     running.session.journal.event("the model is ready", samples=3)
     running.session.journal.record({"event": "clocks compared"})
@@ -248,7 +236,7 @@ def test_events_are_markers_at_the_moment_at_which_they_are_told(running: Runnin
         assert round(stamp_s * 1e9) - AHEAD_NS - 2000 <= after_ns
 
 
-def test_streams_are_named_and_described(running: Running) -> None:
+def test_streams_are_named_and_described(running):
     info = running.frames.info
     assert (info["name"], running.events.info["name"]) == ("mmt-frames", "mmt-events")
     assert info["rate_hz"] == 1000.0
@@ -258,12 +246,12 @@ def test_streams_are_named_and_described(running: Running) -> None:
     assert info["source"] != running.events.info["source"]
 
 
-def test_the_clocks_are_compared_by_the_quickest_look(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_clocks_are_compared_by_the_quickest_look(monkeypatch):
     """Looks that were interrupted, by up to 9 ms, do not count."""
     now_ns = 1_000_000_000
     delays_ns = iter([9, 4, 7, 1, 8, 3, 6, 2, 5])
 
-    def clock_s() -> float:
+    def clock_s():
         nonlocal now_ns
         there_ns = now_ns + AHEAD_NS
         now_ns += next(delays_ns) * 1_000_000
@@ -273,9 +261,7 @@ def test_the_clocks_are_compared_by_the_quickest_look(monkeypatch: pytest.Monkey
     assert clock_ahead_ns(clock_s) == AHEAD_NS - 500_000
 
 
-def test_a_missing_package_and_a_missing_library_are_explained(
-    tmp_path: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_package_and_a_missing_library_are_explained(tmp_path, monkeypatch):
     for name in [name for name in sys.modules if name.partition(".")[0] == "pylsl"]:
         monkeypatch.delitem(sys.modules, name)
     (tmp_path / "pylsl.py").write_text(
@@ -290,8 +276,8 @@ def test_a_missing_package_and_a_missing_library_are_explained(
         LslPart.build(Session(scene), LeaderParts())
 
 
-def test_the_streams_carry_every_channel_unless_only_the_needed_ones_are_wanted() -> None:
-    tables: dict[str, dict[str, object]] = {"link": {}, "simulated": {}, "hand": {}, "lsl": {}}
+def test_the_streams_carry_every_channel_unless_only_the_needed_ones_are_wanted():
+    tables = {"link": {}, "simulated": {}, "hand": {}, "lsl": {}}
     every = ("position", "force", "acceleration")
     assert scene_from_tables(tables).channels() == every
     tables["lsl"] = {"channels": "needed"}

@@ -4,10 +4,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
 from importlib.util import find_spec
-from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -71,7 +68,7 @@ pathlib.Path(sys.argv[1]).write_text(json.dumps(received))
 """
 
 
-def needs_the_library() -> None:
+def needs_the_library():
     if find_spec("pylsl") is None:
         pytest.skip("needs the extra 'lsl'")
     try:
@@ -80,7 +77,7 @@ def needs_the_library() -> None:
         pytest.skip(str(error))
 
 
-def receiving(folder: Path, within: Sequence[str], **variables: str) -> subprocess.Popen[str]:
+def receiving(folder, within, **variables):
     return subprocess.Popen(
         [*within, sys.executable, "-c", RECEIVER, str(folder / "received.json")],
         stdout=subprocess.PIPE,
@@ -90,7 +87,7 @@ def receiving(folder: Path, within: Sequence[str], **variables: str) -> subproce
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Any, dict[str, Any]]:
+def run(tmp_path_factory):
     """What a recipient got of a session, the session, and the leader's summary."""
     needs_the_library()
     folder = tmp_path_factory.mktemp("lsl")
@@ -109,7 +106,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Any, 
             url = f"http://{LEADER_ADDRESS}:{leader.port()}"
             with receiving(folder, made.within_leader(), **variables) as receiver:
                 try:
-                    assert receiver.stdout is not None
                     assert receiver.stdout.readline() == "ready\n"
                     with Service(
                         *("follower", scene, "--json-lines", "--leader", url),
@@ -125,7 +121,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Any, 
             return received, read_session(folder / "session.mcap"), leader.summary()
 
 
-def test_frames_arrive_as_they_were_recorded_stamped_by_the_leaders_clock(run: Any) -> None:
+def test_frames_arrive_as_they_were_recorded_stamped_by_the_leaders_clock(run):
     received, session, summary = run
     samples, stamps_s, _ = received["bench-frames"]
     frames = session.frames
@@ -143,7 +139,7 @@ def test_frames_arrive_as_they_were_recorded_stamped_by_the_leaders_clock(run: A
     assert np.abs(np.array(stamps_s) - there_s).max() < 0.05 + uncertainty_s
 
 
-def test_events_arrive_as_markers(run: Any) -> None:
+def test_events_arrive_as_markers(run):
     received, session, summary = run
     markers, stamps_s, _ = received["bench-events"]
     texts = [json.loads(marker) for (marker,) in markers]
@@ -156,7 +152,7 @@ def test_events_arrive_as_markers(run: Any) -> None:
     assert abs(compared["lsl_clock_ahead_ns"]) < 1_000_000_000, "on Linux it is the same clock"
 
 
-def test_the_description_has_labels_units_and_the_session(run: Any) -> None:
+def test_the_description_has_labels_units_and_the_session(run):
     received, session, _ = run
     info = ET.fromstring(received["bench-frames"][2])
     assert (info.findtext("type"), float(info.findtext("nominal_srate") or 0)) == ("Haptics", 1000)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.io import wavfile
-from typer.testing import CliRunner, Result
+from typer.testing import CliRunner
 from wavelet_decoder import decode
 
 from mmt.cli.main import app
@@ -19,11 +19,11 @@ from mmt.texture.model.texture_model import TextureModel
 MODEL = Path("configs/models/plastic.npz")
 
 
-def run(*arguments: object) -> Result:
+def run(*arguments):
     return CliRunner().invoke(app, ["model", *map(str, arguments)])
 
 
-def test_a_model_goes_out_as_xml_and_comes_back(tmp_path: Path) -> None:
+def test_a_model_goes_out_as_xml_and_comes_back(tmp_path):
     assert run("export", MODEL, tmp_path / "plastic.xml", "--friction", 0.3).exit_code == 0
     figures_file = tmp_path / "figures.json"
     result = run("import", tmp_path / "plastic.xml", tmp_path / "back.npz", "--json", figures_file)
@@ -37,7 +37,7 @@ def test_a_model_goes_out_as_xml_and_comes_back(tmp_path: Path) -> None:
     np.testing.assert_allclose(after.at(*at)[1], before.at(*at)[1], rtol=1e-9)
 
 
-def test_models_go_out_as_a_page_and_one_as_json(tmp_path: Path) -> None:
+def test_models_go_out_as_a_page_and_one_as_json(tmp_path):
     page, alone = tmp_path / "two.html", tmp_path / "plastic.json"
     assert run("export", MODEL, "felt", page).exit_code == 0
     assert run("export", MODEL, alone).exit_code == 0
@@ -47,7 +47,7 @@ def test_models_go_out_as_a_page_and_one_as_json(tmp_path: Path) -> None:
     assert isinstance(run("export", "oak", page).exception, InputError)
 
 
-def test_a_steady_stroke_becomes_sound(tmp_path: Path) -> None:
+def test_a_steady_stroke_becomes_sound(tmp_path):
     path = tmp_path / "stroke.wav"
     arguments = ("--speed", 150, "--seconds", 2, "--rate", 8000, "--full-scale", 20)
     assert run("export", MODEL, path, *arguments).exit_code == 0
@@ -58,7 +58,7 @@ def test_a_steady_stroke_becomes_sound(tmp_path: Path) -> None:
     assert np.std(samples / 32767.0 * 20.0) == pytest.approx(np.sqrt(power), rel=0.1)
 
 
-def test_a_recorded_motion_becomes_sound(tmp_path: Path) -> None:
+def test_a_recorded_motion_becomes_sound(tmp_path):
     frames, annotations = simulate_session(Scene(), "wood", 2.0, 3)
     write_session(tmp_path / "wood.npz", frames, annotations=annotations)
     path = tmp_path / "motion.wav"
@@ -67,7 +67,7 @@ def test_a_recorded_motion_becomes_sound(tmp_path: Path) -> None:
     assert len(wavfile.read(path)[1]) == pytest.approx(4000, abs=50)
 
 
-def test_a_stroke_becomes_haptics_of_the_same_vibration(tmp_path: Path) -> None:
+def test_a_stroke_becomes_haptics_of_the_same_vibration(tmp_path):
     for name in ("stroke.hjif", "stroke.wav"):
         arguments = ("--speed", 150, "--seconds", 0.5, "--rate", 2000, "--full-scale", 20)
         assert run("export", "oak", tmp_path / name, *arguments).exit_code == 0
@@ -77,12 +77,12 @@ def test_a_stroke_becomes_haptics_of_the_same_vibration(tmp_path: Path) -> None:
     assert document["description"] == "oak"
 
 
-def test_haptics_has_a_rate_of_its_own(tmp_path: Path) -> None:
+def test_haptics_has_a_rate_of_its_own(tmp_path):
     result = run("export", MODEL, tmp_path / "stroke.hjif", "--seconds", 0.2)
     assert "0.20 s at 8000 Hz" in result.output
 
 
-def test_a_stroke_becomes_a_pattern_with_its_sound(tmp_path: Path) -> None:
+def test_a_stroke_becomes_a_pattern_with_its_sound(tmp_path):
     path = tmp_path / "stroke.ahap"
     assert run("export", MODEL, path, "--seconds", 0.5, "--with-sound").exit_code == 0
     events = [each["Event"] for each in json.loads(path.read_text())["Pattern"] if "Event" in each]
@@ -118,11 +118,7 @@ def test_a_stroke_becomes_a_pattern_with_its_sound(tmp_path: Path) -> None:
         (("export", MODEL, "/proc/none/out.wav"), "cannot write /proc/none/out.wav"),
     ],
 )
-def test_mistakes_are_explained(
-    arguments: tuple[object, ...],
-    message: str,
-    tmp_path: Path,
-) -> None:
+def test_mistakes_are_explained(arguments, message, tmp_path):
     given = [tmp_path / name if str(name).startswith("out.") else name for name in arguments]
     result = run(*given)
     assert isinstance(result.exception, InputError)

@@ -5,8 +5,6 @@ import json
 import signal
 import sys
 import time
-from collections.abc import Iterator
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -96,7 +94,7 @@ class Output(Part):
 class Running:
     """The part in a session whose follower's clock is known, with its process."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path, samples: int = 1) -> None:
+    def __init__(self, monkeypatch, folder, samples=1):
         for name, text in STAND_IN.items():
             (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_text(text)
@@ -104,36 +102,35 @@ class Running:
         monkeypatch.setenv("STAND_IN_LOG", str(self.log))
         monkeypatch.setenv("PYTHONPATH", str(folder), prepend=":")
         monkeypatch.syspath_prepend(str(folder))
-        self.said: list[str] = []
+        self.said = []
         tables = {"link": {}, "simulated": {}, "hand": {}}
         tables["session"] = {"acceleration_rate_hz": 1000 * samples}
         scene = scene_from_tables({**tables, "ros": {"namespace": "bench", "chunk_ms": 1}})
         self.session = Session(scene, self.said.append, lambda: 1.25)
         self.remote = SimpleNamespace(clock_offset_ns=OFFSET_NS, follower_time_ns=0)
-        self.session.remote = self.remote  # type: ignore[assignment]
+        self.session.remote = self.remote
         self.output = Output()
         parts = LeaderParts()
-        parts.completing = self.output  # type: ignore[assignment]
+        parts.completing = self.output
         part = RosPart.build(self.session, parts)
-        assert part is not None
         self.part = part
         self.session.parts.add(part)
         part.connect()
         self.process = part._outlet.process  # to be killed and stopped
 
-    def send(self, frames: Any) -> None:
+    def send(self, frames):
         self.remote.follower_time_ns = int(frames["time_ns"][-1])
         self.part.on_frames(frames, 0)
 
-    def end(self) -> dict[str, Any]:
+    def end(self):
         asyncio.run(self.part.stop())
         self.part.close()
         return self.part.summary(1.0)["ros"]
 
-    def lines(self) -> list[dict[str, Any]]:
+    def lines(self):
         return [json.loads(line) for line in self.log.read_text().splitlines()]
 
-    def published(self) -> dict[str, list[Any]]:
+    def published(self):
         """The messages by topic, as rosbags reads them."""
         from rosbags.typesys import Stores, get_typestore
 
@@ -151,7 +148,7 @@ class Running:
 
 
 @pytest.fixture
-def running(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Running]:
+def running(monkeypatch, tmp_path):
     pytest.importorskip("rosbags", reason="needs the extra 'import'")
     made = Running(monkeypatch, tmp_path)
     made.part.begin()
@@ -159,15 +156,15 @@ def running(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Running
     made.part.close()
 
 
-def stamp_ns(stamp: Any) -> int:
+def stamp_ns(stamp):
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
-def vectors(values: list[Any]) -> Any:
+def vectors(values):
     return np.array([[value.x, value.y, value.z] for value in values])
 
 
-def test_frames_are_published_to_the_bit_with_their_times_by_utc(running: Running) -> None:
+def test_frames_are_published_to_the_bit_with_their_times_by_utc(running):
     ahead_ns = time.time_ns() - time.monotonic_ns()
     frames = made_frames(0, 500)
     for row in range(500):
@@ -190,9 +187,7 @@ def test_frames_are_published_to_the_bit_with_their_times_by_utc(running: Runnin
     assert abs(stamps_ns[0] - expected_ns) < 1_000_000_000
 
 
-def test_each_sample_of_acceleration_is_published_with_a_stamp_of_its_own(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_each_sample_of_acceleration_is_published_with_a_stamp_of_its_own(monkeypatch, tmp_path):
     pytest.importorskip("rosbags", reason="needs the extra 'import'")
     running = Running(monkeypatch, tmp_path, samples=5)
     running.part.begin()
@@ -212,7 +207,7 @@ def test_each_sample_of_acceleration_is_published_with_a_stamp_of_its_own(
     assert made["/bench/acceleration"]["depth"] == 5000
 
 
-def test_events_scene_and_each_model_are_published_and_kept(running: Running) -> None:
+def test_events_scene_and_each_model_are_published_and_kept(running):
     running.session.journal.event("the model is ready", samples=3)
     for text in (b"a model's file", b"another"):
         running.output.newest = SimpleNamespace(to_bytes=lambda text=text: text)
@@ -236,7 +231,7 @@ def test_events_scene_and_each_model_are_published_and_kept(running: Running) ->
     assert running.lines()[-1] == {"node": None}, "the node is taken down"
 
 
-def test_a_process_that_ends_is_told_once_and_the_session_goes_on(running: Running) -> None:
+def test_a_process_that_ends_is_told_once_and_the_session_goes_on(running):
     running.process.kill()
     running.process.wait(60.0)
     running.send(made_frames(0, 5))
@@ -252,9 +247,7 @@ def test_a_process_that_ends_is_told_once_and_the_session_goes_on(running: Runni
     assert running.end()["dropped"] >= 5
 
 
-def test_a_process_that_stands_still_holds_nothing_up(
-    running: Running, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_process_that_stands_still_holds_nothing_up(running, monkeypatch):
     monkeypatch.setattr(ros, "_LEAVE_S", 0.1)
     running.process.send_signal(signal.SIGSTOP)
     frames = made_frames(0, 10_000)
@@ -266,24 +259,22 @@ def test_a_process_that_stands_still_holds_nothing_up(
     assert running.process.returncode == -signal.SIGKILL
 
 
-def test_what_ros_refuses_is_explained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_what_ros_refuses_is_explained(monkeypatch, tmp_path):
     pytest.importorskip("rosbags", reason="needs the extra 'import'")
     monkeypatch.setenv("ROS_DOMAIN_ID", "999")
     with pytest.raises(InputError, match=r"\[ros\] cannot publish: domain ID is out of range"):
         Running(monkeypatch, tmp_path)
 
 
-def test_ros_of_another_python_is_explained(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_ros_of_another_python_is_explained(monkeypatch, tmp_path):
     pytest.importorskip("rosbags", reason="needs the extra 'import'")
     monkeypatch.setitem(STAND_IN, "rclpy/__init__.py", "from rclpy import _rclpy_pybind11")
     with pytest.raises(InputError, match=r"\[ros\] cannot publish: cannot import name '_rclpy_pyb"):
         Running(monkeypatch, tmp_path)
 
 
-def test_the_table_says_what_is_allowed() -> None:
-    tables: dict[str, dict[str, object]] = {"link": {}, "simulated": {}, "hand": {}, "ros": {}}
+def test_the_table_says_what_is_allowed():
+    tables = {"link": {}, "simulated": {}, "hand": {}, "ros": {}}
     assert scene_from_tables(tables).channels() == ("position", "force", "acceleration")
     tables["force_feedback"] = {"method": "streamed"}
     tables["ros"] = {"channels": "needed"}
@@ -295,7 +286,7 @@ def test_the_table_says_what_is_allowed() -> None:
         scene_from_tables({"hand": {}, "ros": {}})
 
 
-def test_what_is_missing_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_missing_is_explained(monkeypatch):
     monkeypatch.setitem(sys.modules, "rclpy", None)
     scene = scene_from_tables({"link": {}, "simulated": {}, "hand": {}, "ros": {}})
     with pytest.raises(InputError, match=r"\[ros\] needs rclpy, which comes with ROS 2: source"):

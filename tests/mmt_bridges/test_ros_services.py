@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 from importlib.util import find_spec
-from typing import Any
 
 import numpy as np
 import pytest
@@ -76,7 +75,7 @@ pathlib.Path(path).write_text(json.dumps(got))
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Any, dict[str, Any]]:
+def run(tmp_path_factory):
     """What a subscriber of ROS got of a session, the session, and the leader's summary."""
     if find_spec("rclpy") is None:
         pytest.skip("needs rclpy, which ROS brings")
@@ -94,7 +93,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Any, 
             env={**os.environ, **local},
         ) as subscriber:
             try:
-                assert subscriber.stdout is not None
                 assert subscriber.stdout.readline() == "ready\n"
                 with Service(
                     *("follower", scene, "--json-lines", "--leader", url), cwd=folder
@@ -108,7 +106,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Any, 
         return got, read_session(folder / "session.mcap"), leader.summary()
 
 
-def test_ros_has_every_frame_as_it_was_recorded(run: Any) -> None:
+def test_ros_has_every_frame_as_it_was_recorded(run):
     got, session, summary = run
     frames = session.frames
     assert summary["ros"]["dropped"] == summary["ros"]["unstamped"] == 0
@@ -120,7 +118,7 @@ def test_ros_has_every_frame_as_it_was_recorded(run: Any) -> None:
     np.testing.assert_array_equal(np.array(got["acceleration"]), frames["acceleration_m_s2"])
 
 
-def test_ros_has_events_scene_and_the_type(run: Any) -> None:
+def test_ros_has_events_scene_and_the_type(run):
     got, session, _ = run
     events = [json.loads(text)["event"] for text in got["events"]]
     assert "follower connected" in " ".join(events)
@@ -129,6 +127,6 @@ def test_ros_has_events_scene_and_the_type(run: Any) -> None:
     assert got["hash"].startswith("RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71")
 
 
-def test_the_leaders_ticks_are_not_held_up(run: Any) -> None:
+def test_the_leaders_ticks_are_not_held_up(run):
     """Loosely: a busy machine delays ticks, but four thousand messages a second do not."""
     assert run[2]["ticks"]["period_p50_ms"] < 2.0

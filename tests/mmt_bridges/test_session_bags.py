@@ -1,7 +1,6 @@
 """Sessions as ROS 2 bags: read back to the bit, and as the tools of ROS read them."""
 
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -104,7 +103,7 @@ def test_messages_are_standard_with_units_stamps_and_frames(tmp_path, session):
     from rosbags.typesys import Stores, get_typestore
 
     export_session(session, tmp_path / "bag")
-    found: dict[str, list[tuple[int, object]]] = {}
+    found = {}
     with AnyReader([tmp_path / "bag"], default_typestore=get_typestore(Stores.LATEST)) as reader:
         kinds = {connection.topic: connection.msgtype for connection in reader.connections}
         for connection, time_ns, data in reader.messages():
@@ -155,7 +154,7 @@ def test_an_imported_bag_keeps_its_date(tmp_path, session):
     assert read_session(tmp_path / "back.mcap").began_utc_ns == BEGAN_NS
 
 
-def exported(source: Path, target: Path, *options: str) -> tuple[int, str]:
+def exported(source, target, *options):
     result = CliRunner().invoke(app, ["session", "export", str(source), str(target), *options])
     return result.exit_code, str(result.exception)
 

@@ -2,7 +2,6 @@
 
 import json
 import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -222,7 +221,7 @@ def test_protobuf_schemas_are_read_in_any_order(tmp_path_factory, order):
         message_class(circle, "M3")
 
 
-def test_a_folder_without_description_is_read_file_by_file(tmp_path: Path) -> None:
+def test_a_folder_without_description_is_read_file_by_file(tmp_path):
     received = (BEGAN_NS + STEP_NS * np.arange(ROWS)).tolist()
     write(tmp_path / "b.mcap", [("/ft", JSON, "json", wrench(FORCES, received, [""] * ROWS))])
     (tmp_path / "._b.mcap").write_bytes(b"Mac OS X")

@@ -2,7 +2,6 @@
 
 import json
 import time
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,29 +27,29 @@ OTHER = """<?xml version="1.0"?><info><name>EEG</name><type>EEG</type>
 class Outlet:
     """Keeps what a recipient would get."""
 
-    def __init__(self, info: Any, max_buffered: int) -> None:
+    def __init__(self, info, max_buffered):
         self.xml = info.as_xml()
-        self.samples: list[Any] = []
-        self.stamps_s: list[float] = []
+        self.samples = []
+        self.stamps_s = []
 
-    def push_chunk(self, values: Any, stamps_s: list[float]) -> None:
+    def push_chunk(self, values, stamps_s):
         self.samples += list(values)
         self.stamps_s += stamps_s
 
-    def push_sample(self, values: list[str], stamp_s: float) -> None:
+    def push_sample(self, values, stamp_s):
         self.push_chunk([values], [stamp_s])
 
 
 @pytest.fixture
-def streamed(monkeypatch: pytest.MonkeyPatch) -> Any:
+def streamed(monkeypatch):
     """Returns the streams of frames (n,), from now on by LSL's clock."""
     needs_the_library()
     import pylsl
 
-    def stream(frames: Any, samples_per_frame: int, offset_s: float) -> list[Received]:
-        made: list[Outlet] = []
+    def stream(frames, samples_per_frame, offset_s):
+        made = []
 
-        def outlet(info: Any, max_buffered: int) -> Outlet:
+        def outlet(info, max_buffered):
             made.append(Outlet(info, max_buffered))
             return made[-1]
 
@@ -66,9 +65,7 @@ def streamed(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 @pytest.mark.parametrize("several", [1, 5])
 @pytest.mark.parametrize("offset_s", [0.0, -7000.5])
-def test_a_recorded_stream_comes_back(
-    tmp_path: Any, streamed: Any, several: int, offset_s: float
-) -> None:
+def test_a_recorded_stream_comes_back(tmp_path, streamed, several, offset_s):
     steps = np.ones(59, dtype=int)
     steps[20] = 4
     frames = made_frames(60, ALL_CHANNELS, steps=steps, samples_per_frame=several)
@@ -81,7 +78,7 @@ def test_a_recorded_stream_comes_back(
     assert back.began_utc_ns == pytest.approx(time.time_ns(), abs=60e9)
 
 
-def test_streams_of_other_programs_are_mapped_by_their_names(tmp_path: Any, streamed: Any) -> None:
+def test_streams_of_other_programs_are_mapped_by_their_names(tmp_path, streamed):
     times_s = [1.0 + k / 1000 for k in range(600)]
     other = Received(OTHER, [[k, -k] for k in range(600)], times_s)
     write_xdf(tmp_path / "a.xdf", [other, *streamed(made_frames(60), 1, 0.0)])

@@ -6,12 +6,8 @@ ISO/IEC 23090-31; the wavelets are rebuilt from the two filters as one linear ma
 
 import json
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-
-from mmt.core.arrays import FloatArray
 
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
 
@@ -24,14 +20,14 @@ HIGH = [*HIGH, -0.788485616405665, *HIGH[::-1]]
 class Bits:
     """Reads symbols of an arithmetic code: ten bits, a probability for each of seven contexts."""
 
-    def __init__(self, stream: str) -> None:
+    def __init__(self, stream):
         self.bits = "".join(f"{ALPHABET.index(letter):06b}" for letter in stream)
         self.at = 10
         self.value = int(self.bits[:10].ljust(10, "0"), 2)
         self.lower, self.upper = 0, 1024
         self.zeros, self.all = [8] * 7, [16] * 7
 
-    def read(self, context: int) -> int:
+    def read(self, context):
         """Return the next symbol of a context."""
         width = self.upper - self.lower
         share = int(self.zeros[context] / self.all[context] * 1024 + 0.5)
@@ -58,12 +54,12 @@ class Bits:
             self.upper = 2 * (self.upper - offset)
             self.value = 2 * (self.value - offset) + follows
 
-    def number(self, count: int) -> int:
+    def number(self, count):
         """Return a number of the header, its lowest bit first."""
         return sum(self.read(0) << bit for bit in range(count))
 
 
-def coefficients_of(stream: str, count: int) -> FloatArray:
+def coefficients_of(stream, count):
     """Return the wavelet coefficients of a block of `count` samples."""
     bits, values = Bits(stream), [0] * count
     planes = bits.number(4)
@@ -72,7 +68,7 @@ def coefficients_of(stream: str, count: int) -> FloatArray:
     pixels, found = list(range(8)), list[int]()
     sets = [(place, "A") for place in range(4, 8)]
 
-    def test(place: int, context: int, plane: int, missed: list[int]) -> None:
+    def test(place, context, plane, missed):
         if bits.read(context):
             values[place] = 1 << plane if bits.read(1) else -(1 << plane)
             found.append(place)
@@ -102,7 +98,7 @@ def coefficients_of(stream: str, count: int) -> FloatArray:
 
 
 @cache
-def analysis(count: int) -> FloatArray:
+def analysis(count):
     """Return the matrix that makes coefficients of a block of samples, mirrored at its ends."""
     whole = np.eye(count)
     width = count
@@ -121,7 +117,7 @@ def analysis(count: int) -> FloatArray:
     return whole
 
 
-def decode(path: Path) -> tuple[FloatArray, dict[str, Any]]:
+def decode(path):
     """Return the waveform of a file with one channel of one wavelet band, and the document."""
     document = json.loads(path.read_text())
     channel = document["perceptions"][0]["channels"][0]

@@ -2,7 +2,6 @@
 
 import struct
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ class Received(NamedTuple):
     clock_offset_s: float = 0.0
 
 
-def write_xdf(path: Path, streams: Sequence[Received]) -> None:
+def write_xdf(path, streams):
     """Write streams of float32 or strings."""
     parts = [b"XDF:", _chunk(1, b'<?xml version="1.0"?><info><version>1.0</version></info>')]
     for number, stream in enumerate(streams, start=1):
@@ -34,12 +33,12 @@ def write_xdf(path: Path, streams: Sequence[Received]) -> None:
     path.write_bytes(b"".join(parts))
 
 
-def _packed(sample: Sequence[Any]) -> bytes:
+def _packed(sample):
     if not isinstance(sample[0], str):
         return np.asarray(sample, "<f4").tobytes()
     texts = [text.encode() for text in sample]
     return b"".join(b"\x04" + struct.pack("<I", len(text)) + text for text in texts)
 
 
-def _chunk(tag: int, content: bytes) -> bytes:
+def _chunk(tag, content):
     return b"\x04" + struct.pack("<IH", len(content) + 2, tag) + content

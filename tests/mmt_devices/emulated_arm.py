@@ -1,7 +1,5 @@
 """The emulated HD device for a test."""
 
-from collections.abc import Iterator
-
 import pytest
 
 from mmt.core.errors import MmtError
@@ -9,7 +7,7 @@ from mmt.testing.emulated.hd import EmulatedHd
 
 
 @pytest.fixture(name="emulated")
-def emulated_arm() -> Iterator[EmulatedHd]:
+def emulated_arm():
     """A device that is there; the test is skipped where it cannot be compiled."""
     try:
         device = EmulatedHd()

@@ -6,7 +6,6 @@ program for the environment that has franky-sim, which reads what is to happen f
 
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import contextmanager
 
 CARTESIAN_REFLEX = 7
@@ -16,11 +15,11 @@ CARTESIAN_REFLEX = 7
 class SimulatedArm:
     """The process; see `simulated_arm`."""
 
-    def __init__(self, host: str) -> None:
+    def __init__(self, host):
         self.host = host
         self.start()
 
-    def start(self) -> None:
+    def start(self):
         """Start it, and wait until it takes connections."""
         self._process = subprocess.Popen(
             [sys.executable, __file__, self.host],
@@ -31,28 +30,25 @@ class SimulatedArm:
         )
         self._heard()
 
-    def tell(self, what: str) -> None:
+    def tell(self, what):
         """Have ``reflex``, ``user-stop`` or ``release`` happen."""
-        assert self._process.stdin is not None
         self._process.stdin.write(what + "\n")
         self._process.stdin.flush()
         self._heard()
 
-    def _heard(self) -> None:
-        assert self._process.stdout is not None
+    def _heard(self):
         assert self._process.stdout.readline() == "done\n", "the simulator has ended"
 
-    def kill(self) -> None:
+    def kill(self):
         """End it, as a robot ends whose power fails."""
         self._process.kill()
         self._process.wait(60.0)
         for pipe in (self._process.stdin, self._process.stdout):
-            assert pipe is not None
             pipe.close()
 
 
 @contextmanager
-def simulated_arm(host: str) -> Iterator[SimulatedArm]:
+def simulated_arm(host):
     """A simulated FR3 at an address of this machine's loopback network."""
     arm = SimulatedArm(host)
     try:
@@ -61,7 +57,7 @@ def simulated_arm(host: str) -> Iterator[SimulatedArm]:
         arm.kill()
 
 
-def main(host: str) -> None:
+def main(host):
     """Run the simulator until the input ends."""
     from franky_sim import SimulationServer, franka_robot_protocol, simulation_server
     from franky_sim.mujoco_simulator import MujocoSimulator
@@ -69,12 +65,12 @@ def main(host: str) -> None:
     modes = franka_robot_protocol.RobotMode
     statuses = franka_robot_protocol.MoveStatus
 
-    class StoppingServer(simulation_server.FrankaRobotServer):  # type: ignore[misc]
+    class StoppingServer(simulation_server.FrankaRobotServer):
         fault: str = ""
         wanted: str = ""
 
         @property
-        def robot_state(self):  # type: ignore[no-untyped-def]
+        def robot_state(self):
             state = super().robot_state
             if self.fault == "user-stop":
                 return state.replace(robot_mode=modes.kUserStopped)
@@ -83,7 +79,7 @@ def main(host: str) -> None:
                 return state.replace(robot_mode=modes.kReflex, errors=errors, reflex_reason=errors)
             return state
 
-        def process_commands(self) -> None:
+        def process_commands(self):
             super().process_commands()
             wanted, self.wanted = self.wanted, ""
             if not wanted:
@@ -101,7 +97,7 @@ def main(host: str) -> None:
                 self.reset_current_motion_id()
             print("done", flush=True)
 
-    def recover(command, server):  # type: ignore[no-untyped-def]
+    def recover(command, server):
         if server.fault == "reflex":
             server.fault = ""
         command.reply(franka_robot_protocol.AutomaticErrorRecoveryStatus.kSuccess)

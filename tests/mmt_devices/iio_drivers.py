@@ -4,7 +4,6 @@ import sys
 from collections.abc import Callable
 
 import pytest
-from driver_fixtures import Keep
 
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.drivers import load_device
@@ -22,19 +21,19 @@ Drivers = Callable[..., IioAccelerometer]
 
 
 @pytest.fixture(name="emulated")
-def emulated_iio(started: Keep) -> EmulatedIio:
+def emulated_iio(started):
     """One that is there."""
     return started(EmulatedIio(lambda _time_ns: LEVEL))
 
 
 @pytest.fixture(name="adxl345")
-def emulated_adxl345(started: Keep) -> EmulatedIio:
+def emulated_adxl345(started):
     """One without stamps and triggers."""
     return started(EmulatedIio(lambda _time_ns: LEVEL, ADXL345))
 
 
 @pytest.fixture(name="drivers")
-def iio_drivers(closing: Keep) -> Drivers:
+def iio_drivers(closing):
     """Makes drivers of emulated ones, which are closed at the end."""
     return lambda emulated, **more: closing(
         load_device("iio-accelerometer", {**emulated.options, **more})

@@ -3,11 +3,9 @@
 import ast
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from pydantic import BaseModel
 
 from mmt.devices.ati.digital_ft import DigitalFtOptions
 from mmt.devices.ati.gauges import GaugesOptions
@@ -26,7 +24,7 @@ ROOMS = {
     "franka": "mmt_devices/franka",
 }
 """Where the driver of a page is."""
-OPTIONS: list[tuple[str, type[BaseModel]]] = [
+OPTIONS = [
     ("inverse3", haply.HandleOptions),
     ("inverse3", haply.Inverse3RobotOptions),
     ("universal-robots", universal_robots.UrRobotOptions),
@@ -37,7 +35,7 @@ OPTIONS: list[tuple[str, type[BaseModel]]] = [
 ]
 
 
-def rows(page: str, columns: int) -> Iterator[list[str]]:
+def rows(page, columns):
     """Yield the cells of each row of a page's tables with so many columns."""
     text = (ROOT / "docs" / "how-to" / f"{page}.md").read_text(encoding="utf-8")
     for line in re.findall(r"^\|.*\|$", text, re.MULTILINE):
@@ -47,8 +45,8 @@ def rows(page: str, columns: int) -> Iterator[list[str]]:
 
 
 @pytest.mark.parametrize(("page", "options"), OPTIONS)
-def test_the_page_has_every_option_with_its_default(page: str, options: type[BaseModel]) -> None:
-    shown: dict[str, str] = {}
+def test_the_page_has_every_option_with_its_default(page, options):
+    shown = {}
     for names, _, default, _ in rows(page, 4):
         keys, values = (re.findall("`([^`]+)`", cell) for cell in (names, default))
         words = [default] * len(keys)  # where there is no value
@@ -75,13 +73,13 @@ def test_the_page_has_every_option_with_its_default(page: str, options: type[Bas
         ("iio", IioOptions),
     ],
 )
-def test_the_page_names_every_option(page: str, options: type[BaseModel]) -> None:
+def test_the_page_names_every_option(page, options):
     text = (ROOT / "docs" / "how-to" / f"{page}.md").read_text(encoding="utf-8")
     assert [name for name in options.model_fields if f"`{name}`" not in text] == []
 
 
 @pytest.mark.parametrize("page", ROOMS)
-def test_what_the_page_quotes_is_said_by_the_driver(page: str) -> None:
+def test_what_the_page_quotes_is_said_by_the_driver(page):
     quoted = [quote for cell, _ in rows(page, 2) for quote in re.findall("`([^`]+)`", cell)]
     assert len(quoted) > 10
     said = ""

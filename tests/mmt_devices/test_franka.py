@@ -2,8 +2,6 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 import pytest
@@ -27,17 +25,17 @@ HOME = (500.0, 0.0, 300.0)
 
 
 @pytest.fixture
-def emulated() -> Iterator[EmulatedFranka]:
+def emulated():
     arm = EmulatedFranka()
     with arm.library():
         yield arm
 
 
 @pytest.fixture
-def make(emulated: EmulatedFranka) -> Iterator[Callable[..., Any]]:
+def make(emulated):
     made = []
 
-    def device(kind: type = FrankaRobot, **options: object) -> Any:
+    def device(kind=FrankaRobot, **options):
         made.append(kind(host="arm", **options))
         return made[-1]
 
@@ -48,20 +46,20 @@ def make(emulated: EmulatedFranka) -> Iterator[Callable[..., Any]]:
 
 
 @pytest.fixture
-def robot(make: Callable[..., Any], connected: Keep) -> FrankaRobot:
+def robot(make, connected):
     return connected(make())
 
 
-def moved(by: tuple[float, float, float]) -> tuple[float, float, float]:
+def moved(by):
     x, y, z = (a + b for a, b in zip(HOME, by, strict=True))
     return (x, y, z)
 
 
-def near(robot: FrankaRobot, target: tuple[float, float, float], mm: float = 0.05) -> bool:
+def near(robot, target, mm=0.05):
     return float(np.linalg.norm(np.subtract(robot.read(), target))) < mm
 
 
-def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, connected, emulated) -> None:
+def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, connected, emulated):
     robot = connected(make(axes="-y,x,z", origin_mm=(0.0, 500.0, 200.0)))
     robot.calibrate()
     assert robot.read() == pytest.approx((0.0, 0.0, 100.0))
@@ -71,7 +69,7 @@ def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, connected, emula
     assert robot.faults == {}
 
 
-def test_the_tools_orientation_is_in_the_scenes_axes(make, connected, emulated) -> None:
+def test_the_tools_orientation_is_in_the_scenes_axes(make, connected, emulated):
     robot = connected(make(axes="-y,x,z"))
     quarter = Rotation.from_euler("z", 90.0, degrees=True)  # the scene's x is the base's -y
     for turn in Rotation.random(3, random_state=1):
@@ -79,14 +77,14 @@ def test_the_tools_orientation_is_in_the_scenes_axes(make, connected, emulated) 
         until_turned(robot, quarter * turn)
 
 
-def test_nothing_moves_before_the_first_command(robot, emulated) -> None:
+def test_nothing_moves_before_the_first_command(robot, emulated):
     turns = robot.arm.turns
     until(lambda: robot.arm.turns > turns + 20)
     assert emulated.motions == []
     assert robot.read() == pytest.approx(HOME)
 
 
-def test_options_reach_the_arm(make, emulated) -> None:
+def test_options_reach_the_arm(make, emulated):
     robot = make(
         realtime="ignore",
         stiffness_n_mm=2.0,
@@ -108,7 +106,7 @@ def test_options_reach_the_arm(make, emulated) -> None:
     assert emulated.realtime is RealtimeConfig.Ignore
 
 
-def test_a_far_command_is_approached_at_the_speed_limit(make, connected, emulated) -> None:
+def test_a_far_command_is_approached_at_the_speed_limit(make, connected, emulated):
     robot = connected(make(speed_limit_mm_s=50.0))
     began = time.monotonic()
     until(lambda: bool(emulated.motions), lambda: robot.write(moved((400.0, 0.0, 0.0))))
@@ -120,7 +118,7 @@ def test_a_far_command_is_approached_at_the_speed_limit(make, connected, emulate
     until(lambda: motion.reference.target_twist.linear_velocity[0] > 0.04)
 
 
-def test_a_command_that_is_no_number_is_counted_and_not_obeyed(robot, emulated) -> None:
+def test_a_command_that_is_no_number_is_counted_and_not_obeyed(robot, emulated):
     for _ in range(20):
         robot.write((float("nan"), 0.0, 0.0))
         robot.write((0.0, float("inf"), 0.0))
@@ -130,11 +128,11 @@ def test_a_command_that_is_no_number_is_counted_and_not_obeyed(robot, emulated) 
     assert emulated.motions == []
 
 
-def test_no_call_waits_for_the_arm(make, connected, emulated) -> None:
+def test_no_call_waits_for_the_arm(make, connected, emulated):
     robot, force = connected(make()), connected(make(FrankaForce))
     until(lambda: bool(emulated.motions), lambda: robot.write(HOME))
 
-    def tick() -> None:
+    def tick():
         for _ in range(200):
             robot.write(HOME)
             robot.read()
@@ -162,9 +160,7 @@ def test_no_call_waits_for_the_arm(make, connected, emulated) -> None:
         ("libfranka: something new", RobotMode.Idle, "the library reports: something new"),
     ],
 )
-def test_a_stop_while_it_moves_is_a_loss_that_says_why(
-    robot, emulated, text, mode, sentence
-) -> None:
+def test_a_stop_while_it_moves_is_a_loss_that_says_why(robot, emulated, text, mode, sentence):
     until(lambda: bool(emulated.motions), lambda: robot.write(HOME))
     emulated.stop(text, mode)
     until_lost(robot.read, sentence)
@@ -174,7 +170,7 @@ def test_a_stop_while_it_moves_is_a_loss_that_says_why(
 
 def test_a_reflex_is_recovered_on_connecting_and_nothing_moves_until_a_command(
     robot, emulated, caplog
-) -> None:
+):
     until(lambda: near(robot, moved((5.0, 0.0, 0.0))), lambda: robot.write(moved((5.0, 0.0, 0.0))))
     emulated.stop(REFLEX, error="cartesian_reflex")
     until_lost(robot.read, "beyond 'collision_force_n'")
@@ -190,7 +186,7 @@ def test_a_reflex_is_recovered_on_connecting_and_nothing_moves_until_a_command(
     until(lambda: near(robot, moved((8.0, 0.0, 0.0))), lambda: robot.write(moved((8.0, 0.0, 0.0))))
 
 
-def test_an_arm_that_cannot_be_recovered_says_from_what(make, emulated) -> None:
+def test_an_arm_that_cannot_be_recovered_says_from_what(make, emulated):
     emulated.stop(REFLEX, error="tau_j_range_violation")
     emulated.recoverable = False
     robot = make()
@@ -211,7 +207,7 @@ def test_an_arm_that_cannot_be_recovered_says_from_what(make, emulated) -> None:
 )
 def test_an_arm_in_no_state_to_be_used_is_refused_or_lost_until_it_is(
     robot, emulated, mode, sentence
-) -> None:
+):
     emulated.mode = mode
     until_lost(robot.read, sentence)
     robot.close()
@@ -223,7 +219,7 @@ def test_an_arm_in_no_state_to_be_used_is_refused_or_lost_until_it_is(
     assert robot.read() == pytest.approx(HOME)
 
 
-def test_an_arm_without_power_is_lost_and_comes_back(robot, emulated) -> None:
+def test_an_arm_without_power_is_lost_and_comes_back(robot, emulated):
     emulated.powered = False
     until_lost(robot.read, "does not answer: check its power and its cable")
     robot.close()
@@ -234,13 +230,13 @@ def test_an_arm_without_power_is_lost_and_comes_back(robot, emulated) -> None:
     assert robot.read() == pytest.approx(HOME)
 
 
-def test_an_arm_whose_states_stand_still_is_lost(robot, emulated) -> None:
+def test_an_arm_whose_states_stand_still_is_lost(robot, emulated):
     until(lambda: bool(emulated.motions), lambda: robot.write(HOME))
     emulated.answering = False
     until_lost(robot.read, "sends no new state")
 
 
-def test_a_library_that_does_not_return_is_a_loss(make, connected, emulated, monkeypatch) -> None:
+def test_a_library_that_does_not_return_is_a_loss(make, connected, emulated, monkeypatch):
     monkeypatch.setattr(arms, "_STUCK_NS", 50_000_000)
     monkeypatch.setattr(arms, "_END_S", 0.05)
     robot = connected(make())
@@ -249,9 +245,7 @@ def test_a_library_that_does_not_return_is_a_loss(make, connected, emulated, mon
     robot.close()
 
 
-def test_a_connection_that_takes_too_long_is_told_and_not_made_twice(
-    make, emulated, monkeypatch
-) -> None:
+def test_a_connection_that_takes_too_long_is_told_and_not_made_twice(make, emulated, monkeypatch):
     monkeypatch.setattr(arms, "_CONNECT_S", 0.05)
     robot = make()
     with emulated.lock:
@@ -266,7 +260,7 @@ def test_a_connection_that_takes_too_long_is_told_and_not_made_twice(
     assert robot.read() == pytest.approx(HOME)
 
 
-def test_closing_brings_a_moving_arm_to_rest_and_gives_the_connection_back(robot, emulated) -> None:
+def test_closing_brings_a_moving_arm_to_rest_and_gives_the_connection_back(robot, emulated):
     until(lambda: bool(emulated.motions), lambda: robot.write(moved((3.0, 0.0, 0.0))))
     robot.close()
     robot.close()
@@ -276,7 +270,7 @@ def test_closing_brings_a_moving_arm_to_rest_and_gives_the_connection_back(robot
         robot.read()
 
 
-def test_arm_and_force_sensor_share_a_connection(make, connected, emulated) -> None:
+def test_arm_and_force_sensor_share_a_connection(make, connected, emulated):
     force = connected(make(FrankaForce, axes="-y,x,z"))
     robot = connected(make())
     assert emulated.connections == 1
@@ -290,9 +284,7 @@ def test_arm_and_force_sensor_share_a_connection(make, connected, emulated) -> N
     until(lambda: len(emulated.motions) == 3, lambda: robot.write(HOME))
 
 
-def test_the_force_at_rest_is_the_zero_and_none_at_all_is_counted(
-    make, connected, emulated
-) -> None:
+def test_the_force_at_rest_is_the_zero_and_none_at_all_is_counted(make, connected, emulated):
     emulated.pushes_n = (0.2, -0.1, 0.4)
     force = connected(make(FrankaForce))
     force.calibrate()
@@ -305,7 +297,7 @@ def test_the_force_at_rest_is_the_zero_and_none_at_all_is_counted(
     assert "singularity" in next(iter(force.faults))
 
 
-def test_two_robots_at_one_arm_and_drivers_that_do_not_agree_are_refused(make) -> None:
+def test_two_robots_at_one_arm_and_drivers_that_do_not_agree_are_refused(make):
     first, second = make(), make()
     first.connect()
     with pytest.raises(InputError, match="driven already"):
@@ -315,7 +307,7 @@ def test_two_robots_at_one_arm_and_drivers_that_do_not_agree_are_refused(make) -
     assert first.read() == pytest.approx(HOME)
 
 
-def test_a_session_goes_on_after_a_reflex(make, emulated) -> None:
+def test_a_session_goes_on_after_a_reflex(make, emulated):
     """Both devices are lost at once, and connected again side by side."""
     emulated.pushes_n = (0.0, 0.0, 0.1)
     running = RunningSource(make(FrankaForce), None, make())
@@ -332,7 +324,7 @@ def test_a_session_goes_on_after_a_reflex(make, emulated) -> None:
         running.source.close()
 
 
-def test_without_the_library_the_command_that_installs_it_is_given(monkeypatch) -> None:
+def test_without_the_library_the_command_that_installs_it_is_given(monkeypatch):
     monkeypatch.setattr("mmt.core.extras.find_spec", lambda _: None)
     with pytest.raises(InputError, match=r"franky-control .*which is not installed; .*\[franka\]"):
         require("franky")

@@ -1,13 +1,12 @@
 """The Franka drivers through the real library, against a simulator of the robot's protocol."""
 
 import os
-from collections.abc import Iterator
 from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 import pytest
-from franka_simulator import SimulatedArm, simulated_arm
+from franka_simulator import simulated_arm
 from waiting import until, until_lost
 
 from mmt.core.errors import MmtError
@@ -15,7 +14,7 @@ from mmt_devices.franka.control import PositionControl
 from mmt_devices.franka.driver import FrankaForce, FrankaRobot
 from mmt_devices.franka.options import FrankaRobotOptions
 
-franky: Any = pytest.importorskip(
+franky = pytest.importorskip(
     "franky", reason="franky-control is not installed: see docs/how-to/franka.md"
 )
 needs_simulator = pytest.mark.skipif(
@@ -25,7 +24,7 @@ needs_simulator = pytest.mark.skipif(
 
 
 @pytest.fixture
-def simulated() -> Iterator[SimulatedArm]:
+def simulated():
     """At an address of its own, since the port is the protocol's."""
     number = os.getpid()
     with simulated_arm(f"127.{1 + number // 65536 % 250}.{number // 256 % 256}.7") as arm:
@@ -33,7 +32,7 @@ def simulated() -> Iterator[SimulatedArm]:
 
 
 @pytest.fixture
-def devices(simulated: SimulatedArm) -> Iterator[tuple[FrankaRobot, FrankaForce]]:
+def devices(simulated):
     robot = FrankaRobot(host=simulated.host, realtime="ignore", stiffness_n_mm=3.0)
     force = FrankaForce(host=simulated.host, realtime="ignore")
     robot.connect()
@@ -43,7 +42,7 @@ def devices(simulated: SimulatedArm) -> Iterator[tuple[FrankaRobot, FrankaForce]
     force.close()
 
 
-def test_the_library_has_what_the_driver_calls() -> None:
+def test_the_library_has_what_the_driver_calls():
     class State:
         q = np.zeros(7)
         O_T_EE = franky.Affine([0.5, 0.0, 0.3])
@@ -52,10 +51,10 @@ def test_the_library_has_what_the_driver_calls() -> None:
         is_in_control = True
         motion: Any = None
 
-        def set_collision_behavior(self, torque_nm: float, force_n: float) -> None:
+        def set_collision_behavior(self, torque_nm, force_n):
             """Take them."""
 
-        def move(self, motion: Any, *, asynchronous: bool) -> None:
+        def move(self, motion, *, asynchronous):
             assert asynchronous
             self.motion = motion
 
@@ -80,14 +79,14 @@ def test_the_library_has_what_the_driver_calls() -> None:
 
 
 @needs_simulator
-def test_the_simulated_arm_is_moved_and_read(devices) -> None:
+def test_the_simulated_arm_is_moved_and_read(devices):
     robot, force = devices
     force.calibrate()
     home = robot.read()
     assert force.read() == (0.0, 0.0, 0.0)
     target = (home[0] + 20.0, home[1], home[2] - 10.0)
 
-    def off_mm() -> float:
+    def off_mm():
         return float(np.linalg.norm(np.subtract(robot.read(), target)))
 
     until(lambda: off_mm() < 3.0, lambda: robot.write(target))  # it has friction
@@ -96,12 +95,12 @@ def test_the_simulated_arm_is_moved_and_read(devices) -> None:
     assert stayed == (0.0, 0.0, 0.0)
 
 
-def lose(robot: FrankaRobot, sentence: str) -> None:
+def lose(robot, sentence):
     until_lost(lambda: (robot.write(robot.read()),), sentence)
 
 
 @needs_simulator
-def test_reflex_user_stop_and_lost_power_are_told_and_survived(simulated, devices) -> None:
+def test_reflex_user_stop_and_lost_power_are_told_and_survived(simulated, devices):
     robot, force = devices
     until(lambda: robot.arm.turns > 20, lambda: robot.write(robot.read()))
     simulated.tell("reflex")

@@ -12,7 +12,6 @@ from sensor_reading import check_times_rise, read_some, read_until_fault
 
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.protocols import ArrivalStamping
-from mmt_devices.iio.driver import IioAccelerometer
 from mmt_devices.iio.emulated import EmulatedIio
 
 NEAR = pytest.approx(LEVEL, abs=0.15)
@@ -21,14 +20,14 @@ EN = "scan_elements/in_accel_x_en"
 
 
 @pytest.fixture
-def sensor(emulated: EmulatedIio, drivers: Drivers, connected: Keep) -> IioAccelerometer:
+def sensor(emulated, drivers, connected):
     return connected(drivers(emulated))
 
 
 # --- values and times
 
 
-def test_values_are_the_truth_and_times_the_kernels(emulated, sensor) -> None:
+def test_values_are_the_truth_and_times_the_kernels(emulated, sensor):
     assert emulated.read("in_accel_sampling_frequency") == "2000.000000"
     assert emulated.read("current_timestamp_clock") == "monotonic"
     before_ns = time.monotonic_ns()
@@ -41,7 +40,7 @@ def test_values_are_the_truth_and_times_the_kernels(emulated, sensor) -> None:
     assert sensor.arrival_ns >= readings[-1].time_ns
 
 
-def test_axes_scale_and_offset_are_applied(emulated, drivers, connected) -> None:
+def test_axes_scale_and_offset_are_applied(emulated, drivers, connected):
     emulated.write("in_accel_scale", "0.00007649")
     emulated.write("in_accel_y_offset", "1000")
     sensor = connected(drivers(emulated, axes=["x", "-z", "y"], latency_ms=0.6))
@@ -50,7 +49,7 @@ def test_axes_scale_and_offset_are_applied(emulated, drivers, connected) -> None
     assert sensor.latency_ns == 600_000
 
 
-def test_a_sensor_without_stamps_is_counted(adxl345, drivers, connected) -> None:
+def test_a_sensor_without_stamps_is_counted(adxl345, drivers, connected):
     sensor = connected(drivers(adxl345, stamps="counted", rate_hz=1000))
     assert adxl345.read("in_accel_sampling_frequency") == "1600.000000"
     readings = read_some(sensor, 100)
@@ -60,7 +59,7 @@ def test_a_sensor_without_stamps_is_counted(adxl345, drivers, connected) -> None
     assert not isinstance(sensor, ArrivalStamping)
 
 
-def test_the_directories_of_later_kernels_do_as_well(started, drivers, connected) -> None:
+def test_the_directories_of_later_kernels_do_as_well(started, drivers, connected):
     emulated = started(EmulatedIio(lambda _time_ns: LEVEL, old=False))
     sensor = connected(drivers(emulated))
     assert emulated.read("buffer0/in_accel_x_en") == "1"
@@ -72,7 +71,7 @@ def test_the_directories_of_later_kernels_do_as_well(started, drivers, connected
 # --- settings
 
 
-def test_what_was_changed_is_put_back_and_nothing_else(emulated, drivers, connected) -> None:
+def test_what_was_changed_is_put_back_and_nothing_else(emulated, drivers, connected):
     emulated.write(EN, "1")
     emulated.write("scan_elements/in_temp_en", "1")
     emulated.write("buffer/watermark", "16")
@@ -87,7 +86,7 @@ def test_what_was_changed_is_put_back_and_nothing_else(emulated, drivers, connec
     assert attributes(emulated) == before
 
 
-def attributes(emulated: EmulatedIio) -> dict[str, str]:
+def attributes(emulated):
     return {
         str(path): path.read_text(encoding="ascii").strip()
         for path in emulated.directory.rglob("*")
@@ -95,7 +94,7 @@ def attributes(emulated: EmulatedIio) -> dict[str, str]:
     }
 
 
-def test_a_buffer_that_a_killed_program_left_on_is_taken(emulated, drivers, connected) -> None:
+def test_a_buffer_that_a_killed_program_left_on_is_taken(emulated, drivers, connected):
     emulated.write("buffer/enable", "1")
     sensor = connected(drivers(emulated))
     assert read_some(sensor)
@@ -103,7 +102,7 @@ def test_a_buffer_that_a_killed_program_left_on_is_taken(emulated, drivers, conn
     assert emulated.read("buffer/enable") == "0"
 
 
-def test_the_rate_is_the_next_that_the_sensor_has(emulated, drivers, connected) -> None:
+def test_the_rate_is_the_next_that_the_sensor_has(emulated, drivers, connected):
     for rate_hz, taken in ((600, "1000.000000"), (4000, "4000.000000"), (9000, "4000.000000")):
         sensor = connected(drivers(emulated, rate_hz=rate_hz))
         assert emulated.read("in_accel_sampling_frequency") == taken
@@ -113,7 +112,7 @@ def test_the_rate_is_the_next_that_the_sensor_has(emulated, drivers, connected) 
     assert emulated.read("in_accel_sampling_frequency") == "1500"
 
 
-def test_a_timer_can_be_its_trigger(emulated, drivers, connected) -> None:
+def test_a_timer_can_be_its_trigger(emulated, drivers, connected):
     emulated.write("../trigger7/name", "mmt")
     emulated.write("../trigger7/sampling_frequency", "100")
     sensor = connected(drivers(emulated, trigger="mmt"))
@@ -124,7 +123,7 @@ def test_a_timer_can_be_its_trigger(emulated, drivers, connected) -> None:
     assert emulated.read("../trigger7/sampling_frequency") == "100"
 
 
-def test_the_sensors_own_trigger_is_set_where_none_is(emulated, drivers, connected) -> None:
+def test_the_sensors_own_trigger_is_set_where_none_is(emulated, drivers, connected):
     emulated.write("trigger/current_trigger", "")
     connected(drivers(emulated))
     assert emulated.read("trigger/current_trigger") == "adxl355-dev0"
@@ -133,16 +132,14 @@ def test_the_sensors_own_trigger_is_set_where_none_is(emulated, drivers, connect
 # --- faults
 
 
-def test_lost_scans_are_counted(emulated, sensor) -> None:
+def test_lost_scans_are_counted(emulated, sensor):
     read_some(sensor)
     emulated.cut(*[0] * 7)
     read_until_fault(sensor, "lost samples", 7)
     assert read_some(sensor)[-1].value == NEAR
 
 
-def test_a_buffer_that_is_not_read_in_time_runs_over_and_is_counted(
-    emulated, drivers, connected
-) -> None:
+def test_a_buffer_that_is_not_read_in_time_runs_over_and_is_counted(emulated, drivers, connected):
     sensor = connected(drivers(emulated, length=16))
     end = time.monotonic() + 20.0
     while emulated.dropped < 50:
@@ -154,14 +151,14 @@ def test_a_buffer_that_is_not_read_in_time_runs_over_and_is_counted(
     check_times_rise(readings)
 
 
-def test_scans_in_two_parts_are_put_together(emulated, sensor) -> None:
+def test_scans_in_two_parts_are_put_together(emulated, sensor):
     emulated.split(20)
     readings = read_some(sensor, 100)
     assert all(reading.value == NEAR for reading in readings)
     assert "impossible stamp" not in sensor.faults
 
 
-def test_flipped_bits_move_no_time_back(emulated, sensor) -> None:
+def test_flipped_bits_move_no_time_back(emulated, sensor):
     readings = read_some(sensor)
     emulated.flip(100)
     readings += read_until_fault(sensor, "impossible stamp", 5)
@@ -171,7 +168,7 @@ def test_flipped_bits_move_no_time_back(emulated, sensor) -> None:
     assert readings[-1].value == NEAR
 
 
-def test_what_is_beyond_its_range_is_counted(emulated, drivers, connected) -> None:
+def test_what_is_beyond_its_range_is_counted(emulated, drivers, connected):
     sensor = connected(drivers(emulated, range_g=1.5))
     read_some(sensor)
     assert not sensor.faults.get("overload")
@@ -187,7 +184,7 @@ def test_what_is_beyond_its_range_is_counted(emulated, drivers, connected) -> No
     assert min(reading.value[2] for reading in readings) == pytest.approx(-20.05, abs=0.01)
 
 
-def test_silence_is_explained_as_far_as_the_kernel_tells(emulated, sensor) -> None:
+def test_silence_is_explained_as_far_as_the_kernel_tells(emulated, sensor):
     assert sensor.explain_fault() == ""
     emulated.write("trigger/current_trigger", "")
     assert "its trigger is gone" in sensor.explain_fault()
@@ -197,7 +194,7 @@ def test_silence_is_explained_as_far_as_the_kernel_tells(emulated, sensor) -> No
     assert "is gone; check the wires" in sensor.explain_fault()
 
 
-def test_a_sensor_that_does_not_feel_gravity_is_told_at_the_start(emulated, sensor, caplog) -> None:
+def test_a_sensor_that_does_not_feel_gravity_is_told_at_the_start(emulated, sensor, caplog):
     with caplog.at_level(logging.WARNING):
         sensor.calibrate()
         assert not caplog.records

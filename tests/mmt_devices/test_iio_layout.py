@@ -6,7 +6,7 @@ import struct
 from mmt_devices.iio.layout import Layout, parse_element
 
 
-def test_a_scan_lies_as_the_kernels_documentation_has_it() -> None:
+def test_a_scan_lies_as_the_kernels_documentation_has_it():
     kinds = {"a": "be:u16/16>>0", "b": "be:u32/32>>0", "c": "be:u32/32>>0", "d": "be:u64/64>>0"}
     elements = [parse_element(name, str(i), kind) for i, (name, kind) in enumerate(kinds.items())]
     layout = Layout(elements, "abcd")
@@ -19,7 +19,7 @@ def test_a_scan_lies_as_the_kernels_documentation_has_it() -> None:
     assert Layout(elements[1:2] + elements[:1], "a").size == 8  # padded to its largest
 
 
-def test_shifted_and_signed_values_are_decoded() -> None:
+def test_shifted_and_signed_values_are_decoded():
     element = parse_element("in_accel_y", "1", "le:s12/16>>4")
     assert element.bounds == (-2048, 2047)
     layout = Layout([element], [element.name])

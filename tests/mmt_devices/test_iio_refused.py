@@ -13,7 +13,7 @@ from mmt.devices.discovery import FoundPort
 from mmt_devices.iio.attributes import find_iio_accelerometers
 
 
-def test_what_is_not_there_is_told_with_what_is(emulated, drivers, tmp_path) -> None:
+def test_what_is_not_there_is_told_with_what_is(emulated, drivers, tmp_path):
     for options, words in (
         ({"device": "adxl372"}, r"no device 'adxl372' in .*; there are iio:device0 \(adxl355\)"),
         ({"sysfs_root": str(tmp_path)}, "no accelerometer in .*; there are none: check the over"),
@@ -32,7 +32,7 @@ def test_what_is_not_there_is_told_with_what_is(emulated, drivers, tmp_path) -> 
         drivers(emulated, device="1").connect()
 
 
-def test_no_trigger_is_told(emulated, drivers) -> None:
+def test_no_trigger_is_told(emulated, drivers):
     with pytest.raises(MmtError, match="there is no trigger 'mmt'; there are adxl355-dev0: wire"):
         drivers(emulated, trigger="mmt").connect()
     emulated.write("trigger/current_trigger", "")
@@ -41,12 +41,12 @@ def test_no_trigger_is_told(emulated, drivers) -> None:
         drivers(emulated).connect()
 
 
-def test_a_trigger_for_a_sensor_that_takes_none_is_refused(adxl345, drivers) -> None:
+def test_a_trigger_for_a_sensor_that_takes_none_is_refused(adxl345, drivers):
     with pytest.raises(MmtError, match="it takes no trigger; leave 'trigger' out"):
         drivers(adxl345, trigger="mmt", stamps="counted").connect()
 
 
-def test_no_stamps_are_told(adxl345, emulated, drivers) -> None:
+def test_no_stamps_are_told(adxl345, emulated, drivers):
     with pytest.raises(MmtError, match=r'no time stamps .*: set stamps = "counted"'):
         drivers(adxl345).connect()
     (emulated.directory / "current_timestamp_clock").unlink()
@@ -54,7 +54,7 @@ def test_no_stamps_are_told(adxl345, emulated, drivers) -> None:
         drivers(emulated).connect()
 
 
-def test_a_sensor_whose_interrupt_is_not_wired_is_told(emulated, drivers) -> None:
+def test_a_sensor_whose_interrupt_is_not_wired_is_told(emulated, drivers):
     emulated.stall()
     with pytest.raises(MmtError, match=r"no sample for 0\.2 s though its buffer runs; check the w"):
         drivers(emulated, start_s=0.2).connect()
@@ -69,7 +69,7 @@ def test_a_sensor_whose_interrupt_is_not_wired_is_told(emulated, drivers) -> Non
         ("le:s12/16>>5", "which no accelerometer has"),
     ],
 )
-def test_a_type_that_no_accelerometer_has_is_told(emulated, drivers, content, words) -> None:
+def test_a_type_that_no_accelerometer_has_is_told(emulated, drivers, content, words):
     emulated.write("scan_elements/in_accel_x_type", content)
     with pytest.raises(MmtError, match=words):
         drivers(emulated).connect()
@@ -77,7 +77,7 @@ def test_a_type_that_no_accelerometer_has_is_told(emulated, drivers, content, wo
 
 def test_a_driver_of_the_kernel_without_scale_or_with_none_that_is_a_number_is_told(
     emulated, drivers
-) -> None:
+):
     for held in ("n/a", "nan", "inf"):
         emulated.write("in_accel_scale", held)
         with pytest.raises(MmtError, match=f"in_accel_scale holds '{held}' and no finite number"):
@@ -87,7 +87,7 @@ def test_a_driver_of_the_kernel_without_scale_or_with_none_that_is_a_number_is_t
         drivers(emulated).connect()
 
 
-def test_counting_without_a_rate_is_refused(adxl345, drivers) -> None:
+def test_counting_without_a_rate_is_refused(adxl345, drivers):
     for name in ("in_accel_sampling_frequency", "in_accel_sampling_frequency_available"):
         (adxl345.directory / name).unlink()
     with pytest.raises(MmtError, match="nothing tells its rate"):
@@ -106,8 +106,8 @@ def test_counting_without_a_rate_is_refused(adxl345, drivers) -> None:
         ),
     ],
 )
-def test_what_the_kernel_refuses_is_explained(emulated, drivers, monkeypatch, error, words) -> None:
-    def refuse(*_arguments: object, **_named: object) -> None:
+def test_what_the_kernel_refuses_is_explained(emulated, drivers, monkeypatch, error, words):
+    def refuse(*_arguments, **_named):
         raise error
 
     with monkeypatch.context() as patch:
@@ -120,7 +120,7 @@ def test_what_the_kernel_refuses_is_explained(emulated, drivers, monkeypatch, er
             drivers(emulated).connect()
 
 
-def test_accelerometers_are_listed_and_what_is_not_permitted_is_told(emulated, monkeypatch) -> None:
+def test_accelerometers_are_listed_and_what_is_not_permitted_is_told(emulated, monkeypatch):
     emulated.write("../iio:device1/name", "a thermometer")
     roots = [Path(each) for each in emulated.options.values()]
     assert find_iio_accelerometers(*roots) == [FoundPort("iio:device0", "adxl355", "", "")]

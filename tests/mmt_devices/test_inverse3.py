@@ -8,8 +8,6 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from typing import Any
 
 import psutil
 import pytest
@@ -25,7 +23,7 @@ TWO = {"049D": EmulatedTip(REST_MM), "04BA": EmulatedTip(REST_MM)}
 
 
 @pytest.fixture
-def service() -> Iterator[EmulatedInverse3]:
+def service():
     made = EmulatedInverse3()
     made.start()
     yield made
@@ -33,10 +31,10 @@ def service() -> Iterator[EmulatedInverse3]:
 
 
 @pytest.fixture
-def make(service: EmulatedInverse3) -> Iterator[Callable[..., Any]]:
+def make(service):
     made = []
 
-    def device(role: str, **options: object) -> Any:
+    def device(role, **options):
         options = {**service.options, "timeout_ms": 1000, **options}
         made.append(load_device("inverse3", options, role=role))
         return made[-1]
@@ -47,20 +45,20 @@ def make(service: EmulatedInverse3) -> Iterator[Callable[..., Any]]:
     assert not children(PROCESS)
 
 
-def connected(device: Any) -> Any:
+def connected(device):
     device.connect()
     device.calibrate()
     return device
 
 
-def on_device(x: float, y: float, z: float) -> tuple[float, float, float]:
+def on_device(x, y, z):
     return (x + REST_MM[0], y + REST_MM[1], z + REST_MM[2])
 
 
 # --- the handle
 
 
-def test_the_handle_says_where_it_is_and_how_it_moves(make, service) -> None:
+def test_the_handle_says_where_it_is_and_how_it_moves(make, service):
     handle = connected(make("handle", origin_mm=(0.0, -150.0, 120.0)))
     assert handle.read(1).position_mm == pytest.approx((0.0, 0.0, 30.0))
     service.tip.hold(on_device(0.0, 40.0, 100.0), 0.2)
@@ -70,7 +68,7 @@ def test_the_handle_says_where_it_is_and_how_it_moves(make, service) -> None:
     assert service.profile == "mmt"
 
 
-def test_other_axes_turn_positions_and_forces(make, service) -> None:
+def test_other_axes_turn_positions_and_forces(make, service):
     service.tip.place((10.0, 20.0, 30.0))
     service.tip.hold((10.0, 20.0, 30.0), 5.0)
     handle = connected(make("handle", axes="y,-x,z", origin_mm=(0.0, 0.0, 0.0)))
@@ -98,7 +96,7 @@ def test_a_displayed_force_reaches_the_hand_and_fades_without_commands(version, 
     until(lambda: handle.faults.get("stale commands", 0) >= 1)  # told after the service is
 
 
-def test_names_that_are_given_go_before_what_the_service_seems_to_be(make, service) -> None:
+def test_names_that_are_given_go_before_what_the_service_seems_to_be(make, service):
     service.tip.hold(REST_MM, 5.0)
     handle = connected(make("handle", commands="3.1"))
     heard = service.heard
@@ -106,7 +104,7 @@ def test_names_that_are_given_go_before_what_the_service_seems_to_be(make, servi
     assert service.tip_state().motor_n == (0.0, 0.0, 0.0)  # it does not understand them
 
 
-def test_the_displayed_force_is_cut_to_the_limit(make, service) -> None:
+def test_the_displayed_force_is_cut_to_the_limit(make, service):
     service.tip.hold(REST_MM, 20.0)
     handle = connected(make("handle", force_limit_n=2.0))
     until(
@@ -120,7 +118,7 @@ def test_the_displayed_force_is_cut_to_the_limit(make, service) -> None:
     assert math.hypot(*service.tip_state().motor_n) <= 2.0 + 1e-9
 
 
-def test_at_the_end_there_is_no_force(make, service) -> None:
+def test_at_the_end_there_is_no_force(make, service):
     service.tip.hold(REST_MM, 20.0)
     handle = connected(make("handle", stale_ms=1000))
     until(lambda: service.tip_state().motor_n[2] > 0.5, lambda: handle.write((0.0, 0.0, 1.0)))
@@ -134,7 +132,7 @@ def test_at_the_end_there_is_no_force(make, service) -> None:
 # --- the robot
 
 
-def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, service) -> None:
+def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, service):
     robot = connected(make("robot"))
     target = (12.0, -7.0, 4.0)
     until(lambda: math.dist(robot.read(), target) < 0.05, lambda: robot.write(target))
@@ -145,7 +143,7 @@ def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, service) -> None
     assert robot.faults["commands that are not finite"] == 2
 
 
-def test_an_arm_is_limp_without_commands(make, service) -> None:
+def test_an_arm_is_limp_without_commands(make, service):
     robot = connected(make("robot"))
     until(lambda: service.heard > 20)
     assert service.tip_state().motor_n == (0.0, 0.0, 0.0)
@@ -170,14 +168,14 @@ def test_an_arm_that_is_held_fast_is_lost_and_another_connection_begins_where_it
 
 
 @pytest.fixture(params=["handle", "robot"])
-def device(request: pytest.FixtureRequest, make: Callable[..., Any]) -> Any:
+def device(request, make):
     """A device that runs, its position ready to be read as `position`."""
     made = connected(make(request.param))
     made.position = lambda: tuple(made.read(1)[0]) if request.param == "handle" else made.read()
     return made
 
 
-def lost(device: Any, sentence: str) -> None:
+def lost(device, sentence):
     until_lost(device.position, sentence)
     with pytest.raises(DeviceLost):
         device.write((0.0, 0.0, 1.0))
@@ -196,7 +194,7 @@ def lost(device: Any, sentence: str) -> None:
 )
 def test_a_device_that_gives_nothing_usable_is_lost_and_comes_back(
     fault, sentence, device, service
-) -> None:
+):
     service.fail(fault)
     lost(device, sentence)
     counted = device.faults
@@ -208,7 +206,7 @@ def test_a_device_that_gives_nothing_usable_is_lost_and_comes_back(
     assert all(device.faults[fault] >= count for fault, count in counted.items())
 
 
-def test_a_service_that_is_stuck_is_lost_and_comes_back(make, service) -> None:
+def test_a_service_that_is_stuck_is_lost_and_comes_back(make, service):
     robot = connected(make("robot", timeout_ms=50))
     robot.position = robot.read
     service.stall()
@@ -220,7 +218,7 @@ def test_a_service_that_is_stuck_is_lost_and_comes_back(make, service) -> None:
     assert robot.read() == pytest.approx((0.0, 0.0, 0.0))
 
 
-def test_a_service_that_leaves_is_lost_and_another_at_its_place_is_taken(device, service) -> None:
+def test_a_service_that_leaves_is_lost_and_another_at_its_place_is_taken(device, service):
     service.drop()
     lost(device, r"has closed the connection \(.+\): see whether it still runs")
     service.stop()
@@ -231,7 +229,7 @@ def test_a_service_that_leaves_is_lost_and_another_at_its_place_is_taken(device,
     assert device.position() == pytest.approx((0.0, 0.0, 0.0))
 
 
-def test_a_short_interruption_is_survived_and_counted(device, service) -> None:
+def test_a_short_interruption_is_survived_and_counted(device, service):
     service.fail("nan")
     until(lambda: sum(device.faults.values()) > 0)
     service.fail("nan", on=False)
@@ -242,7 +240,7 @@ def test_a_short_interruption_is_survived_and_counted(device, service) -> None:
 # --- its process
 
 
-def test_a_process_that_dies_is_a_device_that_is_lost_and_comes_back(device, service) -> None:
+def test_a_process_that_dies_is_a_device_that_is_lost_and_comes_back(device, service):
     (process,) = children(PROCESS)
     process.kill()
     lost(device, "the process that talks with ws://.* has ended")
@@ -250,7 +248,7 @@ def test_a_process_that_dies_is_a_device_that_is_lost_and_comes_back(device, ser
     assert device.position() == pytest.approx((0.0, 0.0, 0.0))
 
 
-def test_a_process_that_stands_still_holds_up_no_call(make, service) -> None:
+def test_a_process_that_stands_still_holds_up_no_call(make, service):
     robot = connected(make("robot", timeout_ms=50))
     robot.position = robot.read
     (process,) = children(PROCESS)
@@ -273,7 +271,7 @@ while True:
 
 
 @pytest.fixture
-def holder(service: EmulatedInverse3) -> Iterator[subprocess.Popen[bytes]]:
+def holder(service):
     """Another program that displays a force."""
     service.tip.hold(REST_MM, 20.0)
     with subprocess.Popen(
@@ -287,8 +285,8 @@ def holder(service: EmulatedInverse3) -> Iterator[subprocess.Popen[bytes]]:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are for Linux and macOS")
-def test_the_force_fades_while_the_program_stands_still_and_comes_back(holder, service) -> None:
-    shown: list[float] = []
+def test_the_force_fades_while_the_program_stands_still_and_comes_back(holder, service):
+    shown = []
     holder.send_signal(signal.SIGSTOP)
     until(
         lambda: service.tip_state().motor_n[2] == 0.0,
@@ -303,7 +301,7 @@ def test_the_force_fades_while_the_program_stands_still_and_comes_back(holder, s
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are for Linux and macOS")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_however_a_program_ends_no_process_and_no_force_is_left(number, holder, service) -> None:
+def test_however_a_program_ends_no_process_and_no_force_is_left(number, holder, service):
     (process,) = children(PROCESS, holder.pid)
     os.kill(holder.pid, number)
     holder.wait(60.0)
@@ -315,7 +313,7 @@ def test_however_a_program_ends_no_process_and_no_force_is_left(number, holder, 
 # --- refused when it starts
 
 
-def test_where_there_is_no_service_that_is_said(make) -> None:
+def test_where_there_is_no_service_that_is_said(make):
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         handle = make("handle", address=f"ws://127.0.0.1:{unused.getsockname()[1]}")
@@ -323,13 +321,13 @@ def test_where_there_is_no_service_that_is_said(make) -> None:
             handle.connect()
 
 
-def test_a_server_of_something_else_is_told_from_a_service(make, service) -> None:
+def test_a_server_of_something_else_is_told_from_a_service(make, service):
     handle = make("handle", address=service.options["address"] + "/elsewhere")
     with pytest.raises(MmtError, match=r"is no Haply Inverse Service \(it says 404"):
         handle.connect()
 
 
-def test_a_service_of_the_older_format_is_explained(make, service) -> None:
+def test_a_service_of_the_older_format_is_explained(make, service):
     service.version = "3.0"
     with pytest.raises(MmtError, match=r"speaks the format 3\.0: give the port .* 10001"):
         make("handle").connect()
@@ -343,20 +341,20 @@ def test_a_service_of_the_older_format_is_explained(make, service) -> None:
         ("nan", "inverse3 049D at ws://.* gives no position that makes sense"),
     ],
 )
-def test_a_first_message_that_cannot_be_used_is_explained(fault, sentence, make, service) -> None:
+def test_a_first_message_that_cannot_be_used_is_explained(fault, sentence, make, service):
     service.fail(fault)
     with pytest.raises(MmtError, match=sentence):
         make("handle").connect()
 
 
-def test_a_service_that_says_nothing_is_explained(make, service, monkeypatch) -> None:
+def test_a_service_that_says_nothing_is_explained(make, service, monkeypatch):
     monkeypatch.setattr("mmt_devices.inverse3.link._FIRST_S", 0.2)
     service.fail("mute")
     with pytest.raises(MmtError, match=r"does not say which devices there are, within 0\.2 s"):
         make("handle").connect()
 
 
-def test_of_two_devices_one_must_be_named(make, service) -> None:
+def test_of_two_devices_one_must_be_named(make, service):
     service.tips = TWO
     with pytest.raises(
         MmtError, match=r"has '049D' \(inverse3\), '04BA' \(inverse3\): name one by .*'device'"
@@ -370,7 +368,7 @@ def test_of_two_devices_one_must_be_named(make, service) -> None:
     assert TWO["049D"].mode == "idle"
 
 
-def test_an_uncalibrated_device_is_waited_for(make, service, caplog) -> None:
+def test_an_uncalibrated_device_is_waited_for(make, service, caplog):
     service.fail("uncalibrated")
     impatient = make("handle", calibration_s=0)
     impatient.connect()
@@ -389,7 +387,7 @@ def test_an_uncalibrated_device_is_waited_for(make, service, caplog) -> None:
     handle.read(1)
 
 
-def test_what_is_doubtful_about_a_device_is_remarked(make, service) -> None:
+def test_what_is_doubtful_about_a_device_is_remarked(make, service):
     service.fail("unpowered")
     first, second = make("handle"), make("robot")
     first.connect()
@@ -404,7 +402,7 @@ def test_what_is_doubtful_about_a_device_is_remarked(make, service) -> None:
 # --- the virtual one
 
 
-def test_the_virtual_handle_strokes_by_itself_and_the_virtual_arm_follows() -> None:
+def test_the_virtual_handle_strokes_by_itself_and_the_virtual_arm_follows():
     handle = load_device("virtual-inverse3", {"timeout_ms": 2000}, role="handle")
     robot = load_device("virtual-inverse3", {"timeout_ms": 2000}, role="robot")
     for device in (handle, robot):

@@ -1,8 +1,6 @@
 """An Inverse3 leads a simulated follower through both services, at the emulated service."""
 
 import asyncio
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +13,7 @@ from mmt_devices.inverse3.emulated_tip import EmulatedTip
 
 
 @pytest.fixture
-def service() -> Iterator[EmulatedInverse3]:
+def service():
     tip = EmulatedTip((0.0, -150.0, 155.0), StrokingHand(seed=3))
     made = EmulatedInverse3({"049D": tip})
     made.start()
@@ -24,8 +22,8 @@ def service() -> Iterator[EmulatedInverse3]:
 
 
 async def test_a_stroking_hand_on_the_handle_moves_the_follower_and_feels_its_surface(
-    tmp_path: Path, service: EmulatedInverse3
-) -> None:
+    tmp_path, service
+):
     scene = small_scene(
         tmp_path,
         session={"duration_s": 2.5},
@@ -42,9 +40,7 @@ async def test_a_stroking_hand_on_the_handle_moves_the_follower_and_feels_its_su
     assert np.ptp(frames["position_mm"][:, 0]) + np.ptp(frames["position_mm"][:, 1]) > 10.0
 
 
-async def test_a_handle_whose_service_fails_is_lost_and_comes_back(
-    tmp_path: Path, service: EmulatedInverse3
-) -> None:
+async def test_a_handle_whose_service_fails_is_lost_and_comes_back(tmp_path, service):
     scene = small_scene(
         tmp_path,
         session={"duration_s": 600.0},

@@ -3,7 +3,6 @@
 import json
 import math
 from itertools import pairwise
-from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -27,50 +26,50 @@ MS = 1_000_000
 class Clock:
     now_ns = 10**12
 
-    def __call__(self) -> int:
+    def __call__(self):
         return self.now_ns
 
 
-def entry(x_m: float = 0.0, y_m: float = -0.15, z_m: float = 0.15, **status: bool) -> dict:
+def entry(x_m=0.0, y_m=-0.15, z_m=0.15, **status):
     position = {"x": x_m, "y": y_m, "z": z_m}
     state = {"cursor_position": position, "cursor_velocity": {"x": 0.1, "y": 0.0, "z": -0.2}}
     return {"device_id": "049D", "state": state, "status": status}
 
 
-def answer(*arguments: float, **status: bool) -> str:
+def answer(*arguments, **status):
     return json.dumps({"inverse3": [entry(*arguments, **status)]})
 
 
-def handle(clock: Clock, names: str = "3.5") -> ForceServo:
+def handle(clock, names="3.5"):
     return ForceServo(ChosenDevice("049D", NAMES[names], entry()), 50.0, 100.0, 3.0, clock)
 
 
-def robot(clock: Clock, **options: float) -> Inverse3PositionServo:
+def robot(clock, **options):
     given = {"speed_limit_mm_s": 500.0, "lead_limit_mm": 10.0, **options}
     return Inverse3PositionServo(
         ChosenDevice("049D", NAMES["3.5"], entry()), 50.0, **given, clock=clock
     )
 
 
-def said(text: str) -> dict:
+def said(text):
     (only,) = json.loads(text)["inverse3"]
     assert only["device_id"] == "049D"
     return only["commands"]
 
 
-def vector(numbers: dict) -> tuple[float, ...]:
+def vector(numbers):
     return tuple(numbers[axis] for axis in "xyz")
 
 
-def force_n(commands: dict) -> tuple[float, ...]:
+def force_n(commands):
     return vector(commands["set_cursor_force"]["vector"])
 
 
-def place_m(commands: dict) -> tuple[float, ...]:
+def place_m(commands):
     return vector(commands["set_cursor_position"]["position"])
 
 
-def commanded(servo: Any, clock: Clock, answered: str = "") -> dict:
+def commanded(servo, clock, answered=""):
     """Let a millisecond pass with a command and an answer; return what the device is told."""
     clock.now_ns += MS
     servo.command_ns = clock()
@@ -83,7 +82,7 @@ def commanded(servo: Any, clock: Clock, answered: str = "") -> dict:
 
 
 @pytest.mark.parametrize("version", NAMES)
-def test_each_version_is_told_forces_by_its_own_names(version: str) -> None:
+def test_each_version_is_told_forces_by_its_own_names(version):
     clock = Clock()
     servo = handle(clock, version)
     assert vector(said(servo.release())["set_cursor_force"][NAMES[version].force]) == (0, 0, 0)
@@ -91,14 +90,14 @@ def test_each_version_is_told_forces_by_its_own_names(version: str) -> None:
     assert ("session" in greeting) == (version == "3.5")
 
 
-def test_the_version_is_known_by_the_first_message() -> None:
+def test_the_version_is_known_by_the_first_message():
     assert version_of({"session_id": 7}, entry()) == "3.5"
     newer = {**entry(), "state": {"control_mode": "idle"}}
     assert version_of({}, newer) == "3.5"
     assert version_of({}, {**entry(), "state": {"mode": "idle"}}) == "3.1"
 
 
-def test_a_message_of_the_older_format_is_told_from_one_without_devices() -> None:
+def test_a_message_of_the_older_format_is_told_from_one_without_devices():
     with pytest.raises(OtherFormatError):
         listed({"inverse3": {"049D": {}}})
     for without in ({}, {"inverse3": []}, {"inverse3": None}, {"inverse3": [3, {"device_id": 4}]}):
@@ -106,7 +105,7 @@ def test_a_message_of_the_older_format_is_told_from_one_without_devices() -> Non
 
 
 @pytest.mark.parametrize("text", ["", "<html>", "[1]", "3", "null", "[" * 100_000])
-def test_what_is_no_object_is_no_message(text: str) -> None:
+def test_what_is_no_object_is_no_message(text):
     with pytest.raises(ValueError):  # noqa: PT011 - whichever says it
         parse(text)
 
@@ -114,12 +113,11 @@ def test_what_is_no_object_is_no_message(text: str) -> None:
 # --- answers
 
 
-def test_positions_and_velocities_are_taken_in_millimetres() -> None:
+def test_positions_and_velocities_are_taken_in_millimetres():
     clock = Clock()
     servo = handle(clock)
     clock.now_ns += MS
     servo.handle_answer(answer(0.001, -0.15, 0.152))
-    assert servo.measured is not None
     assert servo.measured.position_mm == pytest.approx((1.0, -150.0, 152.0))
     assert servo.measured.velocity_mm_s == pytest.approx((100.0, 0.0, -200.0))
 
@@ -142,7 +140,7 @@ def test_positions_and_velocities_are_taken_in_millimetres() -> None:
         ('{"inverse3": [{"device_id": "0000"}]}', ABSENT),
     ],
 )
-def test_an_answer_that_makes_no_sense_is_counted_and_takes_the_force_away(text, problem) -> None:
+def test_an_answer_that_makes_no_sense_is_counted_and_takes_the_force_away(text, problem):
     clock = Clock()
     servo = handle(clock)
     servo.command = (0.0, 0.0, 2.0)
@@ -159,7 +157,7 @@ def test_an_answer_that_makes_no_sense_is_counted_and_takes_the_force_away(text,
     assert 0.0 <= force_n(told)[2] <= 2.0 * 10 / 100  # by its ramp
 
 
-def test_where_calibration_is_needed_a_position_without_it_makes_no_sense() -> None:
+def test_where_calibration_is_needed_a_position_without_it_makes_no_sense():
     servo = handle(Clock())
     servo.handle_answer(answer(calibrated=False))
     assert servo.counts == {}
@@ -177,7 +175,7 @@ def test_where_calibration_is_needed_a_position_without_it_makes_no_sense() -> N
                     lambda c: st.lists(c, max_size=3) | st.dictionaries(
                         st.sampled_from(["inverse3", "device_id", "state", "status", "x",
                                          "cursor_position", "cursor_velocity"]), c)))  # fmt: skip
-def test_no_answer_ends_the_conversation_or_moves_the_device(message: object) -> None:
+def test_no_answer_ends_the_conversation_or_moves_the_device(message):
     servo = handle(Clock())
     before = servo.measured
     servo.handle_answer(json.dumps(message))
@@ -188,7 +186,7 @@ def test_no_answer_ends_the_conversation_or_moves_the_device(message: object) ->
 # --- the force of a handle
 
 
-def test_the_force_fades_when_commands_stop_and_comes_back_as_slowly() -> None:
+def test_the_force_fades_when_commands_stop_and_comes_back_as_slowly():
     clock = Clock()
     servo = handle(clock)
     servo.command = (1.0, 0.0, 0.0)
@@ -208,7 +206,7 @@ def test_the_force_fades_when_commands_stop_and_comes_back_as_slowly() -> None:
 # --- the point of an arm
 
 
-def test_the_point_starts_at_the_tip_and_moves_at_a_bounded_speed() -> None:
+def test_the_point_starts_at_the_tip_and_moves_at_a_bounded_speed():
     clock = Clock()
     servo = robot(clock, speed_limit_mm_s=100.0, lead_limit_mm=100.0)
     assert "set_cursor_force" in said(servo.next_message(clock()))  # limp before the first command
@@ -223,7 +221,7 @@ def test_the_point_starts_at_the_tip_and_moves_at_a_bounded_speed() -> None:
     assert at[-1] == pytest.approx(50.0)
 
 
-def test_the_point_leads_the_tip_by_no_more_than_its_limit() -> None:
+def test_the_point_leads_the_tip_by_no_more_than_its_limit():
     clock = Clock()
     servo = robot(clock, lead_limit_mm=4.0)
     servo.command = (50.0, -150.0, 150.0)
@@ -233,7 +231,7 @@ def test_the_point_leads_the_tip_by_no_more_than_its_limit() -> None:
     assert servo.fault == ""
 
 
-def test_a_tip_that_does_not_move_although_it_is_pulled_ends_the_connection() -> None:
+def test_a_tip_that_does_not_move_although_it_is_pulled_ends_the_connection():
     clock = Clock()
     servo = robot(clock, lead_limit_mm=4.0)
     servo.command = (50.0, -150.0, 150.0)
@@ -248,7 +246,7 @@ def test_a_tip_that_does_not_move_although_it_is_pulled_ends_the_connection() ->
     assert near.fault == ""
 
 
-def test_an_arm_without_fresh_commands_is_limp_and_starts_anew_where_it_is() -> None:
+def test_an_arm_without_fresh_commands_is_limp_and_starts_anew_where_it_is():
     clock = Clock()
     servo = robot(clock)
     servo.command, servo.command_ns = (50.0, -150.0, 150.0), clock()
@@ -266,6 +264,6 @@ def test_an_arm_without_fresh_commands_is_limp_and_starts_anew_where_it_is() -> 
 # --- roles
 
 
-def test_it_is_a_robot_and_a_handle() -> None:
+def test_it_is_a_robot_and_a_handle():
     assert roles_of("inverse3") == ("robot", "handle")
     assert roles_of("virtual-inverse3") == ("robot", "handle")

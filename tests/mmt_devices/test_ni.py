@@ -5,10 +5,8 @@ import math
 import re
 import time
 import tomllib
-from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -41,18 +39,18 @@ PAGE = Path(__file__).parents[2] / "docs/how-to/ni.md"
 LEVELS = 0.1 * np.arange(INPUTS)
 
 
-def level(times_ns: Sequence[int]) -> np.ndarray:
+def level(times_ns):
     return np.tile(LEVELS, (len(times_ns), 1))
 
 
-def inputs(*numbers: int, backend: EmulatedNi, **options: Any) -> Any:
+def inputs(*numbers, backend, **options):
     return load_device("ni-daqmx", {"inputs": numbers, "backend": backend, **options})
 
 
 # --- the board
 
 
-def test_inputs_are_measured_against_ground_or_their_partners_at_the_boards_rate(closing) -> None:
+def test_inputs_are_measured_against_ground_or_their_partners_at_the_boards_rate(closing):
     box = EmulatedNi(level)
     reader = closing(inputs(3, 0, backend=box, rate_hz=3000.0))
     single = closing(inputs(14, 6, backend=box, terminals="rse", rate_hz=3000.0))
@@ -69,7 +67,7 @@ def test_inputs_are_measured_against_ground_or_their_partners_at_the_boards_rate
     assert reader.faults == {}
 
 
-def test_the_thread_waits_and_the_reader_does_not(connected) -> None:
+def test_the_thread_waits_and_the_reader_does_not(connected):
     box = EmulatedNi(level)
     reader = connected(inputs(0, backend=box, rate_hz=100.0))
     read_some(reader, 3)
@@ -80,7 +78,7 @@ def test_the_thread_waits_and_the_reader_does_not(connected) -> None:
     assert 0 <= time.monotonic_ns() - reader.arrival_ns < 5_000_000_000
 
 
-def test_a_board_that_is_read_too_late_says_so_and_goes_on(connected, caplog) -> None:
+def test_a_board_that_is_read_too_late_says_so_and_goes_on(connected, caplog):
     box = EmulatedNi(level)
     reader = connected(inputs(0, 1, backend=box))
     before = read_some(reader, 50)
@@ -95,14 +93,14 @@ def test_a_board_that_is_read_too_late_says_so_and_goes_on(connected, caplog) ->
     assert sum(steps) == 500_000 * (len(steps) + lost)
 
 
-def test_blocks_that_nobody_takes_are_counted(connected, monkeypatch) -> None:
+def test_blocks_that_nobody_takes_are_counted(connected, monkeypatch):
     monkeypatch.setattr("mmt_devices.ni.stream._MOST_WAITING", 20)
     reader = connected(inputs(0, backend=EmulatedNi(level)))
     time.sleep(0.5)
     read_until_fault(reader, "lost scans")
 
 
-def test_an_unplugged_board_is_lost_and_comes_back(closing) -> None:
+def test_an_unplugged_board_is_lost_and_comes_back(closing):
     box = EmulatedNi(level)
     reader, other = closing(inputs(0, backend=box)), closing(inputs(1, backend=box))
     reader.connect()
@@ -122,7 +120,7 @@ def test_an_unplugged_board_is_lost_and_comes_back(closing) -> None:
         reader.read()
 
 
-def test_a_board_that_gives_nothing_is_lost(connected) -> None:
+def test_a_board_that_gives_nothing_is_lost(connected):
     box = EmulatedNi(level)
     reader = connected(inputs(0, backend=box))
     box.stalled = True
@@ -132,7 +130,7 @@ def test_a_board_that_gives_nothing_is_lost(connected) -> None:
     assert read_some(reader, 5)
 
 
-def test_what_one_task_cannot_do_is_refused_and_the_other_goes_on(connected) -> None:
+def test_what_one_task_cannot_do_is_refused_and_the_other_goes_on(connected):
     box = EmulatedNi(level)
     first = connected(inputs(0, 1, backend=box))
     for wrong, words in (
@@ -155,12 +153,12 @@ def test_what_one_task_cannot_do_is_refused_and_the_other_goes_on(connected) -> 
 class Larger(EmulatedNi):
     """With more inputs."""
 
-    def get_device_attribute_string(self, device_name: str, attribute: int) -> str:
+    def get_device_attribute_string(self, device_name, attribute):
         said = super().get_device_attribute_string(device_name, attribute)
         return said if attribute == 0x631 else f"{said}, {device_name}/ai16:31"
 
 
-def test_which_board_is_told_where_there_are_several(connected) -> None:
+def test_which_board_is_told_where_there_are_several(connected):
     box = EmulatedNi(level)
     box.name = "Dev1, Dev2"
     with pytest.raises(InputError, match=r"2 boards by NI: .*'device': Dev1 \(USB-6251\), Dev2"):
@@ -171,7 +169,7 @@ def test_which_board_is_told_where_there_are_several(connected) -> None:
     assert read_some(second, 5)
 
 
-def test_a_board_that_another_program_has_is_told(closing) -> None:
+def test_a_board_that_another_program_has_is_told(closing):
     box = EmulatedNi(level)
     task = box.task()
     task.start()
@@ -183,7 +181,7 @@ def test_a_board_that_another_program_has_is_told(closing) -> None:
 # --- what there is, and what is missing
 
 
-def test_boards_are_listed_and_a_missing_driver_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_boards_are_listed_and_a_missing_driver_is_told(monkeypatch):
     assert daqmx.find_ports(EmulatedNi(level)) == [FoundPort("Dev1", "USB-6251", "1A2B3C", "")]
     monkeypatch.setattr("nidaqmx._library_interpreter.lib_importer", nidaqmx._lib.DaqLibImporter())
     monkeypatch.setattr("nidaqmx._lib.find_library", lambda _name: None)
@@ -199,7 +197,7 @@ ANYTHING = st.one_of(
 
 
 @given(st.dictionaries(st.sampled_from([*NiOptions.model_fields, "foo"]), ANYTHING))
-def test_any_options_are_taken_in_their_bounds_or_refused_by_name(options: dict[str, Any]) -> None:
+def test_any_options_are_taken_in_their_bounds_or_refused_by_name(options):
     try:
         board = load_device("ni-daqmx", options)
     except InputError as error:
@@ -217,13 +215,13 @@ def test_any_options_are_taken_in_their_bounds_or_refused_by_name(options: dict[
 
 
 @given(st.text(), st.integers(-300_000, -1))
-def test_any_error_of_ni_daqmx_is_one_line(text: str, code: int) -> None:
+def test_any_error_of_ni_daqmx_is_one_line(text, code):
     said = daqmx.explain(DaqError(f"It failed.\n\n{text}\n\nTask Name: _unnamedTask<0>", code))
     assert len(said.splitlines()) == 1
     assert code == -50103 or said.startswith("It failed.")
 
 
-def test_the_page_has_every_option_and_its_scene_loads(tmp_path: Path) -> None:
+def test_the_page_has_every_option_and_its_scene_loads(tmp_path):
     page = PAGE.read_text(encoding="utf-8")
     assert all(f"`{option}`" in page for option in NiOptions.model_fields)
     (block,) = re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
@@ -243,7 +241,7 @@ def test_the_page_has_every_option_and_its_scene_loads(tmp_path: Path) -> None:
 class Bench(RunningSource):
     """An emulated board that carries six gauges and an accelerometer, and a source on both."""
 
-    def __init__(self, tmp_path: Path, rate_hz: float, samples: int, fast_hz: float) -> None:
+    def __init__(self, tmp_path, rate_hz, samples, fast_hz):
         self.pressed = False
         self._fast_hz = fast_hz
         self.samples = samples
@@ -255,15 +253,15 @@ class Bench(RunningSource):
         self.accelerometer = load_device("adxl335-board", {"board": board, "bandwidth_hz": 1600})
         super().__init__(self.gauges, self.accelerometer, samples_per_frame=samples)
 
-    def force_n(self, times_ns: np.ndarray) -> np.ndarray:
+    def force_n(self, times_ns):
         return 2.0 + np.sin(10e-9 * math.pi * times_ns)
 
-    def acceleration_m_s2(self, times_ns: np.ndarray) -> np.ndarray:
+    def acceleration_m_s2(self, times_ns):
         slow, fast = (math.tau * f * times_ns * 1e-9 for f in (20.0, self._fast_hz))
         felt = [10.0 * np.sin(slow), 5.0 * np.sin(fast), np.full(len(times_ns), GRAVITY_M_S2)]
         return np.array(felt).T
 
-    def _volts(self, times_ns: Sequence[int]) -> np.ndarray:
+    def _volts(self, times_ns):
         times = np.array(times_ns)
         volts = np.zeros((len(times), INPUTS))
         zero, gain, _ = nominal(3.3)
@@ -275,7 +273,7 @@ class Bench(RunningSource):
 
 
 @pytest.fixture(params=[(2000.0, 1, 300.0)])
-def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
+def bench(request, tmp_path):
     made = Bench(tmp_path, *request.param)
     made.start()
     made.pressed = True
@@ -286,7 +284,7 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
 
 
 @pytest.mark.parametrize("bench", [(2000.0, 1, 300.0), (6000.0, 5, 1300.0)], indirect=True)
-def test_one_board_carries_gauges_and_accelerometer_into_frames(bench) -> None:
+def test_one_board_carries_gauges_and_accelerometer_into_frames(bench):
     samples = bench.samples
     frames = bench.run(lambda number: number >= 600)
     assert bench.box.channels == 9
@@ -303,7 +301,7 @@ def test_one_board_carries_gauges_and_accelerometer_into_frames(bench) -> None:
     assert bench.told == []
 
 
-def test_an_unplugged_board_is_two_lost_sensors_which_both_come_back(bench) -> None:
+def test_an_unplugged_board_is_two_lost_sensors_which_both_come_back(bench):
     bench.box.plugged = False
     bench.run_until_told("force sensor.* NI Dev1 is gone", "accelerometer.* NI Dev1 is gone")
     bench.box.plugged = True
@@ -312,7 +310,7 @@ def test_an_unplugged_board_is_two_lost_sensors_which_both_come_back(bench) -> N
     assert np.median(abs(frames["force_n"][:, 2] - bench.force_n(frames["time_ns"]))) < 0.1
 
 
-def test_an_overrun_is_survived_and_counted(bench) -> None:
+def test_an_overrun_is_survived_and_counted(bench):
     bench.box.lag(10_000)
     bench.run(lambda _: bench.gauges.faults.get("board: overruns"))
     frames = bench.run(lambda number: number >= 1500)
@@ -326,9 +324,7 @@ def test_an_overrun_is_survived_and_counted(bench) -> None:
 
 
 @pytest.mark.parametrize(("acceleration_hz", "rate_hz"), [(1000, 2000), (5000, 6000)])
-async def test_a_session_runs_on_the_virtual_board(
-    tmp_path: Path, acceleration_hz: int, rate_hz: int
-) -> None:
+async def test_a_session_runs_on_the_virtual_board(tmp_path, acceleration_hz, rate_hz):
     lab = {"surface": "wood", "acceleration_rate_hz": acceleration_hz}
     file = str(write_calibration(tmp_path))
     board = {"driver": "virtual-ni-daqmx", "rate_hz": rate_hz, **lab}
@@ -363,10 +359,9 @@ async def test_a_session_runs_on_the_virtual_board(
     assert np.median(felt[..., 2]) == pytest.approx(GRAVITY_M_S2, abs=0.5)
 
 
-def test_a_lab_that_ends_is_a_lost_board_which_comes_back(connected) -> None:
+def test_a_lab_that_ends_is_a_lost_board_which_comes_back(connected):
     board = connected(load_device("virtual-ni-daqmx", {"seed": 3}))
     assert np.mean([volts for _, volts in read_some(board)]) == pytest.approx(0.2, abs=1e-3)
-    assert LAB.process is not None
     LAB.process.kill()
     read_until_lost(board, "The virtual lab has ended")
     board.connect()

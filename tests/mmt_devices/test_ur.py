@@ -3,9 +3,7 @@
 import itertools
 import re
 import sys
-from collections.abc import Callable, Iterator
 from importlib.util import find_spec
-from typing import Any
 
 import pytest
 from running_source import RunningSource
@@ -14,7 +12,6 @@ from sensor_reading import until_turned
 from test_ur_parts import Spring
 from waiting import children, until, until_lost
 
-from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.drivers import load_device
 from mmt.testing.emulated import drivers as lab_drivers
@@ -33,7 +30,7 @@ TOOL_DOWN = (2.2, 2.2, 0.0)
 class Lab:
     """An emulated controller, and the drivers of its arm."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.tip = Spring()
         self.controller = EmulatedUrController(self.tip)
         self.controller.start()
@@ -41,7 +38,7 @@ class Lab:
         self.robot = self.make("robot")
         self.force = self.make("force_sensor")
 
-    def make(self, role: Any, **options: Any) -> Any:
+    def make(self, role, **options):
         given = self.controller.options
         if role == "robot":
             given |= {"speed_limit_mm_s": 1000, "acceleration_limit_mm_s2": 20_000}
@@ -49,11 +46,11 @@ class Lab:
             del given["origin_mm"]
         return load_device("ur", {**given, **options}, role=role)
 
-    def go(self, position_mm: Vector) -> None:
+    def go(self, position_mm):
         self.robot.write(position_mm)
         until(lambda: self.robot.read() == pytest.approx(position_mm, abs=0.1))
 
-    def lost(self, device: Any) -> str:
+    def lost(self, device):
         """Read until the device is lost, and return why."""
         with pytest.raises(DeviceLost) as caught:
             until(lambda: False, device.read)
@@ -61,7 +58,7 @@ class Lab:
 
 
 @pytest.fixture
-def lab() -> Iterator[Lab]:
+def lab():
     made = Lab()
     yield made
     made.robot.close()
@@ -70,7 +67,7 @@ def lab() -> Iterator[Lab]:
     assert children("universal_robots") == []
 
 
-def test_the_arm_follows_commands_with_its_tool_as_it_was_and_feels_the_surface(lab: Lab) -> None:
+def test_the_arm_follows_commands_with_its_tool_as_it_was_and_feels_the_surface(lab):
     lab.robot.connect()
     lab.force.connect()
     lab.force.calibrate()
@@ -87,7 +84,7 @@ def test_the_arm_follows_commands_with_its_tool_as_it_was_and_feels_the_surface(
     assert lab.force.read()[2] == pytest.approx(4.0, abs=0.5)
 
 
-def test_the_tools_orientation_is_in_the_scenes_axes(lab: Lab) -> None:
+def test_the_tools_orientation_is_in_the_scenes_axes(lab):
     base_to_scene = Rotation.from_rotvec(lab.controller.options["rotation_rad"]).inv()
     lab.robot.connect()
     for turn in (TOOL_DOWN, (0.3, -0.2, 1.4), (0.0, 0.0, 0.0)):
@@ -95,7 +92,7 @@ def test_the_tools_orientation_is_in_the_scenes_axes(lab: Lab) -> None:
         until_turned(lab.robot, base_to_scene * Rotation.from_rotvec(turn))
 
 
-def test_robot_and_force_sensor_come_and_go_by_themselves_but_must_agree(lab: Lab) -> None:
+def test_robot_and_force_sensor_come_and_go_by_themselves_but_must_agree(lab):
     lab.force.connect()
     for _ in range(2):
         lab.robot.connect()
@@ -114,7 +111,7 @@ def test_robot_and_force_sensor_come_and_go_by_themselves_but_must_agree(lab: La
     assert lab.robot.read() == pytest.approx((0.0, 0.0, 5.0))
 
 
-def test_the_bias_is_taken_off_at_rest_alone_and_stays_in_the_next_connection(lab: Lab) -> None:
+def test_the_bias_is_taken_off_at_rest_alone_and_stays_in_the_next_connection(lab):
     lab.tip.command_mm = (0.0, 0.0, -1.0)
     lab.force.connect()
     lab.force.calibrate()
@@ -128,7 +125,7 @@ def test_the_bias_is_taken_off_at_rest_alone_and_stays_in_the_next_connection(la
         lab.force.calibrate()
 
 
-FAULTS: dict[str, tuple[Callable[[Lab], None], Callable[[Lab], None], str, str]] = {
+FAULTS = {
     "protective stop": (
         lambda lab: lab.arm.protective_stop(),
         lambda lab: lab.arm.restore(),
@@ -156,7 +153,7 @@ FAULTS: dict[str, tuple[Callable[[Lab], None], Callable[[Lab], None], str, str]]
 }
 
 
-def test_a_lost_arm_says_why_and_what_to_do_and_comes_back(lab: Lab) -> None:
+def test_a_lost_arm_says_why_and_what_to_do_and_comes_back(lab):
     lab.robot.connect()
     lab.go((5.0, 0.0, 4.0))
     for begin, end, told, refused in FAULTS.values():
@@ -174,13 +171,13 @@ def test_a_lost_arm_says_why_and_what_to_do_and_comes_back(lab: Lab) -> None:
     lab.go((0.0, 5.0, 6.0))
 
 
-def test_an_arm_that_is_commanded_and_never_read_is_lost_too(lab: Lab) -> None:
+def test_an_arm_that_is_commanded_and_never_read_is_lost_too(lab):
     lab.robot.connect()
     lab.arm.protective_stop()
     until_lost(lambda: lab.robot.write((0.0, 0.0, 5.0)), "in a protective stop")
 
 
-def test_an_arm_without_power_and_a_stop_of_its_program_are_told(lab: Lab) -> None:
+def test_an_arm_without_power_and_a_stop_of_its_program_are_told(lab):
     lab.robot.connect()
     lab.arm.mode = POWER_OFF
     assert "is not running (the pendant shows POWER_OFF)" in lab.lost(lab.robot)
@@ -192,7 +189,7 @@ def test_an_arm_without_power_and_a_stop_of_its_program_are_told(lab: Lab) -> No
     assert "Stop was pressed at the pendant" in lab.lost(lab.robot)
 
 
-def test_a_controller_that_falls_silent_is_lost_and_comes_back(lab: Lab) -> None:
+def test_a_controller_that_falls_silent_is_lost_and_comes_back(lab):
     lab.force.connect()
     lab.controller.silent = True
     assert "sends nothing any more" in lab.lost(lab.force)
@@ -201,13 +198,13 @@ def test_a_controller_that_falls_silent_is_lost_and_comes_back(lab: Lab) -> None
     assert lab.force.read() == pytest.approx((0.0, 0.0, 0.0), abs=0.5)
 
 
-def test_a_controller_that_speaks_another_version_is_refused(lab: Lab) -> None:
+def test_a_controller_that_speaks_another_version_is_refused(lab):
     lab.controller.refuses_version = True
     with pytest.raises(MmtError, match=r"gives no data by RTDE.*software is 3\.4 or later"):
         lab.force.connect()
 
 
-def test_a_force_that_is_stuck_stays_lost_until_it_changes(lab: Lab) -> None:
+def test_a_force_that_is_stuck_stays_lost_until_it_changes(lab):
     force = lab.force = lab.make("force_sensor", stuck_ms=100)
     force.connect()
     lab.arm.stuck = True
@@ -219,14 +216,14 @@ def test_a_force_that_is_stuck_stays_lost_until_it_changes(lab: Lab) -> None:
     force.read()
 
 
-def test_a_pose_that_stays_where_it_is_is_an_arm_that_does_not_follow(lab: Lab) -> None:
+def test_a_pose_that_stays_where_it_is_is_an_arm_that_does_not_follow(lab):
     lab.robot.connect()
     lab.arm.stuck = True
     lab.robot.write((50.0, 0.0, 5.0))
     assert "does not follow: its tip stays" in lab.lost(lab.robot)
 
 
-def test_a_process_that_dies_leaves_an_arm_that_its_watchdog_stops(lab: Lab) -> None:
+def test_a_process_that_dies_leaves_an_arm_that_its_watchdog_stops(lab):
     lab.robot.connect()
     lab.go((5.0, 0.0, 4.0))
     children("universal_robots")[0].kill()
@@ -237,7 +234,7 @@ def test_a_process_that_dies_leaves_an_arm_that_its_watchdog_stops(lab: Lab) -> 
     lab.go((0.0, 0.0, 6.0))
 
 
-def test_a_process_that_stands_still_holds_up_no_call(lab: Lab) -> None:
+def test_a_process_that_stands_still_holds_up_no_call(lab):
     lab.robot.connect()
     (process,) = children("universal_robots")
     process.suspend()
@@ -247,7 +244,7 @@ def test_a_process_that_stands_still_holds_up_no_call(lab: Lab) -> None:
     process.kill()
 
 
-def test_commands_are_cut_to_the_box_and_those_that_are_no_numbers_counted(lab: Lab) -> None:
+def test_commands_are_cut_to_the_box_and_those_that_are_no_numbers_counted(lab):
     lab.robot = lab.make("robot", least_mm=[-10, -10, 0], most_mm=[10, 10, 20])
     lab.robot.connect()
     lab.robot.write((30.0, 0.0, -5.0))
@@ -259,7 +256,7 @@ def test_commands_are_cut_to_the_box_and_those_that_are_no_numbers_counted(lab: 
     }
 
 
-def test_an_arm_that_presses_too_hard_is_sent_no_deeper(lab: Lab) -> None:
+def test_an_arm_that_presses_too_hard_is_sent_no_deeper(lab):
     lab.robot = lab.make("robot", force_limit_n=6.0, speed_limit_mm_s=20)
     lab.robot.connect()
     lab.robot.write((0.0, 0.0, -20.0))
@@ -268,7 +265,7 @@ def test_an_arm_that_presses_too_hard_is_sent_no_deeper(lab: Lab) -> None:
     assert -3.0 >= lab.robot.read()[2] > -6.0  # 2 N/mm, and a little more for the servo's lag
 
 
-def test_without_an_origin_the_scene_begins_where_the_tip_is(lab: Lab) -> None:
+def test_without_an_origin_the_scene_begins_where_the_tip_is(lab):
     lab.robot = load_device(
         "ur",
         {"host": lab.controller.host, "rotation_rad": lab.controller.options["rotation_rad"]},
@@ -282,12 +279,10 @@ def test_without_an_origin_the_scene_begins_where_the_tip_is(lab: Lab) -> None:
     assert lab.robot.read() == pytest.approx((3.0, 0.0, 2.0), abs=0.2)
 
 
-def test_an_arm_that_is_lost_while_the_origin_is_read_is_connected_again(
-    lab: Lab, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_arm_that_is_lost_while_the_origin_is_read_is_connected_again(lab, monkeypatch):
     robot = lab.robot = lab.make("robot", origin_mm=None)
 
-    def lose(_: ArmLink) -> None:
+    def lose(_):
         raise DeviceLost("gone")
 
     with monkeypatch.context() as patched:
@@ -298,7 +293,7 @@ def test_an_arm_that_is_lost_while_the_origin_is_read_is_connected_again(
     assert robot.read() == pytest.approx((0.0, 0.0, 0.0), abs=0.1)
 
 
-def test_what_is_not_connected_is_lost_and_what_is_not_installed_is_told(lab: Lab) -> None:
+def test_what_is_not_connected_is_lost_and_what_is_not_installed_is_told(lab):
     for device in (lab.robot, lab.force):
         with pytest.raises(DeviceLost, match="connect it first"):
             device.read()
@@ -312,7 +307,7 @@ def test_what_is_not_connected_is_lost_and_what_is_not_installed_is_told(lab: La
         load_device("virtual-ur", {"foo": 1})
 
 
-def test_frames_cease_in_a_protective_stop_and_go_on_after_it(lab: Lab) -> None:
+def test_frames_cease_in_a_protective_stop_and_go_on_after_it(lab):
     running = RunningSource(lab.force, None, lab.robot)
     running.start()
     try:
@@ -336,7 +331,7 @@ def test_frames_cease_in_a_protective_stop_and_go_on_after_it(lab: Lab) -> None:
         running.source.close()
 
 
-def test_the_virtual_arm_strokes_the_simulated_surface_of_the_lab() -> None:
+def test_the_virtual_arm_strokes_the_simulated_surface_of_the_lab():
     robot = load_device("virtual-ur", {"surface": "wood"}, role="robot")
     force = load_device("virtual-ur", role="force_sensor")
     accelerometer = load_device("virtual-adxl335", role="accelerometer")
@@ -354,7 +349,7 @@ def test_the_virtual_arm_strokes_the_simulated_surface_of_the_lab() -> None:
     assert lab_drivers.LAB.process is None
 
 
-def test_a_virtual_arm_beside_another_robot_is_refused() -> None:
+def test_a_virtual_arm_beside_another_robot_is_refused():
     robot = load_device("virtual-robot")
     try:
         robot.connect()

@@ -6,7 +6,6 @@ import re
 import socket
 import sys
 import threading
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -46,7 +45,7 @@ FREE = (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("vector", [(0.0, 0.0, 0.0), (0.3, -1.1, 0.7), (2.2, 2.2, 0.0)])
-def test_a_rotation_vector_turns_as_its_matrix_exponential_does(vector) -> None:
+def test_a_rotation_vector_turns_as_its_matrix_exponential_does(vector):
     x, y, z = vector
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     term, total = np.eye(3), np.eye(3)
@@ -56,7 +55,7 @@ def test_a_rotation_vector_turns_as_its_matrix_exponential_does(vector) -> None:
     assert np.array(rotation_matrix(vector)) == pytest.approx(total, abs=1e-12)
 
 
-def test_a_scene_that_is_turned_a_quarter_about_z_has_its_x_along_the_bases_y() -> None:
+def test_a_scene_that_is_turned_a_quarter_about_z_has_its_x_along_the_bases_y():
     frame = SceneFrame((100.0, 200.0, 300.0), (0.0, 0.0, math.pi / 2))
     assert frame.place_in_base((10.0, 0.0, 5.0)) == pytest.approx((0.1, 0.21, 0.305))
     assert frame.place_in_scene((0.1, 0.21, 0.305)) == pytest.approx((10.0, 0.0, 5.0))
@@ -64,7 +63,7 @@ def test_a_scene_that_is_turned_a_quarter_about_z_has_its_x_along_the_bases_y() 
     assert frame.to_base((2.0, 0.0, 3.0)) == pytest.approx((0.0, 2.0, 3.0))
 
 
-def test_frames_of_both_kinds_go_both_ways() -> None:
+def test_frames_of_both_kinds_go_both_ways():
     frame = SceneFrame((1.0, -2.0, 3.0), (0.4, -0.8, 1.9))
     for place in itertools.product((-50.0, 70.0), repeat=3):
         assert frame.place_in_scene(frame.place_in_base(place)) == pytest.approx(place)
@@ -74,11 +73,11 @@ def test_frames_of_both_kinds_go_both_ways() -> None:
 # --- the servo point
 
 
-def travelled(point: ServoPoint, target, periods: int = 2000, force_n=FREE) -> np.ndarray:
+def travelled(point, target, periods=2000, force_n=FREE):
     return np.array([point.move(target, force_n, PERIOD_S) for _ in range(periods)])
 
 
-def test_the_point_keeps_its_bounds_and_comes_to_rest_without_overshoot() -> None:
+def test_the_point_keeps_its_bounds_and_comes_to_rest_without_overshoot():
     target = np.array([0.1, -0.05, 0.02])
     path = travelled(ServoPoint(SETTINGS, FREE), tuple(target))
     path = np.vstack([np.zeros((2, 3)), path])
@@ -92,7 +91,7 @@ def test_the_point_keeps_its_bounds_and_comes_to_rest_without_overshoot() -> Non
     assert along.max() <= np.linalg.norm(target) + 1e-5
 
 
-def test_the_point_trails_a_steady_stroke_by_what_it_says() -> None:
+def test_the_point_trails_a_steady_stroke_by_what_it_says():
     point = ServoPoint(SETTINGS, FREE)
     for tick in range(1, 1000):
         target = (0.1 * tick * PERIOD_S, 0.0, 0.0)
@@ -101,7 +100,7 @@ def test_the_point_trails_a_steady_stroke_by_what_it_says() -> None:
     assert target[0] - place[0] == pytest.approx(expected_m, rel=0.5)
 
 
-def test_a_pressed_tip_is_sent_no_deeper_but_along_the_surface_and_back() -> None:
+def test_a_pressed_tip_is_sent_no_deeper_but_along_the_surface_and_back():
     point = ServoPoint(SETTINGS, FREE)
     assert travelled(point, (0.02, 0.0, -0.01), 500, (0.0, 0.0, 11.0))[-1] == pytest.approx(
         (0.02, 0.0, 0.0), abs=1e-6
@@ -118,7 +117,7 @@ def test_a_pressed_tip_is_sent_no_deeper_but_along_the_surface_and_back() -> Non
 # --- packages
 
 
-def test_packages_of_rtde_come_out_whole_however_they_were_cut() -> None:
+def test_packages_of_rtde_come_out_whole_however_they_were_cut():
     recipe = rtde.Recipe(b"timestamp,actual_TCP_pose,output_int_register_7,")
     values = {
         "timestamp": 1.5,
@@ -147,22 +146,22 @@ class Spring:
 
     command_mm: tuple[float, float, float] | None = None
 
-    def position_mm(self, time_ns: int) -> tuple[float, float, float]:
+    def position_mm(self, time_ns):
         return self.command_mm or (0.0, 0.0, 5.0)
 
-    def force_n(self, time_ns: int) -> tuple[float, float, float]:
+    def force_n(self, time_ns):
         return (0.0, 0.0, max(0.0, -2.0 * self.position_mm(time_ns)[2]))
 
 
 class Cycles:
     """An emulated arm whose controller's cycles are counted by hand."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.tip = Spring()
         self.arm = EmulatedArm(self.tip, SceneFrame(FREE, FREE), 0.0, 1)
         self.time_s = 0.0
 
-    def run(self, cycles: int = 1, **registers: float) -> None:
+    def run(self, cycles=1, **registers):
         if registers:
             self.arm.set_registers(
                 {f"input_{name}": value for name, value in registers.items()}, self.time_s
@@ -171,7 +170,7 @@ class Cycles:
             self.time_s += PERIOD_S
             self.arm.step(self.time_s, 0, PERIOD_S)
 
-    def servo(self, x_m: float, z_m: float, lookahead_s: float = 0.1) -> dict[str, float]:
+    def servo(self, x_m, z_m, lookahead_s=0.1):
         values = (x_m, 0.0, z_m, 2.2, 2.2, 0.0, 0.0, 0.0, PERIOD_S, lookahead_s, 300.0)
         numbered = {f"double_register_{i}": value for i, value in enumerate(values)}
         return {"int_register_0": SERVO_LINEAR, **numbered}
@@ -182,7 +181,7 @@ class Cycles:
 
 
 @pytest.fixture
-def cycles() -> Cycles:
+def cycles():
     made = Cycles()
     made.arm.start_program()
     made.run()
@@ -190,7 +189,7 @@ def cycles() -> Cycles:
     return made
 
 
-def test_the_arm_trails_a_steady_motion_by_the_lookahead_time(cycles: Cycles) -> None:
+def test_the_arm_trails_a_steady_motion_by_the_lookahead_time(cycles):
     for tick in range(1000):
         cycles.run(1, **cycles.servo(0.1 * tick * PERIOD_S, 0.0))
     behind_m = 0.1 * cycles.time_s - cycles.tip.position_mm(0)[0] / 1000.0
@@ -198,7 +197,7 @@ def test_the_arm_trails_a_steady_motion_by_the_lookahead_time(cycles: Cycles) ->
     assert cycles.answer == READY  # the library does not wait for what is continuous
 
 
-def test_a_command_is_done_once_and_the_next_one_waits_for_its_end(cycles: Cycles) -> None:
+def test_a_command_is_done_once_and_the_next_one_waits_for_its_end(cycles):
     cycles.run(50, **cycles.servo(0.01, 0.0))
     cycles.run(3, int_register_0=SERVO_STOP, double_register_0=5.0)
     assert cycles.answer == DONE
@@ -208,7 +207,7 @@ def test_a_command_is_done_once_and_the_next_one_waits_for_its_end(cycles: Cycle
     assert cycles.tip.position_mm(0) == place
 
 
-def test_the_watchdog_ends_the_program_where_commands_cease(cycles: Cycles) -> None:
+def test_the_watchdog_ends_the_program_where_commands_cease(cycles):
     cycles.run(1, int_register_0=SET_WATCHDOG, double_register_0=10.0)
     cycles.run(30, int_register_0=0)
     assert cycles.arm.runtime_state == PLAYING
@@ -217,12 +216,12 @@ def test_the_watchdog_ends_the_program_where_commands_cease(cycles: Cycles) -> N
 
 
 @pytest.mark.parametrize("command", [END, 12345])
-def test_the_end_and_what_is_not_known_end_the_program(cycles: Cycles, command: int) -> None:
+def test_the_end_and_what_is_not_known_end_the_program(cycles, command):
     cycles.run(1, int_register_0=command)
     assert cycles.arm.runtime_state == STOPPED
 
 
-def test_no_program_starts_in_a_stop_nor_without_power(cycles: Cycles) -> None:
+def test_no_program_starts_in_a_stop_nor_without_power(cycles):
     for stop in (cycles.arm.protective_stop, cycles.arm.emergency_stop):
         stop()
         cycles.arm.start_program()
@@ -236,7 +235,7 @@ def test_no_program_starts_in_a_stop_nor_without_power(cycles: Cycles) -> None:
 
 
 @pytest.fixture
-def answering() -> Iterator[dict[str, str]]:
+def answering():
     """A dashboard server at the loopback address 127.0.0.1, and what it answers."""
     answers = {
         "safetystatus": "Safetystatus: NORMAL",
@@ -244,7 +243,7 @@ def answering() -> Iterator[dict[str, str]]:
         "is in remote control": "true",
     }
 
-    def serve() -> None:
+    def serve():
         while True:
             try:
                 link, _ = server.accept()
@@ -287,7 +286,7 @@ def answering() -> Iterator[dict[str, str]]:
         ("is in remote control", "could not understand", ""),
     ],
 )
-def test_what_the_dashboard_says_is_told_with_what_to_do(answering, question, answer, told) -> None:
+def test_what_the_dashboard_says_is_told_with_what_to_do(answering, question, answer, told):
     answering[question] = answer
     found = dashboard.problem("127.0.0.1")
     assert bool(found) == bool(told)
@@ -295,7 +294,7 @@ def test_what_the_dashboard_says_is_told_with_what_to_do(answering, question, an
         assert re.search(told, found)
 
 
-def test_a_host_without_a_controller_is_named() -> None:
+def test_a_host_without_a_controller_is_named():
     with (
         pytest.MonkeyPatch.context() as patch,
         socket.create_server(("127.0.0.1", 0)) as taken,
@@ -309,7 +308,7 @@ def test_a_host_without_a_controller_is_named() -> None:
 # --- the list of drivers
 
 
-def test_the_list_of_drivers_says_where_the_library_is_missing(monkeypatch) -> None:
+def test_the_list_of_drivers_says_where_the_library_is_missing(monkeypatch):
     monkeypatch.setitem(sys.modules, "rtde_control", None)
     found = {driver.name: driver.problem for driver in find_drivers()}
     for driver in ("ur", "virtual-ur"):

@@ -3,7 +3,6 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.autoregression.burg import burg_batch
 from mmt.texture.autoregression.forms import lsf_to_ar, reflection_to_lsf
 from mmt_methods.selection import ModelPoints
@@ -11,16 +10,14 @@ from mmt_methods.selection import ModelPoints
 ORDER = 8
 
 
-def true_lsf(points: FloatArray) -> FloatArray:
+def true_lsf(points):
     """Line spectral frequencies that glide with the place, shape (n, ORDER)."""
     even = np.pi * (np.arange(ORDER) + 1.0) / (ORDER + 1.0)
     pull = 0.09 * np.cos(np.pi * np.arange(ORDER)) * (0.6 + 0.4 * points[:, :1])
     return even + pull + 0.05 * (points[:, 1:2] - 0.5)
 
 
-def sampled_texture(
-    n: int, dimensions: int, knocks: int, seed: int = 0
-) -> tuple[ModelPoints, BoolArray]:
+def sampled_texture(n, dimensions, knocks, seed=0):
     """Return points with their segments, and which of them hold a knock (0.4 of the variance)."""
     generator = np.random.default_rng(seed)
     points = generator.random((n, dimensions))

@@ -14,42 +14,42 @@ class Ours:
     directed = False
     model: Any = None
 
-    def __init__(self) -> None:
-        self.asked: list[tuple[float, ...]] = []
+    def __init__(self):
+        self.asked = []
 
-    def render(self, *inputs: np.ndarray) -> np.ndarray:
+    def render(self, *inputs):
         self.asked.append(tuple(each[0] for each in inputs))
         return np.full(len(inputs[0]), 100.0)
 
-    def reset(self) -> None:
+    def reset(self):
         pass
 
 
 class Echo:
     """A process that answers each block by its own velocity x, as soon as it is let."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.epoch, self.build, self.held = 0, 1, False
-        self.sent: list[int] = []
-        self.answers: list[Any] = []
+        self.sent = []
+        self.answers = []
 
-    def send(self, block: tuple[int, bytes]) -> None:
+    def send(self, block):
         number, motion = block
         self.sent.append(number)
         samples = np.frombuffer(motion).reshape(3, -1)[0].tobytes()
         self.answers.append(RenderedBlock(number, self.epoch, self.build, 1_000_000, 7, samples))
 
-    def poll(self) -> bool:
+    def poll(self):
         return bool(self.answers) and not self.held
 
-    def recv(self) -> Any:
+    def recv(self):
         answer = self.answers.pop(0)
         if isinstance(answer, Exception):
             raise answer
         return answer
 
 
-def made(crossfade_samples: int = 0, samples_per_frame: int = 1) -> tuple[GeneratedVibration, Echo]:
+def made(crossfade_samples=0, samples_per_frame=1):
     channel = Echo()
     vibration = GeneratedVibration("echo", Ours(), crossfade_samples, samples_per_frame)
     vibration.channel = channel
@@ -57,7 +57,7 @@ def made(crossfade_samples: int = 0, samples_per_frame: int = 1) -> tuple[Genera
     return vibration, channel
 
 
-def stroke(vibration: GeneratedVibration, x: np.ndarray, block: int = 1) -> np.ndarray:
+def stroke(vibration, x, block=1):
     parts = np.split(x, range(block, len(x), block))
     return np.concatenate(
         [vibration.render(part, np.zeros(len(part)), np.ones(len(part))) for part in parts]
@@ -66,7 +66,7 @@ def stroke(vibration: GeneratedVibration, x: np.ndarray, block: int = 1) -> np.n
 
 @pytest.mark.parametrize("block", [1, 3, 10, 17])
 @pytest.mark.parametrize("samples", [1, 4, 10])
-def test_what_is_played_is_of_the_motion_20_ms_ago(block: int, samples: int) -> None:
+def test_what_is_played_is_of_the_motion_20_ms_ago(block, samples):
     vibration, _ = made(samples_per_frame=samples)
     x = np.arange(1.0, 400.0 * samples + 1.0)
     played = stroke(vibration, x, block)
@@ -76,7 +76,7 @@ def test_what_is_played_is_of_the_motion_20_ms_ago(block: int, samples: int) -> 
     assert vibration.times.quantile_ms(0.5) == pytest.approx(1.0, rel=0.02)
 
 
-def test_our_model_is_played_until_the_generator_is_there_and_wanted() -> None:
+def test_our_model_is_played_until_the_generator_is_there_and_wanted():
     vibration, channel = made(crossfade_samples=40)
     channel.build = 0
     assert set(stroke(vibration, np.full(100, 3.0))) == {100.0}
@@ -90,17 +90,17 @@ def test_our_model_is_played_until_the_generator_is_there_and_wanted() -> None:
     assert set(stroke(vibration, np.full(100, 3.0))) == {3.0}
 
 
-def test_our_model_is_asked_in_its_own_inputs() -> None:
+def test_our_model_is_asked_in_its_own_inputs():
     vibration, channel = made()
     channel.build = 0
-    ours: Any = vibration._model
+    ours = vibration._model
     vibration.render(np.array([3.0]), np.array([4.0]), np.array([1.5]))
     ours.directed = True
     vibration.render(np.array([3.0]), np.array([4.0]), np.array([1.5]))
     assert ours.asked == [(5.0, 1.5), (3.0, 4.0, 1.5)]
 
 
-def test_a_late_block_is_counted_and_fades_and_no_more_than_three_are_asked() -> None:
+def test_a_late_block_is_counted_and_fades_and_no_more_than_three_are_asked():
     vibration, channel = made()
     stroke(vibration, np.full(60, 5.0))
     channel.held = True
@@ -117,12 +117,11 @@ def test_a_late_block_is_counted_and_fades_and_no_more_than_three_are_asked() ->
     assert (vibration.blocks, vibration.late) == (25, 11)  # one was not asked, as three were
 
 
-def test_one_that_is_late_half_of_the_time_is_given_up() -> None:
+def test_one_that_is_late_half_of_the_time_is_given_up():
     vibration, channel = made()
     stroke(vibration, np.full(60, 5.0))
     channel.held = True
     assert set(stroke(vibration, np.full(2000, 5.0))[-10:]) == {100.0}
-    assert vibration.fault is not None
     assert vibration.fault.startswith("generator echo: too slow, 100 of 10")
     assert not vibration.ready
 
@@ -138,7 +137,7 @@ def test_one_that_is_late_half_of_the_time_is_given_up() -> None:
         (ConnectionResetError(), "generator echo: the process that renders has ended"),
     ],
 )
-def test_a_fault_goes_over_to_our_model(answer: Any, sentence: str) -> None:
+def test_a_fault_goes_over_to_our_model(answer, sentence):
     vibration, channel = made(crossfade_samples=20)
     stroke(vibration, np.full(100, 5.0))
     channel.answers = [answer]
@@ -146,7 +145,7 @@ def test_a_fault_goes_over_to_our_model(answer: Any, sentence: str) -> None:
     assert vibration.fault == sentence
 
 
-def test_after_a_reset_no_block_of_the_model_before_is_heard() -> None:
+def test_after_a_reset_no_block_of_the_model_before_is_heard():
     vibration, channel = made()
     stroke(vibration, np.full(60, 5.0))
     vibration.epoch += 1
@@ -155,7 +154,7 @@ def test_after_a_reset_no_block_of_the_model_before_is_heard() -> None:
     assert set(stroke(vibration, np.full(60, 5.0))[-10:]) == {5.0}
 
 
-def test_motion_is_followed_while_nothing_is_rendered() -> None:
+def test_motion_is_followed_while_nothing_is_rendered():
     vibration, _ = made()
     vibration.follow(*np.full((3, 55), 5.0))
     assert vibration.ready

@@ -4,8 +4,6 @@ import re
 import subprocess
 import sys
 import time
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,14 +13,11 @@ from mmt.core.errors import InputError
 from mmt.evaluation.run_verdict import fault_sentences
 from mmt.leader.part import Part, Session
 from mmt.leader.parts import PARTS, build_parts
-from mmt.leader.reports import LeaderSummary
 from mmt.leader.service import Leader
 from mmt.scene import Scene
-from mmt.session.data import RecordedSession
 from mmt.session.files import read_session, write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.updates import UpdateWork
 from mmt_methods.generators.part import GeneratingPart
 
 ORIGIN = "band_plugin:band of band-plugin 2.1"
@@ -108,7 +103,7 @@ def quits(observed, previous):
 
 
 @pytest.fixture
-def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def plugin(tmp_path, monkeypatch):
     """An installed package, by its files alone, that offers these generators."""
     (tmp_path / "band_plugin.py").write_text(PLUGIN, encoding="utf-8")
     metadata = tmp_path / "band_plugin-2.1.dist-info"
@@ -123,7 +118,7 @@ def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def scene_with(directory: Path, generator: str, duration_s: float = 3.5) -> Scene:
+def scene_with(directory, generator, duration_s=3.5):
     """Strokes on felt, replayed; the model is ready as soon as there is one."""
     frames, annotations = simulate_session(Scene(), "felt", duration_s, 4)
     session = directory / "strokes.npz"
@@ -138,16 +133,14 @@ def scene_with(directory: Path, generator: str, duration_s: float = 3.5) -> Scen
     )
 
 
-async def led(scene: Scene) -> tuple[Together, LeaderSummary]:
+async def led(scene):
     together = Together.of(scene)
     await together.listen()
     await together.follow()
     return together, await together.end()
 
 
-async def test_it_is_fitted_while_the_surface_is_touched_felt_and_recorded(
-    tmp_path: Path, plugin: Path
-) -> None:
+async def test_it_is_fitted_while_the_surface_is_touched_felt_and_recorded(tmp_path, plugin):
     scene = scene_with(tmp_path, "band")
     together, summary = await led(scene)
     said = f"generator band ({ORIGIN}) renders"
@@ -173,7 +166,7 @@ async def test_it_is_fitted_while_the_surface_is_touched_felt_and_recorded(
     assert band_share(recorded, "streamed", 0.0) < 0.3
 
 
-def band_share(session: RecordedSession, mode: str, from_s: float) -> float:
+def band_share(session, mode, from_s):
     """Return the share of the power between 370 and 430 Hz of what was played."""
     played = [o.vibration_m_s2 for o in session.outputs if o.mode == mode and o.time_s >= from_s]
     power = np.square(np.abs(np.fft.rfft(np.concatenate(played))))
@@ -181,9 +174,7 @@ def band_share(session: RecordedSession, mode: str, from_s: float) -> float:
     return float(power[np.abs(frequencies_hz - 400.0) < 30.0].sum() / power.sum())
 
 
-async def test_a_builder_that_fails_leaves_the_session_to_our_model(
-    tmp_path: Path, plugin: Path
-) -> None:
+async def test_a_builder_that_fails_leaves_the_session_to_our_model(tmp_path, plugin):
     scene = scene_with(tmp_path, "build_raising", 2.0)
     together, summary = await led(scene)
     fault = summary.more["generator"]["fault"]
@@ -212,13 +203,13 @@ FAULTS = {
 MOTION = np.full((3, 10), [[80.0], [0.0], [1.0]])
 
 
-def strokes() -> list[UpdateWork]:
+def strokes():
     """What the updates of two seconds on felt have got."""
     frames, _ = simulate_session(Scene(), "felt", 2.0, 4)
     return list(OnlineModeller().segment(frames))
 
 
-def part_with(directory: Path, generator: str, events: Part | None = None) -> GeneratingPart:
+def part_with(directory, generator, events=None):
     """The part by itself, without a link and ticks."""
     session = Session(small_scene(directory, texture={}, rendering={"generator": generator}))
     parts = build_parts(session, ["modelling", "synthesizing", "generating"])
@@ -229,18 +220,18 @@ def part_with(directory: Path, generator: str, events: Part | None = None) -> Ge
     return part
 
 
-def feed(part: GeneratingPart, work: list[UpdateWork]) -> None:
+def feed(part, work):
     for each in work:
         part._session.parts.modelling._on_samples(each.samples)
 
 
-def end(part: GeneratingPart) -> None:
+def end(part):
     part.close()
     part._session.parts.modelling.close()
     assert all(process.returncode is not None for process in part._processes.values())
 
 
-def test_what_goes_wrong_is_told_in_a_sentence(tmp_path: Path, plugin: Path) -> None:
+def test_what_goes_wrong_is_told_in_a_sentence(tmp_path, plugin):
     """All at once, each in processes of its own."""
     events, work = {name: Events() for name in FAULTS}, strokes()
     parts = {name: part_with(tmp_path, name, events[name]) for name in FAULTS}
@@ -270,10 +261,10 @@ def test_what_goes_wrong_is_told_in_a_sentence(tmp_path: Path, plugin: Path) -> 
 class Events(Part):
     """Keeps the sentences of what is told of a fault."""
 
-    def __init__(self) -> None:
-        self.told: list[str] = []
+    def __init__(self):
+        self.told = []
 
-    def on_event(self, event: dict[str, Any], sentence: str | None) -> None:
+    def on_event(self, event, sentence):
         if sentence is not None and not event["heard"]:
             self.told.append(sentence)
 
@@ -285,9 +276,7 @@ class Events(Part):
         ("unknown", "generator 'unknown' is not known; allowed are band, "),
     ],
 )
-async def test_a_generator_that_is_not_there_ends_the_start(
-    tmp_path: Path, plugin: Path, name: str, sentence: str
-) -> None:
+async def test_a_generator_that_is_not_there_ends_the_start(tmp_path, plugin, name, sentence):
     scene = small_scene(tmp_path, texture={}, rendering={"generator": name})
     with pytest.raises(InputError, match=re.escape(sentence)):
         await Leader(scene).run()
@@ -296,14 +285,12 @@ async def test_a_generator_that_is_not_there_ends_the_start(
 @pytest.mark.parametrize(
     ("texture", "rendering"), [(None, {"model": "felt"}), ({"surfaces": {}}, {})]
 )
-def test_it_needs_one_surface_to_learn_from(
-    tmp_path: Path, texture: dict[str, Any] | None, rendering: dict[str, Any]
-) -> None:
+def test_it_needs_one_surface_to_learn_from(tmp_path, texture, rendering):
     with pytest.raises(InputError, match="learns from the strokes on one surface"):
         small_scene(tmp_path, texture=texture, rendering={"generator": "band", **rendering})
 
 
-def test_a_scene_without_one_imports_nothing_of_it(tmp_path: Path) -> None:
+def test_a_scene_without_one_imports_nothing_of_it(tmp_path):
     scene = small_scene(tmp_path, texture={}, rendering={})
     assert not PARTS["generating"].wanted(scene)
     program = (
@@ -316,7 +303,7 @@ def test_a_scene_without_one_imports_nothing_of_it(tmp_path: Path) -> None:
     )
 
 
-def test_after_a_reset_it_learns_anew(tmp_path: Path, plugin: Path) -> None:
+def test_after_a_reset_it_learns_anew(tmp_path, plugin):
     part, work = part_with(tmp_path, "band"), strokes()
     try:
         part.connect()

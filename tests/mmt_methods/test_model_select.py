@@ -1,11 +1,10 @@
 """`mmt model select`: trials and models, from files to a thinner model."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError
@@ -19,7 +18,7 @@ KNOCK_AT = (4150, 9150)  # well inside of segments
 
 
 @pytest.fixture(scope="module")
-def trials(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def trials(tmp_path_factory):
     """Two trials on plastic; on the first somebody knocks twice."""
     folder = tmp_path_factory.mktemp("trials")
     paths = []
@@ -34,11 +33,11 @@ def trials(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return paths
 
 
-def run(*arguments: object) -> Result:
+def run(*arguments):
     return CliRunner().invoke(app, ["model", "select", *map(str, arguments)])
 
 
-def test_trials_become_a_thinner_model_without_the_knocks(trials: list[Path], tmp_path: Path):
+def test_trials_become_a_thinner_model_without_the_knocks(trials, tmp_path):
     result = run(
         *trials,
         *("--output", tmp_path / "thin.npz", "--plot", tmp_path / "plane.png"),
@@ -57,9 +56,7 @@ def test_trials_become_a_thinner_model_without_the_knocks(trials: list[Path], tm
     assert (tmp_path / "plane.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_models_are_pooled_and_the_published_algorithm_can_be_asked(
-    trials: list[Path], tmp_path: Path
-):
+def test_models_are_pooled_and_the_published_algorithm_can_be_asked(trials, tmp_path):
     whole = tmp_path / "whole.npz"
     assert run(*trials, "--tau", 0, "--output", whole).exit_code == 0
     result = run(whole, whole, "--json", tmp_path / "m.json")
@@ -71,7 +68,7 @@ def test_models_are_pooled_and_the_published_algorithm_can_be_asked(
     assert "spectral error" in published.output
 
 
-def test_a_scene_that_models_as_published_selects_as_published(trials: list[Path], tmp_path: Path):
+def test_a_scene_that_models_as_published_selects_as_published(trials, tmp_path):
     scene = tmp_path / "published.toml"
     scene.write_text('[link]\n[simulated]\n[hand]\n[texture]\nmethod = "published"\n')
     by_scene = run(*trials, "--scene", scene, "--json", tmp_path / "scene.json")
@@ -83,7 +80,7 @@ def test_a_scene_that_models_as_published_selects_as_published(trials: list[Path
     assert "its spectral error" not in ours.output
 
 
-def test_a_model_whose_heading_counts_is_drawn_in_two_planes(tmp_path: Path):
+def test_a_model_whose_heading_counts_is_drawn_in_two_planes(tmp_path):
     from mmt.texture.space import InputSpace
     from mmt_methods.selection import select
     from mmt_methods.selection.command import selection_plane
@@ -100,7 +97,7 @@ def test_a_model_whose_heading_counts_is_drawn_in_two_planes(tmp_path: Path):
     assert pool.model(np.arange(40) < 20).space.directed
 
 
-def test_what_cannot_be_selected_from_is_refused(trials: list[Path], tmp_path: Path):
+def test_what_cannot_be_selected_from_is_refused(trials, tmp_path):
     whole = tmp_path / "whole.npz"
     assert run(*trials, "--output", whole).exit_code == 0
     for arguments, words in (

@@ -14,7 +14,7 @@ from mmt.session.data import RecordedSession
 from mmt.session.files import write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.settings import Inputs, ModellingSettings
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.space import InputSpace, TextureSamples
 from mmt_methods.selection import ModelPoints
 from mmt_methods.selection.points import band
@@ -24,7 +24,7 @@ ORDER = 6
 SETTINGS = ModellingSettings(order=ORDER)
 
 
-def coefficients(lsf: np.ndarray) -> np.ndarray:
+def coefficients(lsf):
     """The filter 1, a1, ... of line spectral frequencies (order,), as a mean of two polynomials."""
     first, second = np.array([1.0, 1.0]), np.array([1.0, -1.0])
     for number, frequency in enumerate(lsf):
@@ -36,13 +36,13 @@ def coefficients(lsf: np.ndarray) -> np.ndarray:
     return (0.5 * (first + second))[:-1]
 
 
-def amplitude(row: np.ndarray) -> np.ndarray:
+def amplitude(row):
     """The amplitude spectrum of a row of frequencies and a variance."""
     _, response = freqz(1.0, coefficients(row[:-1]), worN=2.0 * np.pi * band())
     return np.sqrt(row[-1]) * np.abs(response)
 
 
-def drawn(count: int, seed: int) -> ModelPoints:
+def drawn(count, seed):
     random = np.random.default_rng(seed)
     even = np.pi * np.arange(1, ORDER + 1) / (ORDER + 1)
     lsf = even + random.uniform(-0.15, 0.15, (count, ORDER))
@@ -50,18 +50,18 @@ def drawn(count: int, seed: int) -> ModelPoints:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_errors_are_those_at_left_out_places_interpolated_one_by_one(seed: int) -> None:
+def test_errors_are_those_at_left_out_places_interpolated_one_by_one(seed):
     data, random = drawn(40, seed), np.random.default_rng(seed)
     outlier = random.random(40) < 0.1
     kept = ~outlier & (random.random(40) < 0.6)
     rows = np.column_stack([data.lsf, data.variance])
 
-    def at(place: int, used: np.ndarray) -> np.ndarray:
+    def at(place, used):
         others = used & (np.arange(40) != place)
         return LinearNDInterpolator(data.points[others], rows[others])(data.points[place])[0]
 
     found = left_out_errors(data, outlier, kept)
-    figures: dict[str, list[tuple[float, float, float]]] = {"before": [], "after": []}
+    figures = {"before": [], "after": []}
     for place in np.flatnonzero(~outlier).tolist():
         before, after = at(place, np.ones(40, bool)), at(place, kept)
         if np.isnan(before + after).any():
@@ -84,14 +84,14 @@ def test_errors_are_those_at_left_out_places_interpolated_one_by_one(seed: int) 
         assert found[name] == pytest.approx(expected, rel=1e-9)
 
 
-def test_where_no_place_can_be_asked_there_are_no_errors() -> None:
+def test_where_no_place_can_be_asked_there_are_no_errors():
     data = drawn(3, 0)  # a triangle: no place lies among the others
     nothing, everything = np.zeros(3, bool), np.ones(3, bool)
     assert left_out_errors(data, nothing, everything) == {"places": 0}
 
 
 @pytest.fixture(scope="module")
-def sessions() -> list[RecordedSession]:
+def sessions():
     return [
         RecordedSession(
             simulate_session(Scene(), surface="wood", duration_s=4.0, seed=seed)[0],
@@ -101,7 +101,7 @@ def sessions() -> list[RecordedSession]:
     ]
 
 
-def test_sessions_are_pooled_one_after_the_other(sessions: list[RecordedSession]) -> None:
+def test_sessions_are_pooled_one_after_the_other(sessions):
     single = [pool_sessions([session], SETTINGS) for session in sessions]
     both = pool_sessions(sessions, SETTINGS)
     for name in ("inputs", "lsf", "variance", "power"):
@@ -111,7 +111,7 @@ def test_sessions_are_pooled_one_after_the_other(sessions: list[RecordedSession]
     assert set(both.origin) == {"1.mcap", "2.mcap"}
 
 
-def test_a_pools_samples_are_those_of_their_segments(sessions: list[RecordedSession]) -> None:
+def test_a_pools_samples_are_those_of_their_segments(sessions):
     pool = pool_sessions(sessions, SETTINGS)
     assert pool.data.segments is not None
     samples = pool.samples
@@ -128,9 +128,7 @@ def test_a_pools_samples_are_those_of_their_segments(sessions: list[RecordedSess
     assert pool_sessions(sessions, ModellingSettings()).samples.lsf.shape[1] >= 2
 
 
-def test_a_session_whose_numbers_start_again_is_pooled_whole(
-    sessions: list[RecordedSession],
-) -> None:
+def test_a_session_whose_numbers_start_again_is_pooled_whole(sessions):
     frames = [session.frames.copy() for session in sessions]
     frames[1]["time_ns"] += 10_000_000_000
     together = pool_sessions([RecordedSession(np.concatenate(frames))], SETTINGS)
@@ -138,7 +136,7 @@ def test_a_session_whose_numbers_start_again_is_pooled_whole(
     assert len(together.samples) >= sum(len(pool.samples) for pool in single) - 2
 
 
-def test_without_a_steady_stroke_there_is_nothing_to_pool(sessions: list[RecordedSession]) -> None:
+def test_without_a_steady_stroke_there_is_nothing_to_pool(sessions):
     silent = sessions[0].frames.copy()
     silent["acceleration_m_s2"] = 9.81
     still = sessions[0].frames.copy()
@@ -148,9 +146,7 @@ def test_without_a_steady_stroke_there_is_nothing_to_pool(sessions: list[Recorde
             pool_sessions([RecordedSession(frames)], SETTINGS)
 
 
-def model_of(
-    order: int = ORDER, rate_hz: float = 1000.0, inputs: Inputs = "isotropic"
-) -> TextureModel:
+def model_of(order=ORDER, rate_hz=1000.0, inputs="isotropic"):
     points, space = drawn(12, order), InputSpace(inputs)
     speed, force = points.points.T
     places = np.column_stack([speed] * (space.dimensions - 1) + [force])
@@ -160,7 +156,7 @@ def model_of(
     return TextureModel(samples, rate_hz=rate_hz)
 
 
-def test_models_are_pooled_one_after_the_other() -> None:
+def test_models_are_pooled_one_after_the_other():
     first, second = model_of(), model_of()
     second = TextureModel(replace(second.samples, power=3.0 * second.samples.power))
     pool = pool_models([first, second], ["a", "b"])
@@ -180,14 +176,12 @@ def test_models_are_pooled_one_after_the_other() -> None:
         ({"inputs": "anisotropic"}, "its inputs is .*anisotropic"),
     ],
 )
-def test_models_that_disagree_are_refused(other, what: str) -> None:
+def test_models_that_disagree_are_refused(other, what):
     with pytest.raises(InputError, match=f"model b: {what}"):
         pool_models([model_of(), model_of(**other)], ["a", "b"])
 
 
-def test_a_model_is_told_from_a_session_by_its_content(
-    tmp_path: Path, sessions: list[RecordedSession]
-) -> None:
+def test_a_model_is_told_from_a_session_by_its_content(tmp_path, sessions):
     model_of().save(tmp_path / "model.npz")
     np.savez(tmp_path / "session.npz", time_s=np.arange(3.0))
     write_session(tmp_path / "session.mcap", sessions[0].frames)

@@ -6,7 +6,6 @@ import shutil
 import socket
 import subprocess
 import time
-from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass, field
 
@@ -34,7 +33,7 @@ class RedisServer:
     def url(self) -> str:
         return f"redis://127.0.0.1:{self.port}"
 
-    def start(self) -> None:
+    def start(self):
         assert REDIS_SERVER is not None
         self.process = subprocess.Popen(
             [
@@ -50,21 +49,21 @@ class RedisServer:
             time.sleep(0.02)
         raise TimeoutError("redis-server does not answer")
 
-    def kill(self) -> None:
+    def kill(self):
         process, self.process = self.process, None
         if process is not None:
             process.kill()
             process.wait(60.0)
 
 
-def free_port() -> int:
+def free_port():
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return int(one.getsockname()[1])
 
 
 @contextmanager
-def redis_server(*options: str) -> Iterator[RedisServer]:
+def redis_server(*options):
     server = RedisServer(free_port(), options)
     server.start()
     try:
@@ -86,7 +85,7 @@ class Served:
     def url(self) -> str:
         return self.hub.address
 
-    async def ends_by(self, sentence: str) -> None:
+    async def ends_by(self, sentence):
         """Wait until it has ended by an error that says so."""
         assert self.running is not None
         with pytest.raises(MmtError, match=sentence):
@@ -95,9 +94,9 @@ class Served:
 
 
 @asynccontextmanager
-async def serving(leader: str, redis: str, **tables: dict[str, object]) -> AsyncIterator[Served]:
+async def serving(leader, redis, **tables):
     """Run a hub of a leader until the end of the block."""
-    said: list[str] = []
+    said = []
     scene = HubScene.model_validate(
         {
             "hub": {"redis": redis, **tables.get("hub", {})},
@@ -129,7 +128,7 @@ class Process:
 
 
 @asynccontextmanager
-async def hub_process(leader: str, redis: str) -> AsyncIterator[Process]:
+async def hub_process(leader, redis):
     """Run ``mmt hub`` until the end of the block."""
     arguments = ["main", "hub", leader, "--redis", redis, "--port", "0", "--json-lines"]
     environment = {**os.environ, "MMT_LISTENING__NAME": "hub"}

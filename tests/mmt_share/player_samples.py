@@ -4,10 +4,7 @@ import asyncio
 import csv
 import itertools
 import json
-from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from pathlib import Path
-from typing import Any
 
 import aiohttp
 import numpy as np
@@ -25,7 +22,7 @@ RMS_M_S2 = (1.0, 2.0, 4.0)
 LONGEST_S = 60.0
 
 
-def flat_texture(rms_m_s2: float, lowest: float = 0.3, *, rate_hz: float = 1000.0) -> TextureModel:
+def flat_texture(rms_m_s2, lowest=0.3, *, rate_hz=1000.0):
     """A texture of one filter and one level between 30 and 270 mm/s, 0.3 and 2.7 N."""
     inputs = np.array(
         list(itertools.product(np.arange(30.0, 271.0, 40.0), np.arange(0.3, 2.8, 0.4)))
@@ -36,24 +33,17 @@ def flat_texture(rms_m_s2: float, lowest: float = 0.3, *, rate_hz: float = 1000.
     return TextureModel(TextureSamples(inputs, lsf, power / unit, power), rate_hz=rate_hz)
 
 
-def textures() -> list[TextureModel]:
+def textures():
     return [flat_texture(rms, 0.2 + 0.1 * number) for number, rms in enumerate(RMS_M_S2)]
 
 
-def rows_of(results: Path) -> list[dict[str, str]]:
+def rows_of(results):
     with results.open(encoding="utf-8", newline="") as stream:
         return list(csv.DictReader(stream))
 
 
 @asynccontextmanager
-async def playing(
-    directory: Path,
-    *,
-    record: Path | None = None,
-    token: str | None = None,
-    count: int = 3,
-    port: int = 0,
-) -> AsyncIterator[PlayerServer]:
+async def playing(directory, *, record=None, token=None, count=3, port=0):
     player = Player(
         NAMES[:count],
         textures()[:count],
@@ -69,22 +59,22 @@ async def playing(
         await server.stop()
 
 
-def address(server: PlayerServer, path: str = "/player/") -> str:
+def address(server, path="/player/"):
     return f"http://127.0.0.1:{server.port}{path}"
 
 
 class Browserless:
     """A page that does what it is told."""
 
-    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+    def __init__(self, socket):
         self.socket = socket
         self.number = 0
         self.x_mm = 0.0
 
-    async def say(self, **message: Any) -> None:
+    async def say(self, **message):
         await self.socket.send_str(json.dumps(message))
 
-    async def until(self, kind: str) -> dict[str, Any]:
+    async def until(self, kind):
         """Return the next message of a kind."""
         async with asyncio.timeout(LONGEST_S):
             while True:
@@ -92,17 +82,16 @@ class Browserless:
                 if message["kind"] == kind:
                     return message
 
-    async def order(self, **order: Any) -> dict[str, Any]:
+    async def order(self, **order):
         self.number += 1
         await self.say(id=self.number, **order)
         return await self.until("answer")
 
-    async def model(self) -> dict[str, Any]:
+    async def model(self):
         """Return the JSON form of the next model that comes."""
-        form: dict[str, Any] = json.loads((await self.until("model"))["form"])
-        return form
+        return json.loads((await self.until("model"))["form"])
 
-    async def stroke(self, tile: int, seconds: float, speed_mm_s: float = 120.0) -> None:
+    async def stroke(self, tile, seconds, speed_mm_s=120.0):
         """Stroke at 1 N in steps of 10 ms, in as much time as that takes."""
         for _ in range(round(seconds * 10)):
             await asyncio.sleep(0.1)
@@ -112,12 +101,12 @@ class Browserless:
                 steps.append([10, self.x_mm, 0.0, speed_mm_s, 0.0, 1.0])
             await self.say(do="stroke", tile=tile, steps=steps)
 
-    async def lift(self) -> None:
+    async def lift(self):
         await self.say(do="stroke", tile=None)
 
 
 @asynccontextmanager
-async def visiting(server: PlayerServer, token: str | None = None) -> AsyncIterator[Browserless]:
+async def visiting(server, token=None):
     async with (
         aiohttp.ClientSession() as http,
         http.ws_connect(address(server, "/player/socket")) as socket,

@@ -2,10 +2,8 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,10 +13,9 @@ from mmt.core.errors import MmtError
 from mmt.link.protocol import encode_event
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.space import ISOTROPIC, InputSpace, TextureSamples
+from mmt.texture.space import ISOTROPIC, TextureSamples
 from mmt_share.client import ListenerClient
 from mmt_share.messages import CHANGE, MODEL, STATE, STATE_DTYPE, ModelDescription
-from mmt_share.operator import OperatorClient
 from mmt_share.parts.sharing import ModelPublisher
 from mmt_share.player.following import SharedTexture
 from mmt_share.player.results import ResultsFile
@@ -33,9 +30,7 @@ ENDED = "the shared session has ended: completed: the last state stays"
 WELCOME = {"session_id": "abc", "name": "a table", "rate_hz": 1000}
 
 
-def samples_of(
-    numbers: Iterable[int], order: int = 6, space: InputSpace = ISOTROPIC
-) -> TextureSamples:
+def samples_of(numbers, order=6, space=ISOTROPIC):
     """Samples, each of which depends on its number alone."""
     table = np.array([np.random.default_rng(n).uniform(-0.8, 0.8, order + 3) for n in numbers])
     reflection = np.ascontiguousarray(table[:, :order])
@@ -49,18 +44,18 @@ def samples_of(
     )
 
 
-def model_of(count: int, order: int = 6) -> TextureModel:
+def model_of(count, order=6):
     """A model whose first samples are those of a smaller one."""
     return TextureModel(samples_of(range(count), order))
 
 
-def about(samples: int, *, ready: bool = True) -> ModelDescription:
+def about(samples, *, ready=True):
     return ModelDescription(
         "abc", float(samples), ready, None, samples, "completion sum 5.00", False
     )
 
 
-async def until(happened: Callable[[], object]) -> None:
+async def until(happened):
     async with asyncio.timeout(LONGEST_S):
         while not happened():
             await asyncio.sleep(0.005)
@@ -80,19 +75,13 @@ class Shared:
     def url(self) -> str:
         return f"http://127.0.0.1:{self.server.port}"
 
-    def publish(self, count: int, *, ready: bool = True) -> None:
+    def publish(self, count, *, ready=True):
         self.offer(model_of(count), about(count, ready=ready))
 
-    def offer(self, model: TextureModel, said: ModelDescription) -> None:
+    def offer(self, model, said):
         self.relay.offer_model(*self.publisher.publish(model, said))
 
-    def offer_state(
-        self,
-        time_s: float,
-        force_n: float = 0.0,
-        speed_mm_s: float = 0.0,
-        position_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    ) -> None:
+    def offer_state(self, time_s, force_n=0.0, speed_mm_s=0.0, position_mm=(0.0, 0.0, 0.0)):
         state = np.zeros(1, STATE_DTYPE)
         state["position_mm"] = position_mm
         state["velocity_mm_s"][0, 0] = speed_mm_s
@@ -102,12 +91,12 @@ class Shared:
 
 
 @asynccontextmanager
-async def shared(**settings: object) -> AsyncIterator[Shared]:
+async def shared(**settings):
     """Share on any free port."""
-    said: list[str] = []
-    details: list[dict[str, Any]] = []
+    said = []
+    details = []
 
-    def take(text: str, more: dict[str, Any]) -> None:
+    def take(text, more):
         said.append(text)
         details.append(more)
 
@@ -122,7 +111,7 @@ async def shared(**settings: object) -> AsyncIterator[Shared]:
 
 
 @asynccontextmanager
-async def playing_shared(sharing: Shared, directory: Path) -> AsyncIterator[PlayerServer]:
+async def playing_shared(sharing, directory):
     """Serve the page that plays what is shared."""
     texture = SharedTexture(Listening(url=sharing.url), sharing.said.append)
     player = await texture.connect(ResultsFile(directory / "results.csv"))
@@ -148,19 +137,14 @@ class Heard:
 
 
 @asynccontextmanager
-async def listening(
-    url: str,
-    operator: OperatorClient | None = None,
-    states_hz: float | None = None,
-    **settings: object,
-) -> AsyncIterator[Heard]:
+async def listening(url, operator=None, states_hz=None, **settings):
     """Listen there until the end of the block."""
-    said: list[str] = []
-    models: list[int] = []
-    states: list[float] = []
+    said = []
+    models = []
+    states = []
     table = Listening.model_validate({"url": url, "patience_s": 5.0, **settings})
 
-    def take(event: str, message: Any) -> None:
+    def take(event, message):
         if event == STATE:
             states.append(float(np.frombuffer(message, STATE_DTYPE)["time_s"][0]))
         elif event in {MODEL, CHANGE}:
@@ -180,9 +164,7 @@ async def listening(
         await client.close()
 
 
-async def refused(
-    words: str, url: str, operator: OperatorClient | None = None, **settings: object
-) -> None:
+async def refused(words, url, operator=None, **settings):
     """Nobody can listen there, for a reason in these words."""
     with pytest.raises(MmtError, match=words):
         async with listening(url, operator, **settings):

@@ -1,8 +1,6 @@
 """Asking for control and sending motion over real connections; and what makes no sense."""
 
-from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from typing import Any
 
 import msgpack
 import numpy as np
@@ -10,7 +8,7 @@ import pytest
 import socketio
 from hypothesis import given
 from hypothesis import strategies as st
-from sharing_samples import Heard, Shared, listening, refused, shared, until
+from sharing_samples import listening, refused, shared, until
 
 from mmt.contact.estimation import ContactModel
 from mmt.core.errors import InputError
@@ -29,37 +27,34 @@ from mmt_share.operator import OperatorClient
 
 TOKEN = Access("0123456789abcdef" * 2)
 HOLD = (1.0, 2.0, 3.0)
-NOTHING: Callable[[str], None] = lambda _: None  # noqa: E731 - a name for a callback
+NOTHING = lambda _: None  # noqa: E731 - a name for a callback
 
 
 @asynccontextmanager
-async def controlled() -> AsyncIterator[tuple[Shared, list[dict[str, Any]]]]:
+async def controlled():
     """Share, and let operators ask; gives what the leader would be told."""
-    told: list[dict[str, Any]] = []
+    told = []
     async with shared() as sharing:
         sharing.server.admit_operators(TOKEN, lambda **line: told.append(line))
         yield sharing, told
 
 
 @asynccontextmanager
-async def operating(
-    sharing: Shared, **settings: object
-) -> AsyncIterator[tuple[OperatorClient, Heard]]:
+async def operating(sharing, **settings):
     client = OperatorClient(TOKEN, NOTHING)
     async with listening(sharing.url, client, **settings) as heard:
         yield client, heard
 
 
-def kinds(told: list[dict[str, Any]]) -> list[str]:
+def kinds(told):
     return [line["control"] for line in told]
 
 
-def send(sharing: Shared, who: int, news: ControlNews | SharedContact) -> None:
-    assert sharing.server.operators is not None
+def send(sharing, who, news):
     sharing.server.operators.send(who, news.encode())
 
 
-async def test_an_operator_asks_is_given_control_and_its_motion_arrives() -> None:
+async def test_an_operator_asks_is_given_control_and_its_motion_arrives():
     async with controlled() as (sharing, told), operating(sharing, name="ann") as (client, _):
         await until(lambda: told)
         assert told == [{"control": "ask", "who": 1, "name": "ann"}]
@@ -87,7 +82,7 @@ async def test_an_operator_asks_is_given_control_and_its_motion_arrives() -> Non
     assert kinds(told)[-1] == "gone"
 
 
-async def test_operators_of_one_name_or_none_are_told_apart() -> None:
+async def test_operators_of_one_name_or_none_are_told_apart():
     async with controlled() as (sharing, told):
         for name in ("ann", "ann 2", "", "ann"):
             async with operating(sharing, name=name):
@@ -100,7 +95,7 @@ async def test_operators_of_one_name_or_none_are_told_apart() -> None:
     assert len(set(names)) == 6
 
 
-async def test_who_has_no_right_or_no_token_does_not_operate() -> None:
+async def test_who_has_no_right_or_no_token_does_not_operate():
     async with controlled() as (sharing, told):
         for access in (Access("0123456789abcdef" * 3), Access()):
             operator = OperatorClient(access, NOTHING)
@@ -118,7 +113,7 @@ async def test_who_has_no_right_or_no_token_does_not_operate() -> None:
         await refused(r"needs \[control\]", sharing.url, OperatorClient(TOKEN, NOTHING))
 
 
-async def test_only_the_motion_of_the_admitted_operator_is_handed_on() -> None:
+async def test_only_the_motion_of_the_admitted_operator_is_handed_on():
     async with (
         controlled() as (sharing, told),
         operating(sharing, name="a") as (first, _),
@@ -126,7 +121,6 @@ async def test_only_the_motion_of_the_admitted_operator_is_handed_on() -> None:
     ):
         await until(lambda: kinds(told).count("ask") == 2)
         operators = sharing.server.operators
-        assert operators is not None
         operators.admit_motion(2)
         for who, client in ((1, first), (2, second)):
             send(sharing, who, ControlNews("given", 1, HOLD))
@@ -137,7 +131,7 @@ async def test_only_the_motion_of_the_admitted_operator_is_handed_on() -> None:
         assert {line["who"] for line in told if line["control"] == "motion"} == {2}
 
 
-async def test_control_is_released_and_asked_for_again_at_once() -> None:
+async def test_control_is_released_and_asked_for_again_at_once():
     async with controlled() as (sharing, told), operating(sharing) as (client, _):
         await until(lambda: told)
         client.release()
@@ -149,34 +143,30 @@ async def test_control_is_released_and_asked_for_again_at_once() -> None:
         client.request_control()
         client.release()
         await until(lambda: kinds(told)[3:] == ["release"])
-        assert sharing.server.operators is not None
         assert not sharing.server.operators._waiting
         send(sharing, 1, ControlNews("refused", why="not now"))
         await until(lambda: not client.wants)
 
 
-async def test_a_lost_connection_is_told_and_the_operator_asks_anew() -> None:
+async def test_a_lost_connection_is_told_and_the_operator_asks_anew():
     async with controlled() as (sharing, told), operating(sharing) as (client, heard):
         await until(lambda: told)
-        assert sharing.server.operators is not None
         sharing.server.operators.admit_motion(1)
         send(sharing, 1, ControlNews("given", 1, HOLD))
         await until(lambda: client.operates)
         line = heard.client._connection.line
-        assert line is not None
         line.drop()
         await until(lambda: kinds(told)[-2:] == ["gone", "ask"])
         assert told[-1]["who"] == 2
         assert not client.operates
 
 
-async def test_nonsense_from_an_operator_changes_nothing_and_ends_nothing_but_itself() -> None:
+async def test_nonsense_from_an_operator_changes_nothing_and_ends_nothing_but_itself():
     async with controlled() as (sharing, told), operating(sharing) as (client, _):
         await until(lambda: told)
         stranger = socketio.AsyncClient(serializer="msgpack", reconnection=False)
         auth = {"sharing": 1, "role": "operator", "control_token": TOKEN.token, "name": 5}
         await stranger.connect(sharing.url, auth=auth, transports=["websocket"])
-        assert sharing.server.operators is not None
         sharing.server.operators.admit_motion(2)
         for event, argument in (
             ("motion", None),
@@ -196,7 +186,7 @@ async def test_nonsense_from_an_operator_changes_nothing_and_ends_nothing_but_it
         await until(lambda: client.operates)
 
 
-async def test_nonsense_from_a_leader_is_counted_and_left_out() -> None:
+async def test_nonsense_from_a_leader_is_counted_and_left_out():
     good = msgpack.unpackb(ControlNews("given", 1, HOLD).encode())["data"][1]
     contact = msgpack.unpackb(SharedContact(ContactModel(0.0, 1e3), 2, 1.0).encode())["data"][1]
     bad = [
@@ -233,7 +223,7 @@ async def test_nonsense_from_a_leader_is_counted_and_left_out() -> None:
 
 
 @given(st.binary(max_size=200) | st.integers(0, 3).map(lambda n: bytes(4 + 37 * n)))
-def test_any_bytes_are_motion_or_are_refused(data: bytes) -> None:
+def test_any_bytes_are_motion_or_are_refused(data):
     try:
         _, records = decode_motion(data)
     except InputError:
@@ -245,7 +235,7 @@ def test_any_bytes_are_motion_or_are_refused(data: bytes) -> None:
     assert (np.diff(records["time_ns"]) > 0).all()
 
 
-def test_a_message_of_motion_comes_back_as_it_was() -> None:
+def test_a_message_of_motion_comes_back_as_it_was():
     records = np.zeros(3, MOTION_DTYPE)
     records["time_ns"] = [5, 6, 8]
     records["force_n"] = 2.5

@@ -8,7 +8,6 @@ from command_runs import run_json
 from service_processes import Service, scene
 from sharing_samples import LISTENS
 
-from mmt.session.data import RecordedSession
 from mmt.session.files import read_session
 
 TOKEN = {"MMT_CONTROL_TOKEN": "0123456789abcdef" * 2}
@@ -27,7 +26,7 @@ method = "model"
 """
 
 
-def lead(directory: Path, **variables: str) -> Service:
+def lead(directory, **variables):
     text = Path(scene("demo")).read_text("utf-8")
     file = directory / "lead.toml"
     file.write_text(text.replace("[force_feedback]", '[force_feedback]\nmethod = "model"'), "utf-8")
@@ -41,7 +40,7 @@ def lead(directory: Path, **variables: str) -> Service:
     )
 
 
-def follow(directory: Path, leader: Service) -> Service:
+def follow(directory, leader):
     return Service(
         *("follower", directory / "lead.toml", "--json-lines"),
         *("--leader", f"http://127.0.0.1:{leader.port()}"),
@@ -49,7 +48,7 @@ def follow(directory: Path, leader: Service) -> Service:
     )
 
 
-def listen(directory: Path, leader: Service, name: str, *more: str, **variables: str) -> Service:
+def listen(directory, leader, name, *more, **variables):
     leader.wait_for(lambda: any(e.startswith("shared at ") for e in leader.events()))
     (sentence,) = (e for e in leader.events() if e.startswith("shared at "))
     file = directory / "listener.toml"
@@ -62,18 +61,18 @@ def listen(directory: Path, leader: Service, name: str, *more: str, **variables:
     )
 
 
-def heard(service: Service, sentence: str, times: int = 1) -> None:
+def heard(service, sentence, times=1):
     service.wait_for(lambda: sum(sentence in event for event in service.events()) >= times)
 
 
-def moments(session: RecordedSession, what: str) -> list[int]:
+def moments(session, what):
     """Frames at which something happened to control."""
     return [
         round(1e3 * event["time_s"]) for event in session.events if event.get("control") == what
     ]
 
 
-def test_control_goes_from_hand_to_hand_and_comes_back_from_a_lost_one(tmp_path: Path) -> None:
+def test_control_goes_from_hand_to_hand_and_comes_back_from_a_lost_one(tmp_path):
     with lead(tmp_path, **QUIET) as leader, follow(tmp_path, leader) as follower:
         heard(leader, "follower connected")
         with (
@@ -115,7 +114,7 @@ def test_control_goes_from_hand_to_hand_and_comes_back_from_a_lost_one(tmp_path:
     recorded(tmp_path / "session.mcap")
 
 
-def recorded(file: Path) -> None:
+def recorded(file):
     """Look at what the robot did, by its own measured positions."""
     session = read_session(file)
     position = session.frames["position_mm"].astype(float)
@@ -139,7 +138,7 @@ def recorded(file: Path) -> None:
     ) == 2
 
 
-def test_an_operator_that_falls_silent_loses_control(tmp_path: Path) -> None:
+def test_an_operator_that_falls_silent_loses_control(tmp_path):
     with lead(tmp_path, **QUIET) as leader, follow(tmp_path, leader) as follower:
         heard(leader, "follower connected")
         with listen(tmp_path, leader, "ann", "--control", **TOKEN) as ann:
@@ -155,7 +154,7 @@ def test_an_operator_that_falls_silent_loses_control(tmp_path: Path) -> None:
         assert (leader.end(), follower.end()) == (0, 0), leader.stderr
 
 
-def test_without_the_right_nobody_operates(tmp_path: Path) -> None:
+def test_without_the_right_nobody_operates(tmp_path):
     with lead(tmp_path) as leader:
         for variables, said in (
             ({}, "control of a robot needs a token of its own"),
@@ -172,7 +171,7 @@ def test_without_the_right_nobody_operates(tmp_path: Path) -> None:
     assert leader.summary()["control"]["grants"] == 0
 
 
-def test_a_leader_without_the_token_says_so(tmp_path: Path) -> None:
+def test_a_leader_without_the_token_says_so(tmp_path):
     with Service("leader", scene("demo"), "--control", "--port", 0, cwd=tmp_path) as leader:
         assert leader.end() in (1, 2)
         assert "control of a robot needs a token of its own" in leader.stderr

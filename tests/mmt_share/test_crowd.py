@@ -10,7 +10,7 @@ from mmt_lab.sharing.crowd import crowd
 from mmt_share.changes import digest
 
 
-async def test_a_crowd_finds_the_ready_model_and_each_change_of_it() -> None:
+async def test_a_crowd_finds_the_ready_model_and_each_change_of_it():
     async with shared() as sharing:
         sharing.publish(9, ready=False)
         finding = asyncio.create_task(crowd(sharing.url, 20, 20.0))
@@ -30,7 +30,7 @@ async def test_a_crowd_finds_the_ready_model_and_each_change_of_it() -> None:
         assert 0.0 < each.lags_ms[0] < 1e4
 
 
-async def test_listeners_that_count_have_the_digest_of_the_last_model() -> None:
+async def test_listeners_that_count_have_the_digest_of_the_last_model():
     async with shared() as sharing:
         sharing.publish(10)
         counting = asyncio.create_task(run_listeners(sharing.url, 4, 20.0))
@@ -47,7 +47,7 @@ async def test_listeners_that_count_have_the_digest_of_the_last_model() -> None:
     assert all(len(each.lags_ms) == 2 and not each.rejected for each in found)
 
 
-async def test_a_listener_that_counts_misses_no_gap() -> None:
+async def test_a_listener_that_counts_misses_no_gap():
     async with shared() as sharing:
         sharing.publish(10)
         counting = asyncio.create_task(run_listeners(sharing.url, 1, 20.0))
@@ -65,7 +65,7 @@ async def test_a_listener_that_counts_misses_no_gap() -> None:
     assert found.digest == digest(arrays_of(model_of(12).contents)).hex()
 
 
-async def test_who_is_refused_says_why() -> None:
+async def test_who_is_refused_says_why():
     async with shared(most=2) as sharing:
         sharing.publish(10)
         finding = asyncio.create_task(run_listeners(sharing.url, 3, 20.0))
@@ -76,7 +76,7 @@ async def test_who_is_refused_says_why() -> None:
     assert ["listening already" in each.problem for each in found].count(True) == 1
 
 
-async def test_a_session_without_a_model_is_the_crowds_problem() -> None:
+async def test_a_session_without_a_model_is_the_crowds_problem():
     async with shared() as sharing:
         finding = asyncio.create_task(crowd(sharing.url, 2, 20.0))
         await until(lambda: sharing.relay.listeners)
@@ -85,7 +85,7 @@ async def test_a_session_without_a_model_is_the_crowds_problem() -> None:
     assert [each.problem for each in found] == ["the session ended before its model was ready"] * 2
 
 
-async def test_nobody_waits_for_ever() -> None:
+async def test_nobody_waits_for_ever():
     async with shared() as sharing:
         (found,) = await crowd(sharing.url, 1, 0.5)
     assert found.problem == "no model was ready within 0.5 s"

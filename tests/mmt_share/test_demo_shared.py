@@ -6,7 +6,6 @@ import re
 import signal
 import sys
 from contextlib import suppress
-from pathlib import Path
 
 import aiohttp
 import numpy as np
@@ -24,15 +23,14 @@ SOON = {
 """A model is ready with a few samples, whatever the surface, and also where load leaves few."""
 
 
-def page_of(service: Service) -> str:
+def page_of(service):
     """Wait until visitors are let in, and return where their page's socket is."""
     service.wait_for(lambda: "feel it at http://" in service.stderr + service.stdout)
     found = re.search(r"feel it at http://[^:]+:(\d+)/player/", service.stderr + service.stdout)
-    assert found is not None
     return f"http://127.0.0.1:{found[1]}/player/socket"
 
 
-async def felt_at(url: str) -> float:
+async def felt_at(url):
     """Return the level of what a stroke on the page feels, as soon as there is a model."""
     async with aiohttp.ClientSession() as session, session.ws_connect(url) as socket:
         await socket.send_str('{"token": null}')
@@ -41,7 +39,7 @@ async def felt_at(url: str) -> float:
         return float(np.sqrt(rows[:, 2].max()))
 
 
-def test_a_visitor_feels_the_surface_until_the_demo_is_interrupted(tmp_path: Path) -> None:
+def test_a_visitor_feels_the_surface_until_the_demo_is_interrupted(tmp_path):
     arguments = ("demo", "--share", "--duration", 12, "--output", tmp_path / "out")
     with Service("main", *arguments, cwd=tmp_path, **SOON) as demo:
         assert asyncio.run(felt_at(page_of(demo))) > 0.01
@@ -51,7 +49,7 @@ def test_a_visitor_feels_the_surface_until_the_demo_is_interrupted(tmp_path: Pat
     assert (tmp_path / "out" / "report.html").exists()
 
 
-def test_a_leader_lets_visitors_in_while_it_runs(tmp_path: Path) -> None:
+def test_a_leader_lets_visitors_in_while_it_runs(tmp_path):
     token = tmp_path / "token"
     token.write_text(32 * "a")
     secured = {**SOON, "MMT_SHARING__TOKEN_FILE": str(token)}
@@ -61,14 +59,14 @@ def test_a_leader_lets_visitors_in_while_it_runs(tmp_path: Path) -> None:
         assert leader.end() == 0, leader.stderr
 
 
-def test_a_page_of_a_leader_with_certificates_is_refused(tmp_path: Path) -> None:
+def test_a_page_of_a_leader_with_certificates_is_refused(tmp_path):
     secured = {"MMT_SHARING__CERTIFICATE": "leader.pem", "MMT_SHARING__KEY": "leader.key"}
     with Service("leader", scene("demo"), "--page", cwd=tmp_path, **secured) as leader:
         assert leader.end() == 2
     assert "mmt play --from URL --certificate FILE" in leader.stderr
 
 
-async def test_a_page_that_cannot_be_served_says_why() -> None:
+async def test_a_page_that_cannot_be_served_says_why():
     page = VisitorsPage()
     try:
         said = await page.open("nonsense")
@@ -87,14 +85,13 @@ page.wait()
 """
 
 
-async def test_the_page_ends_with_whoever_started_it_and_is_killed() -> None:
+async def test_the_page_ends_with_whoever_started_it_and_is_killed():
     async with shared() as leader:
         leader.publish(6)
         starter = await asyncio.create_subprocess_exec(
             *(sys.executable, "-c", STARTER, leader.url), stdout=asyncio.subprocess.PIPE
         )
         try:
-            assert starter.stdout is not None
             said = (await starter.stdout.readline()).decode()
             assert said.startswith("feel it at http://"), said
             await until(lambda: len(leader.said) == 1)
@@ -111,7 +108,7 @@ async def test_the_page_ends_with_whoever_started_it_and_is_killed() -> None:
                     await asyncio.sleep(0.05)
 
 
-def test_a_qr_code_is_a_square_of_blocks() -> None:
+def test_a_qr_code_is_a_square_of_blocks():
     lines = qr_code("http://192.0.2.1:8770/player/").splitlines()
     assert lines[0] == ""
     assert len({len(line) for line in lines[1:]}) == 1

@@ -2,7 +2,6 @@
 
 import asyncio
 from contextlib import AsyncExitStack
-from typing import Any
 
 import pytest
 import socketio
@@ -11,7 +10,7 @@ from sharing_samples import listening, refused, shared, until
 from mmt_share.messages import SHARING_VERSION
 
 
-async def test_a_listener_turns_from_a_full_hub_to_another() -> None:
+async def test_a_listener_turns_from_a_full_hub_to_another():
     async with AsyncExitStack() as stack:
         full, other = [await stack.enter_async_context(shared(most=1)) for _ in range(2)]
         await full.server.send_hubs(["rubbish", other.url])
@@ -23,7 +22,7 @@ async def test_a_listener_turns_from_a_full_hub_to_another() -> None:
         assert (len(full.said), len(other.said)) == (1, 1)
 
 
-async def test_where_all_are_full_the_first_ones_refusal_is_told_at_once() -> None:
+async def test_where_all_are_full_the_first_ones_refusal_is_told_at_once():
     async with AsyncExitStack() as stack:
         hubs = [await stack.enter_async_context(shared(most=1)) for _ in range(2)]
         for one, another in (hubs, hubs[::-1]):
@@ -33,13 +32,12 @@ async def test_where_all_are_full_the_first_ones_refusal_is_told_at_once() -> No
             await refused(f"{hubs[0].url} refused: 1 are listening already", hubs[0].url)
 
 
-async def test_a_listener_that_comes_back_to_a_full_hub_turns_to_another() -> None:
+async def test_a_listener_that_comes_back_to_a_full_hub_turns_to_another():
     async with AsyncExitStack() as stack:
         first, other = [await stack.enter_async_context(shared(most=1)) for _ in range(2)]
         heard = await stack.enter_async_context(listening(first.url))
         first.server._welcome["hubs"] = [other.url]
         line = heard.client._connection.line
-        assert line is not None
         line.drop()
         await until(lambda: len(first.said) == 2)  # it has left
         late = await stack.enter_async_context(listening(first.url, name="quicker"))
@@ -48,11 +46,9 @@ async def test_a_listener_that_comes_back_to_a_full_hub_turns_to_another() -> No
 
 
 @pytest.mark.parametrize("token", ["0123456789abcdef0123", "another0123456789abcd"])
-async def test_a_stock_client_is_told_the_others_if_it_shows_the_token(
-    token: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_stock_client_is_told_the_others_if_it_shows_the_token(token, monkeypatch):
     monkeypatch.setenv("MMT_SHARING_TOKEN", "0123456789abcdef0123")
-    refusals: list[dict[str, Any]] = []
+    refusals = []
     async with shared(most=1) as full, listening(full.url):
         await full.server.send_hubs(["http://hub2.lab:8766"])
         stock = socketio.AsyncClient(serializer="msgpack", reconnection=False)
@@ -68,6 +64,6 @@ async def test_a_stock_client_is_told_the_others_if_it_shows_the_token(
         assert "data" not in refusals[0]
 
 
-async def test_a_full_leader_names_nobody() -> None:
+async def test_a_full_leader_names_nobody():
     async with shared(most=1) as full, listening(full.url):
         await refused("raise most of", full.url)

@@ -1,7 +1,6 @@
 """Who moves the robot: the states of control, and what the robot is commanded meanwhile."""
 
 import math
-from typing import Any
 
 import msgpack
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.core.arrays import Vector
 from mmt.core.errors import InputError
 from mmt.devices.protocols import InterfaceState
 from mmt.leader.motion.slew import FADE_TICKS
@@ -38,11 +36,11 @@ STEPS = st.lists(
 )
 
 
-def machine() -> HandOver:
+def machine():
     return HandOver(hold_ticks=HOLD, silence_ticks=SILENCE)
 
 
-def take(over: HandOver, what: str, value: int) -> bool:
+def take(over, what, value):
     """Do one step; return whether motion was accepted."""
     try:
         match what:
@@ -69,11 +67,9 @@ def take(over: HandOver, what: str, value: int) -> bool:
 
 @settings(max_examples=400)
 @given(STEPS)
-def test_there_is_never_more_than_one_operator_and_a_hold_between_two(
-    steps: list[tuple[str, int]],
-) -> None:
+def test_there_is_never_more_than_one_operator_and_a_hold_between_two(steps):
     over = machine()
-    mover: int | None = 0  # 0 is the leader's own hand, None is nobody
+    mover = 0  # 0 is the leader's own hand, None is nobody
     held = 0
     for what, value in steps:
         accepted = take(over, what, value)
@@ -95,9 +91,7 @@ def test_there_is_never_more_than_one_operator_and_a_hold_between_two(
 
 @settings(max_examples=200)
 @given(STEPS)
-def test_every_path_returns_to_the_leaders_hand_once_nothing_comes(
-    steps: list[tuple[str, int]],
-) -> None:
+def test_every_path_returns_to_the_leaders_hand_once_nothing_comes(steps):
     over = machine()
     for what, value in steps:
         take(over, what, value)
@@ -108,11 +102,11 @@ def test_every_path_returns_to_the_leaders_hand_once_nothing_comes(
 
 
 @given(STEPS)
-def test_who_is_told_of_control_is_told_of_its_end(steps: list[tuple[str, int]]) -> None:
+def test_who_is_told_of_control_is_told_of_its_end(steps):
     over = machine()
     for what, value in [*steps, ("take back", 0)]:
         take(over, what, value)
-    grants: dict[int, list[str]] = {}
+    grants = {}
     for change in over.changes:
         if change.what in ("giving", "given", "moves", "ended"):
             grants.setdefault(change.grant, []).append(change.what)
@@ -122,7 +116,7 @@ def test_who_is_told_of_control_is_told_of_its_end(steps: list[tuple[str, int]])
         assert told[1:-1] in ([], ["given"], ["given", "moves"])
 
 
-def test_the_hold_lasts_its_ticks_to_the_last() -> None:
+def test_the_hold_lasts_its_ticks_to_the_last():
     over = machine()
     over.request_control(1, "ann")
     over.grant_control(1)
@@ -137,7 +131,7 @@ def test_the_hold_lasts_its_ticks_to_the_last() -> None:
     assert [*states, over.state] == ["returning", "own"]
 
 
-def test_motion_before_the_hold_is_over_is_refused_and_silence_ends_control() -> None:
+def test_motion_before_the_hold_is_over_is_refused_and_silence_ends_control():
     over = machine()
     over.request_control(1, "ann")
     over.grant_control(1)
@@ -152,7 +146,7 @@ def test_motion_before_the_hold_is_over_is_refused_and_silence_ends_control() ->
     assert not over.accepts(1, over.grant)
 
 
-def test_more_who_ask_than_a_person_can_read_are_refused() -> None:
+def test_more_who_ask_than_a_person_can_read_are_refused():
     over = machine()
     for who in range(1, 30):
         over.request_control(who, "x")
@@ -164,9 +158,7 @@ PLACES = st.tuples(*[st.floats(-50.0, 50.0)] * 3)
 
 
 @given(PLACES, PLACES, st.lists(st.tuples(PLACES, st.integers(1, 5)), max_size=30))
-def test_a_hand_that_takes_up_a_robot_moves_it_as_itself_and_by_a_bounded_rest(
-    robot: Vector, hand: Vector, path: list[tuple[Vector, int]]
-) -> None:
+def test_a_hand_that_takes_up_a_robot_moves_it_as_itself_and_by_a_bounded_rest(robot, hand, path):
     clutch = Clutch(robot, hand, 50.0)
     still = InterfaceState(hand, (0.0, 0.0, 0.0), 0.0, contact=False)
     at = clutch.step(still, 0.01)
@@ -177,21 +169,21 @@ def test_a_hand_that_takes_up_a_robot_moves_it_as_itself_and_by_a_bounded_rest(
         velocity = tuple((b - a) / elapsed_s for a, b in zip(before, place, strict=True))
         speed = math.hypot(*velocity)
         offset = clutch.offset_mm
-        clutch.step(InterfaceState(place, velocity, 0.0, contact=False), elapsed_s)  # type: ignore[arg-type]
+        clutch.step(InterfaceState(place, velocity, 0.0, contact=False), elapsed_s)
         for old, new in zip(offset, clutch.offset_mm, strict=True):
             assert abs(new) <= abs(old)
             assert abs(old - new) <= min(speed, 50.0) * elapsed_s + 1e-9
         before = place
 
 
-def motion(times_ms: list[float], places: list[float]) -> np.ndarray[Any, Any]:
+def motion(times_ms, places):
     records = np.zeros(len(times_ms), MOTION_DTYPE)
     records["time_ns"] = [round(1e6 * t) for t in times_ms]
     records["position_mm"][:, 0] = places
     return records
 
 
-def test_jittering_messages_are_given_out_as_an_even_motion() -> None:
+def test_jittering_messages_are_given_out_as_an_even_motion():
     """Ten records of 1 mm/ms a message, up to 15 ms late: the motion is as even as it was."""
     rng = np.random.default_rng(4)
     buffer = OperatorMotion(200_000_000)
@@ -215,13 +207,12 @@ def test_jittering_messages_are_given_out_as_an_even_motion() -> None:
     assert buffer.delay_ms == pytest.approx(15.0, abs=1.0)
 
 
-def test_motion_that_stops_stands_still_and_old_records_change_nothing() -> None:
+def test_motion_that_stops_stands_still_and_old_records_change_nothing():
     buffer = OperatorMotion(200_000_000)
     assert buffer.at(0) is None
     buffer.add(motion([1.0, 2.0], [5.0, 6.0]), 3_000_000)
     for now_ms in (3, 50, 5000):
         state = buffer.at(now_ms * 1_000_000)
-    assert state is not None
     assert state.position_mm == (6.0, 0.0, 0.0)
     assert state.velocity_mm_s == (0.0, 0.0, 0.0)
     buffer.add(motion([0.5, 1.5], [90.0, 91.0]), 5_001_000_000)
@@ -231,14 +222,14 @@ def test_motion_that_stops_stands_still_and_old_records_change_nothing() -> None
 class SharedPart:
     """Stands for the part that shares, and keeps what was sent."""
 
-    def __init__(self) -> None:
-        self.sent: list[tuple[int, bytes]] = []
-        self.admitted: int | None = None
+    def __init__(self):
+        self.sent = []
+        self.admitted = None
 
-    def send_to(self, operator: int, message: bytes) -> None:
+    def send_to(self, operator, message):
         self.sent.append((operator, message))
 
-    def admit_motion(self, operator: int | None) -> None:
+    def admit_motion(self, operator):
         self.admitted = operator
 
 
@@ -249,25 +240,25 @@ class FollowerThere:
 class Robot:
     """A leader's control part with a hand, and what it commands, tick by tick."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, **control: float) -> None:
+    def __init__(self, monkeypatch, **control):
         monkeypatch.setenv("MMT_CONTROL_TOKEN", "0123456789abcdef")
-        tables: dict[str, Any] = {
+        tables = {
             **{name: {} for name in ("link", "simulated", "hand", "texture", "sharing")},
             "control": control,
         }
         self.session = Session(scene_from_tables(tables))
         self.shared = SharedPart()
         hand = type("Hand", (), {"control": None})()
-        self.session.remote = FollowerThere()  # type: ignore[assignment]
+        self.session.remote = FollowerThere()
         table = self.session.scene.table(Control)
         assert table is not None
-        self.part = ControlPart(self.session, table, hand, self.shared, None)  # type: ignore[arg-type]
+        self.part = ControlPart(self.session, table, hand, self.shared, None)
         self.ns = 1_000_000_000
         monkeypatch.setattr("mmt_share.parts.control.time.monotonic_ns", lambda: self.ns)
-        self.commands: list[Vector] = []
+        self.commands = []
         self.tick = Tick()
 
-    def step(self, own: Vector, velocity: Vector = (0.0, 0.0, 0.0), elapsed: int = 1) -> Vector:
+    def step(self, own, velocity=(0.0, 0.0, 0.0), elapsed=1):
         self.ns += elapsed * 1_000_000
         tick = self.tick
         tick.now_ns, tick.elapsed = self.ns, elapsed
@@ -283,14 +274,14 @@ class Robot:
         self.commands.append(command)
         return command
 
-    def send(self, who: int, grant: int, records: np.ndarray[Any, Any]) -> None:
-        data: bytes = msgpack.unpackb(encode_motion(grant, records))["data"][1]
+    def send(self, who, grant, records):
+        data = msgpack.unpackb(encode_motion(grant, records))["data"][1]
         self.part.receive({"control": "motion", "who": who, "data": data.hex()})
 
 
 @settings(max_examples=30, deadline=None)
 @given(st.data())
-def test_whatever_happens_the_command_moves_by_no_more_than_the_limit(data: st.DataObject) -> None:
+def test_whatever_happens_the_command_moves_by_no_more_than_the_limit(data):
     """Hands that jump, hostile motion, hand-overs at any moment: 1000 mm/s is 1 mm a tick."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         robot = Robot(monkeypatch)
@@ -327,9 +318,7 @@ def test_whatever_happens_the_command_moves_by_no_more_than_the_limit(data: st.D
         assert steps.max(initial=0.0) <= 1.0 + 1e-9
 
 
-def test_the_robot_holds_follows_the_operator_holds_and_follows_the_leader(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_robot_holds_follows_the_operator_holds_and_follows_the_leader(monkeypatch):
     robot = Robot(monkeypatch, silence_ms=200)
     for k in range(100):
         robot.step((0.1 * k, 0.0, 0.0), (100.0, 0.0, 0.0))
@@ -351,7 +340,6 @@ def test_the_robot_holds_follows_the_operator_holds_and_follows_the_leader(
         robot.send(7, 1, records)
         for _ in range(10):
             robot.step((50.0, 5.0, 5.0))
-    assert robot.tick.operating is not None
     assert robot.tick.operating.contact
     assert robot.commands[-1][0] == pytest.approx(held[0], abs=1e-4)
     assert 23.0 < robot.commands[-1][1] <= 25.0
@@ -369,9 +357,7 @@ def test_the_robot_holds_follows_the_operator_holds_and_follows_the_leader(
     assert robot.tick.offset_mm == (0.0, 0.0, 0.0)
 
 
-def test_motion_of_another_grant_or_listener_is_refused_and_counted(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_motion_of_another_grant_or_listener_is_refused_and_counted(monkeypatch):
     robot = Robot(monkeypatch)
     robot.step((1.0, 2.0, 3.0))
     robot.part.receive({"control": "ask", "who": 1, "name": "ann"})
@@ -390,17 +376,17 @@ def test_motion_of_another_grant_or_listener_is_refused_and_counted(
         robot.part.grant_control(5)
 
 
-def test_the_metrics_say_whose_hand_moves_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_metrics_say_whose_hand_moves_the_robot(monkeypatch):
     robot = Robot(monkeypatch, silence_ms=200)
 
-    def values() -> dict[str, float]:
+    def values():
         return {
             " ".join([sample.name, *sample.labels.values()]): sample.value
             for metric in robot.part.metrics()
             for sample in metric.samples
         }
 
-    def hands() -> dict[str, float]:
+    def hands():
         return {name.split()[1]: value for name, value in values().items() if " " in name}
 
     robot.step((0.0, 0.0, 0.0))
@@ -428,7 +414,7 @@ def test_the_metrics_say_whose_hand_moves_the_robot(monkeypatch: pytest.MonkeyPa
     )
 
 
-def test_control_is_not_given_where_there_is_no_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_control_is_not_given_where_there_is_no_robot(monkeypatch):
     robot = Robot(monkeypatch)
     robot.part.receive({"control": "ask", "who": 1, "name": "ann"})
     with pytest.raises(InputError, match="no robot"):
@@ -437,7 +423,7 @@ def test_control_is_not_given_where_there_is_no_robot(monkeypatch: pytest.Monkey
     assert robot.part.shown()["control"]["state"] == "own"
 
 
-def test_without_its_own_token_control_cannot_be_had(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_its_own_token_control_cannot_be_had(monkeypatch):
     monkeypatch.delenv("MMT_CONTROL_TOKEN", raising=False)
     with pytest.raises(InputError, match="openssl rand"):
         control_access(None)

@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,17 +25,17 @@ from mmt_share.relay import ListenerFeed, Relay
 from mmt_share.tables import Listening
 
 
-def beat(name: str, **what: object) -> Heartbeat:
-    return Heartbeat(name, f"http://{name}:1", **what)  # type: ignore[arg-type]
+def beat(name, **what):
+    return Heartbeat(name, f"http://{name}:1", **what)
 
 
-def test_the_oldest_hub_feeds_once_it_has_listened_for_others() -> None:
+def test_the_oldest_hub_feeds_once_it_has_listened_for_others():
     peers = Peers("b", 0.0)
     assert not peers.should_feed(0.5 * FIRST_S, feeding=False)
     assert peers.should_feed(FIRST_S, feeding=False)
 
 
-def test_a_younger_hub_waits_for_each_older_one() -> None:
+def test_a_younger_hub_waits_for_each_older_one():
     peers = Peers("c", 0.0)
     for name in "abd":
         peers.record_heartbeat(beat(name), 1.0)
@@ -48,7 +47,7 @@ def test_a_younger_hub_waits_for_each_older_one() -> None:
     assert peers.should_feed(FIRST_S + 2.0, feeding=False)
 
 
-def test_of_two_that_feed_the_older_one_stays() -> None:
+def test_of_two_that_feed_the_older_one_stays():
     peers = Peers("b", 0.0)
     peers.record_heartbeat(beat("c", feeding=True), 5.0)
     assert peers.should_feed(5.0, feeding=True)
@@ -56,7 +55,7 @@ def test_of_two_that_feed_the_older_one_stays() -> None:
     assert not peers.should_feed(5.0, feeding=True)
 
 
-def test_a_hub_without_a_beat_is_gone_and_so_is_one_that_leaves() -> None:
+def test_a_hub_without_a_beat_is_gone_and_so_is_one_that_leaves():
     peers = Peers("b", 0.0)
     peers.record_heartbeat(beat("a", feeding=True), 5.0)
     peers.record_heartbeat(beat("c"), 5.0)
@@ -68,13 +67,13 @@ def test_a_hub_without_a_beat_is_gone_and_so_is_one_that_leaves() -> None:
     assert peers.alive(5.1 + LOST_S) == []
 
 
-def test_a_hub_hears_itself_and_does_not_count_itself() -> None:
+def test_a_hub_hears_itself_and_does_not_count_itself():
     peers = Peers("b", 0.0)
     peers.record_heartbeat(beat("b", feeding=True), 5.0)
     assert peers.alive(5.0) == []
 
 
-def test_beats_go_over_the_wire() -> None:
+def test_beats_go_over_the_wire():
     one = Heartbeat("a", "http://a:1", 3, True, "abc", 7)
     assert Heartbeat.from_message(one.as_dict()) == one
     for malformed in (None, [], {"id": "a"}, {**one.as_dict(), "number": "x"}):
@@ -85,11 +84,11 @@ def test_beats_go_over_the_wire() -> None:
 class Leader:
     """A leader's messages as a hub gets them."""
 
-    def __init__(self, session_id: str = "abc") -> None:
+    def __init__(self, session_id="abc"):
         self.publisher = ModelPublisher()
         self.welcome = {"session_id": session_id, "name": "a", "rate_hz": 1000}
 
-    def publish(self, count: int) -> tuple[dict[str, object], dict[str, object] | None]:
+    def publish(self, count):
         import msgpack
 
         published = self.publisher.publish(model_of(count), about(count))
@@ -99,13 +98,13 @@ class Leader:
 
 
 @pytest.fixture
-def copy() -> HubCopy:
+def copy():
     one = HubCopy(Relay(), 20.0)
     one.receive(WELCOME, Leader().welcome)
     return one
 
 
-def test_what_two_hubs_feed_is_taken_once(copy: HubCopy) -> None:
+def test_what_two_hubs_feed_is_taken_once(copy):
     leader = Leader()
     relay = copy._relay
     (first, _), (second, change) = leader.publish(10), leader.publish(11)
@@ -120,7 +119,7 @@ def test_what_two_hubs_feed_is_taken_once(copy: HubCopy) -> None:
     assert listener.next() is None
 
 
-def test_where_a_change_is_missing_the_whole_is_asked_for_and_taken(copy: HubCopy) -> None:
+def test_where_a_change_is_missing_the_whole_is_asked_for_and_taken(copy):
     leader = Leader()
     (first, _), (_, missing), (whole, change) = (leader.publish(count) for count in (10, 11, 12))
     assert missing is not None
@@ -132,7 +131,7 @@ def test_where_a_change_is_missing_the_whole_is_asked_for_and_taken(copy: HubCop
     assert copy.whole_model() == whole
 
 
-def test_a_late_hub_has_the_same_whole_as_one_that_took_every_change(copy: HubCopy) -> None:
+def test_a_late_hub_has_the_same_whole_as_one_that_took_every_change(copy):
     leader = Leader()
     first, _ = leader.publish(10)
     copy.receive(MODEL, first)
@@ -147,7 +146,7 @@ def test_a_late_hub_has_the_same_whole_as_one_that_took_every_change(copy: HubCo
 
 
 @pytest.mark.parametrize("states_hz", [20.0, 5.0, 3.0])
-def test_states_are_thinned_to_the_rate_that_is_wanted(states_hz: float) -> None:
+def test_states_are_thinned_to_the_rate_that_is_wanted(states_hz):
     limit, moments_s = PeriodLimit(1.0 / states_hz), [100.0 + 0.05 * step for step in range(400)]
     jitter_s = np.random.default_rng(1).uniform(-0.01, 0.01, 400)
     passed = sum(
@@ -156,7 +155,7 @@ def test_states_are_thinned_to_the_rate_that_is_wanted(states_hz: float) -> None
     assert passed == pytest.approx(20.0 * states_hz, rel=0.02)
 
 
-def test_another_session_begins_anew_and_a_model_of_an_unknown_one_is_not_taken() -> None:
+def test_another_session_begins_anew_and_a_model_of_an_unknown_one_is_not_taken():
     copy = HubCopy(Relay(), 20.0)
     whole, _ = Leader().publish(10)
     copy.receive(MODEL, whole)
@@ -170,7 +169,7 @@ def test_another_session_begins_anew_and_a_model_of_an_unknown_one_is_not_taken(
 
 @pytest.mark.parametrize("message", [None, 7, b"abc", {}, {"session_id": "abc", "number": 3}])
 @pytest.mark.parametrize("event", [MODEL, CHANGE, "state", "nothing"])
-def test_what_makes_no_sense_is_survived(copy: HubCopy, event: str, message: object) -> None:
+def test_what_makes_no_sense_is_survived(copy, event, message):
     first, _ = Leader().publish(10)
     copy.receive(MODEL, first)
     copy.receive(event, message)
@@ -187,15 +186,13 @@ def test_what_makes_no_sense_is_survived(copy: HubCopy, event: str, message: obj
         ([f"http://b:{port}" for port in range(1, 100)], [f"http://b:{p}" for p in range(1, 65)]),
     ],
 )
-async def test_a_listener_keeps_addresses_of_hubs_that_it_may_turn_to(
-    given: object, kept: list[str]
-) -> None:
+async def test_a_listener_keeps_addresses_of_hubs_that_it_may_turn_to(given, kept):
     client = ListenerClient(Listening(url="http://a:1"))
     client._take_hubs(given)
     assert client.hubs == kept
 
 
-def test_a_hub_needs_no_compiled_numerics() -> None:
+def test_a_hub_needs_no_compiled_numerics():
     program = (
         "import sys, mmt_share.commands.hub, mmt_share.hub.service;"
         "print(sorted({'numba', 'scipy'} & set(sys.modules)))"
@@ -206,9 +203,7 @@ def test_a_hub_needs_no_compiled_numerics() -> None:
     assert printed.stdout == b"[]\n"
 
 
-def test_tables_of_a_hub_come_from_file_environment_and_flags(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_tables_of_a_hub_come_from_file_environment_and_flags(tmp_path, monkeypatch):
     file = tmp_path / "hub.toml"
     file.write_text('[hub]\ngroup = "a"\n[sharing]\nmost = 7\nport = 1\ntoken_file = "token"\n')
     (tmp_path / "token").write_text("0123456789abcdef")
@@ -238,18 +233,12 @@ def test_tables_of_a_hub_come_from_file_environment_and_flags(
         ((1024, 4096), 1000, 4096, "room for 512 listeners and not for 1000: .*ulimit -n 8000"),
     ],
 )
-def test_as_many_files_may_be_open_as_listeners_need(
-    monkeypatch: pytest.MonkeyPatch,
-    limits: tuple[int, int],
-    listeners: int,
-    raised: int | None,
-    says: str,
-) -> None:
+def test_as_many_files_may_be_open_as_listeners_need(monkeypatch, limits, listeners, raised, says):
     resource = pytest.importorskip("resource")
     now = [limits]
     monkeypatch.setattr(resource, "getrlimit", lambda _: now[-1])
     monkeypatch.setattr(resource, "setrlimit", lambda _, pair: now.append(pair))
-    said: list[str] = []
+    said = []
     make_room(listeners, said.append)
     assert now[1:] == ([] if raised is None else [(raised, limits[1])])
     assert bool(said) == bool(says)
@@ -263,7 +252,7 @@ SECRETS = st.text(st.sampled_from("abcXYZ019:@/%!$&=?"), min_size=6, max_size=20
 
 @given(secret=SECRETS, scheme=st.sampled_from(["redis", "rediss", "http", "unix"]))
 @settings(max_examples=60, deadline=None)
-def test_a_password_of_redis_is_never_printed(secret: str, scheme: str) -> None:
+def test_a_password_of_redis_is_never_printed(secret, scheme):
     for url in (f"{scheme}://:{secret}@host:port", f"{scheme}://ann:{secret}@host:port/0"):
         assert secret not in without_secrets(f"{url!r}: it is wrong")
         assert without_secrets(url).startswith(f"{scheme}://***@host")
@@ -278,7 +267,7 @@ def test_a_password_of_redis_is_never_printed(secret: str, scheme: str) -> None:
 
 
 @pytest.mark.parametrize("address", ["javascript:alert(1)", "ftp://host", "", "//host", "data:x"])
-def test_a_hub_whose_address_no_listener_could_open_is_not_heard(address: str) -> None:
+def test_a_hub_whose_address_no_listener_could_open_is_not_heard(address):
     beat = Heartbeat("a", "http://host:1").as_dict()
     assert Heartbeat.from_message(beat).address == "http://host:1"
     with pytest.raises(InputError, match="none of http or https"):

@@ -3,16 +3,14 @@
 import asyncio
 import signal
 import time
-from collections.abc import Iterator
 from contextlib import AsyncExitStack
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import socketio
 import trustme
-from hub_samples import RedisServer, free_port, hub_process, needs_redis, redis_server, serving
-from sharing_samples import ENDED, Heard, about, listening, model_of, refused, shared, until
+from hub_samples import free_port, hub_process, needs_redis, redis_server, serving
+from sharing_samples import ENDED, about, listening, model_of, refused, shared, until
 
 from mmt.core.errors import InputError, MmtError
 from mmt.texture.model.file import arrays_of
@@ -20,30 +18,30 @@ from mmt.texture.model.file_arrays import file_arrays
 from mmt_share.changes import apply, digest
 from mmt_share.hub import peers
 from mmt_share.hub.channel import FORBIDDEN, HubChannel
-from mmt_share.messages import SHARING_VERSION, ModelDescription
+from mmt_share.messages import SHARING_VERSION
 
 pytestmark = needs_redis
 
 
 @pytest.fixture
-def redis() -> Iterator[RedisServer]:
+def redis():
     with redis_server() as server:
         yield server
 
 
 @pytest.fixture
-def alone(redis: RedisServer, monkeypatch: pytest.MonkeyPatch) -> RedisServer:
+def alone(redis, monkeypatch):
     """A Redis server for one hub, which has no beats of others to wait for."""
     monkeypatch.setattr(peers, "FIRST_S", 0.0)
     return redis
 
 
-def other_about(count: int) -> ModelDescription:
+def other_about(count):
     """What is said of a model in another session."""
     return replace(about(count), session_id="def")
 
 
-def is_model_of(heard: Heard, count: int) -> bool:
+def is_model_of(heard, count):
     """Whether a listener has this model to the bit."""
     replica = heard.client.replica
     if replica.about != about(count):
@@ -53,7 +51,7 @@ def is_model_of(heard: Heard, count: int) -> bool:
     )
 
 
-async def test_a_hub_gives_its_listeners_what_the_leader_shares(alone: RedisServer) -> None:
+async def test_a_hub_gives_its_listeners_what_the_leader_shares(alone):
     async with shared() as leader, serving(leader.url, alone.url) as hub:
         leader.publish(10)
         await until(lambda: hub.hub.copy.number)
@@ -75,7 +73,7 @@ async def test_a_hub_gives_its_listeners_what_the_leader_shares(alone: RedisServ
         assert leader.server.figures()["listeners"] == 1
 
 
-async def test_the_leader_has_one_listener_however_many_hubs_there_are(redis: RedisServer) -> None:
+async def test_the_leader_has_one_listener_however_many_hubs_there_are(redis):
     async with AsyncExitStack() as stack:
         leader = await stack.enter_async_context(shared())
         leader.publish(10)
@@ -90,7 +88,7 @@ async def test_the_leader_has_one_listener_however_many_hubs_there_are(redis: Re
         await until(lambda: [set(each.client.hubs) for each in heard] == others)
 
 
-async def test_the_others_go_on_where_the_feeder_leaves(redis: RedisServer) -> None:
+async def test_the_others_go_on_where_the_feeder_leaves(redis):
     async with AsyncExitStack() as stack:
         leader = await stack.enter_async_context(shared())
         leader.publish(10)
@@ -107,9 +105,7 @@ async def test_the_others_go_on_where_the_feeder_leaves(redis: RedisServer) -> N
         assert of_second.models[-1] == 2
 
 
-async def test_a_feeder_that_is_killed_is_replaced_and_its_listeners_find_another_hub(
-    redis: RedisServer,
-) -> None:
+async def test_a_feeder_that_is_killed_is_replaced_and_its_listeners_find_another_hub(redis):
     async with AsyncExitStack() as stack:
         leader = await stack.enter_async_context(shared())
         leader.publish(10)
@@ -130,8 +126,8 @@ async def test_a_feeder_that_is_killed_is_replaced_and_its_listeners_find_anothe
         assert leader.server.figures()["listeners"] == 1
 
 
-async def test_any_socket_io_client_can_listen_at_a_hub(alone: RedisServer) -> None:
-    heard: dict[str, object] = {}
+async def test_any_socket_io_client_can_listen_at_a_hub(alone):
+    heard = {}
     stock = socketio.AsyncClient(serializer="msgpack", reconnection=False)
     for event in ("welcome", "hubs", "model", "change", "state", "end"):
         stock.on(event, lambda argument, event=event: heard.update({event: argument}))
@@ -147,13 +143,13 @@ async def test_any_socket_io_client_can_listen_at_a_hub(alone: RedisServer) -> N
         leader.relay.finish("completed")
         await until(lambda: heard.get("end") == {"outcome": "completed"})
         await stock.disconnect()
-    arrays = apply(file_arrays(heard["model"]["file"]), heard["change"])  # type: ignore[index]
+    arrays = apply(file_arrays(heard["model"]["file"]), heard["change"])
     assert digest(arrays) == digest(arrays_of(model_of(11).contents))
     welcome = {"sharing": SHARING_VERSION, "session_id": "abc", "name": "a table", "rate_hz": 1000}
     assert heard["welcome"] == {**welcome, "hubs": []}
 
 
-async def test_another_session_of_the_leader_is_followed(redis: RedisServer) -> None:
+async def test_another_session_of_the_leader_is_followed(redis):
     port = free_port()
     async with AsyncExitStack() as stack:
         async with shared(port=port) as leader:
@@ -178,9 +174,7 @@ async def test_another_session_of_the_leader_is_followed(redis: RedisServer) -> 
             await until(lambda: all(each.said.count(ENDED) == 2 for each in heard))
 
 
-async def test_hubs_go_on_alone_while_redis_is_lost_and_together_when_it_is_back(
-    redis: RedisServer,
-) -> None:
+async def test_hubs_go_on_alone_while_redis_is_lost_and_together_when_it_is_back(redis):
     async with AsyncExitStack() as stack:
         leader = await stack.enter_async_context(shared())
         leader.publish(10)
@@ -199,9 +193,7 @@ async def test_hubs_go_on_alone_while_redis_is_lost_and_together_when_it_is_back
         await until(lambda: all(is_model_of(each, 12) for each in heard))
 
 
-async def test_a_change_that_redis_loses_is_noticed(
-    redis: RedisServer, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_change_that_redis_loses_is_noticed(redis, monkeypatch):
     async with AsyncExitStack() as stack:
         leader = await stack.enter_async_context(shared())
         leader.publish(10)
@@ -217,21 +209,19 @@ async def test_a_change_that_redis_loses_is_noticed(
         await until(lambda: is_model_of(heard, 11))
 
 
-async def test_without_redis_the_hub_says_how_to_start_it(redis: RedisServer) -> None:
+async def test_without_redis_the_hub_says_how_to_start_it(redis):
     redis.kill()
     with pytest.raises(MmtError, match=r"no Redis server answers .*apt install redis-server"):
         async with serving("http://127.0.0.1:9", redis.url):
             pass
 
 
-async def test_a_leader_that_never_answers_ends_the_hub(alone: RedisServer) -> None:
+async def test_a_leader_that_never_answers_ends_the_hub(alone):
     async with serving("http://127.0.0.1:9", alone.url, listening={"patience_s": 0.5}) as hub:
         await hub.ends_by("no leader answered")
 
 
-async def test_a_hub_that_is_refused_says_why(
-    alone: RedisServer, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_hub_that_is_refused_says_why(alone, monkeypatch):
     monkeypatch.setenv("MMT_SHARING_TOKEN", "0123456789abcdef0123")
     async with shared() as leader:
         monkeypatch.setenv("MMT_SHARING_TOKEN", "another0123456789abcd")
@@ -239,9 +229,7 @@ async def test_a_hub_that_is_refused_says_why(
             await hub.ends_by("give the listener the leader's token")
 
 
-async def test_listeners_of_a_hub_show_its_token_and_are_no_more_than_it_allows(
-    redis: RedisServer, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_listeners_of_a_hub_show_its_token_and_are_no_more_than_it_allows(redis, monkeypatch):
     async with shared() as leader:
         monkeypatch.setenv("MMT_SHARING_TOKEN", "0123456789abcdef0123")
         async with serving(leader.url, redis.url, sharing={"most": 1}) as hub:
@@ -251,20 +239,20 @@ async def test_listeners_of_a_hub_show_its_token_and_are_no_more_than_it_allows(
             await refused("give the listener the leader's token", hub.url)
 
 
-async def test_a_port_that_is_taken_is_named(redis: RedisServer) -> None:
+async def test_a_port_that_is_taken_is_named(redis):
     async with shared() as leader:
         with pytest.raises(MmtError, match=f"cannot listen on 127.0.0.1 port {leader.server.port}"):
             async with serving(leader.url, redis.url, sharing={"port": leader.server.port}):
                 pass
 
 
-async def test_a_hub_is_open_to_others_only_where_it_says_so(redis: RedisServer) -> None:
+async def test_a_hub_is_open_to_others_only_where_it_says_so(redis):
     with pytest.raises(InputError, match=r"lets everyone .* be a listener"):
         async with serving("http://127.0.0.1:9", redis.url, sharing={"host": "0.0.0.0"}):
             pass
 
 
-async def test_a_slow_listener_holds_up_nobody_and_gets_what_is_newest(alone: RedisServer) -> None:
+async def test_a_slow_listener_holds_up_nobody_and_gets_what_is_newest(alone):
     async with shared() as leader, serving(leader.url, alone.url) as hub:
         leader.publish(10)
         await until(lambda: hub.hub.copy.number)
@@ -272,18 +260,18 @@ async def test_a_slow_listener_holds_up_nobody_and_gets_what_is_newest(alone: Re
             await until(lambda: is_model_of(slow, 10) and is_model_of(quick, 10))
             listeners = list(hub.hub.relay.listeners.values())
             given = listeners[0].next
-            listeners[0].next = lambda: None  # type: ignore[method-assign] # it can take nothing
+            listeners[0].next = lambda: None  # it can take nothing
             for count in (11, 12, 13):
                 leader.publish(count)
                 await until(lambda count=count: is_model_of(quick, count))
             assert slow.models == [1]
-            listeners[0].next = given  # type: ignore[method-assign]
+            listeners[0].next = given
             listeners[0].send_newest()
             await until(lambda: is_model_of(slow, 13))
             assert slow.models == [1, 4]
 
 
-async def test_a_wrong_password_of_redis_is_called_so() -> None:
+async def test_a_wrong_password_of_redis_is_called_so():
     with redis_server("--requirepass", "right") as guarded:
         address = guarded.url.removeprefix("redis://")
         for url in (guarded.url, f"redis://:wr0ng@{address}", f"redis://ann:wr0ng@{address}"):
@@ -310,12 +298,12 @@ ALLOWED = "+publish +subscribe +unsubscribe"  # what docs/how-to/hubs.md allows
     ],
 )
 async def test_a_channel_that_redis_forbids_is_said_and_the_documented_rules_suffice(
-    rules: str, problem: str | None
-) -> None:
+    rules, problem
+):
     user = f"hub on >right resetchannels {rules}"
     with redis_server("--user", *user.split()) as guarded:
         url = f"redis://hub:right@127.0.0.1:{guarded.port}"
-        heard: list[str] = []
+        heard = []
         channels = [HubChannel(url, "g", lambda event, _: heard.append(event)) for _ in range(2)]
         assert await channels[0].check() == problem
         if problem is None:
@@ -333,7 +321,7 @@ async def test_a_channel_that_redis_forbids_is_said_and_the_documented_rules_suf
             await channel.close()
 
 
-async def test_a_certificate_that_is_not_trusted_is_called_so(tmp_path: Path) -> None:
+async def test_a_certificate_that_is_not_trusted_is_called_so(tmp_path):
     authority, port = trustme.CA(), free_port()
     authority.cert_pem.write_to_path(tmp_path / "ca.pem")
     authority.issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(

@@ -2,7 +2,6 @@
 
 import asyncio
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,9 +21,7 @@ MS = 1_000_000
 
 @pytest.mark.parametrize("offset_ns", [0, 3 * 10**15, -(10**12)])
 @pytest.mark.parametrize("jitter_ms", [0.0, 40.0])
-def test_the_lag_is_that_of_the_way_there_whatever_the_clocks(
-    offset_ns: int, jitter_ms: float
-) -> None:
+def test_the_lag_is_that_of_the_way_there_whatever_the_clocks(offset_ns, jitter_ms):
     """40 ms each way at least; the lag is known to what the quickest of some seconds differ by."""
     rng, lag, true_ms = np.random.default_rng(5), Lag(), []
     for k in range(600):
@@ -44,7 +41,7 @@ def test_the_lag_is_that_of_the_way_there_whatever_the_clocks(
     assert 1.8 < figures["answered_s"] < 2.0
 
 
-def test_a_stall_is_lag_and_moves_no_clock() -> None:
+def test_a_stall_is_lag_and_moves_no_clock():
     lag = Lag()
     for k in range(60):
         made_ns = 10**12 + k * 1000 * MS
@@ -56,7 +53,7 @@ def test_a_stall_is_lag_and_moves_no_clock() -> None:
             assert lag.last_ms == pytest.approx(4000.0 if k == 40 else 10.0, abs=0.5)
 
 
-def test_a_state_that_is_not_known_gives_no_lag() -> None:
+def test_a_state_that_is_not_known_gives_no_lag():
     lag = Lag()
     for k in range(20):
         lag.record_answer(ListenerState(3, k * MS, 0.0), None, k * MS)
@@ -71,14 +68,14 @@ def test_a_state_that_is_not_known_gives_no_lag() -> None:
 
 
 @pytest.mark.parametrize("data", [None, b"", b"x" * 21, 5, {"number": 1}])
-def test_what_is_malformed_is_refused(data: object) -> None:
+def test_what_is_malformed_is_refused(data):
     with pytest.raises(InputError, match="malformed"):
         ListenerState.unpack(data)
     with pytest.raises(InputError, match="clock"):
         ListenerState.unpack(ListenerState(1, -1, 0.0).pack())
 
 
-async def test_who_listens_since_when_and_how_far_behind() -> None:
+async def test_who_listens_since_when_and_how_far_behind():
     async with shared() as sharing, listening(sharing.url, name="ann") as heard:
         sharing.publish(10)
         await until(lambda: heard.models)
@@ -107,7 +104,7 @@ async def test_who_listens_since_when_and_how_far_behind() -> None:
     assert left["listener"]["states"] == 9
 
 
-async def test_a_stock_client_that_answers_nothing_is_known_by_what_it_was_sent() -> None:
+async def test_a_stock_client_that_answers_nothing_is_known_by_what_it_was_sent():
     async with shared() as sharing:
         stranger = socketio.AsyncClient(serializer="msgpack", reconnection=False)
         hello = {"sharing": SHARING_VERSION, "role": "listener", "name": "stock"}
@@ -126,8 +123,8 @@ async def test_a_stock_client_that_answers_nothing_is_known_by_what_it_was_sent(
         await until(lambda: len(sharing.details) == 2)
 
 
-async def test_why_a_listener_was_let_go_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def stall(*_: object) -> None:
+async def test_why_a_listener_was_let_go_is_told(monkeypatch):
+    async def stall(*_):
         raise TimeoutError
 
     monkeypatch.setattr(relay_module.ListenerFeed, "serve", stall)
@@ -137,13 +134,13 @@ async def test_why_a_listener_was_let_go_is_told(monkeypatch: pytest.MonkeyPatch
         assert sharing.details[1]["listener"]["why"] == "it took nothing for 10 s"
 
 
-async def test_who_sends_too_much_is_told() -> None:
+async def test_who_sends_too_much_is_told():
     async with shared() as sharing:
         stranger = socketio.AsyncClient(serializer="msgpack", reconnection=False)
         hello = {"sharing": SHARING_VERSION, "role": "listener"}
         await stranger.connect(sharing.url, auth=hello, transports=["websocket"])
 
-        async def flood() -> None:
+        async def flood():
             while stranger.connected:
                 await stranger.emit("have", bytes(5000))
                 await asyncio.sleep(0.001)
@@ -151,15 +148,13 @@ async def test_who_sends_too_much_is_told() -> None:
         flooding = asyncio.create_task(flood())
         await until(lambda: len(sharing.details) == 2)
         flooding.cancel()
-        left: dict[str, Any] = sharing.details[1]["listener"]
+        left = sharing.details[1]["listener"]
         assert "it sent more than 10 messages" in left["why"]
         assert left["rejected"] > 0
         await stranger.disconnect()
 
 
-async def test_of_many_the_figures_are_those_furthest_behind(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_of_many_the_figures_are_those_furthest_behind(monkeypatch):
     monkeypatch.setattr(server_module, "_MOST_SHOWN", 2)
     async with shared() as sharing:
         clients = [listening(sharing.url) for _ in range(4)]
@@ -178,7 +173,7 @@ async def test_of_many_the_figures_are_those_furthest_behind(
             await client.__aexit__(None, None, None)
 
 
-def test_the_leader_keeps_what_a_person_wants_to_know_at_the_end() -> None:
+def test_the_leader_keeps_what_a_person_wants_to_know_at_the_end():
     pytest.importorskip("prometheus_client")
     from prometheus_client import generate_latest
 

@@ -1,8 +1,6 @@
 """What has changed of a model: applied, it gives the new state to the bit, or is refused."""
 
-from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
 
 import msgpack
 import numpy as np
@@ -14,21 +12,21 @@ from sharing_samples import samples_of
 from mmt.core.errors import InputError
 from mmt.texture.model.file import arrays_of, contents_of
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.space import ANISOTROPIC, ISOTROPIC, InputSpace
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC
 from mmt_share.changes import apply, difference
 
 SPACES = pytest.mark.parametrize("space", [ISOTROPIC, ANISOTROPIC], ids=lambda space: space.name)
 
 
-def model_of(space: InputSpace, numbers: Iterable[int]) -> TextureModel:
+def model_of(space, numbers):
     return TextureModel(samples_of(numbers, space=space))
 
 
-def over_the_wire(before: dict[str, Any], after: dict[str, Any]) -> Any:
+def over_the_wire(before, after):
     return msgpack.unpackb(msgpack.packb(difference(before, after)))
 
 
-def assert_same(one: dict[str, Any], other: dict[str, Any]) -> None:
+def assert_same(one, other):
     assert one.keys() == other.keys()
     for name, array in one.items():
         found, wanted = np.asarray(array), np.asarray(other[name])
@@ -42,16 +40,14 @@ def assert_same(one: dict[str, Any], other: dict[str, Any]) -> None:
     earlier=st.lists(st.integers(0, 30), min_size=5, max_size=25, unique=True),
     later=st.lists(st.integers(0, 30), min_size=5, max_size=25, unique=True),
 )
-def test_any_state_of_a_model_follows_from_any_other(
-    space: InputSpace, earlier: list[int], later: list[int]
-) -> None:
+def test_any_state_of_a_model_follows_from_any_other(space, earlier, later):
     before = arrays_of(model_of(space, earlier).contents)
     after = arrays_of(model_of(space, later).contents)
     assert_same(apply(before, over_the_wire(before, after)), after)
 
 
 @SPACES
-def test_a_model_that_was_brought_over_renders_the_same_to_the_bit(space: InputSpace) -> None:
+def test_a_model_that_was_brought_over_renders_the_same_to_the_bit(space):
     before = arrays_of(model_of(space, range(12)).contents)
     model = model_of(space, [*range(3), *range(4, 15)])
     arrays = apply(before, over_the_wire(before, arrays_of(model.contents)))
@@ -61,7 +57,7 @@ def test_a_model_that_was_brought_over_renders_the_same_to_the_bit(space: InputS
         np.testing.assert_array_equal(one, other)
 
 
-def test_only_what_is_new_is_held() -> None:
+def test_only_what_is_new_is_held():
     before = arrays_of(model_of(ISOTROPIC, range(200)).contents)
     after = arrays_of(model_of(ISOTROPIC, [*range(50), *range(51, 202)]).contents)
     change = difference(before, after)
@@ -72,7 +68,7 @@ def test_only_what_is_new_is_held() -> None:
     assert len(msgpack.packb(difference(after, after))) < 200
 
 
-def test_another_order_or_space_brings_all_rows() -> None:
+def test_another_order_or_space_brings_all_rows():
     before = arrays_of(model_of(ISOTROPIC, range(9)).contents)
     for model in (
         TextureModel(samples_of(range(9), order=8)),
@@ -82,22 +78,22 @@ def test_another_order_or_space_brings_all_rows() -> None:
         assert_same(apply(before, over_the_wire(before, after)), after)
 
 
-def test_a_change_of_another_state_is_refused() -> None:
+def test_a_change_of_another_state_is_refused():
     before, after = (arrays_of(model_of(ISOTROPIC, range(n)).contents) for n in (9, 11))
     other = arrays_of(model_of(ISOTROPIC, range(20, 29)).contents)
     with pytest.raises(InputError, match="belongs to another state"):
         apply(other, over_the_wire(before, after))
 
 
-def spoiled(change: dict[str, Any]) -> dict[str, Any]:
+def spoiled(change):
     """What must be refused, by what is wrong with it."""
     (rows,) = change["rows"]
     kind, shape, data = change["arrays"]["variance"]
 
-    def with_plan(plan: Any) -> Any:
+    def with_plan(plan):
         return {**change, "rows": [{**rows, "plan": plan}]}
 
-    def with_variance(*packed: Any) -> Any:
+    def with_variance(*packed):
         return {**change, "arrays": {**change["arrays"], "variance": list(packed)}}
 
     return {
@@ -118,21 +114,21 @@ def spoiled(change: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("wrong", list(spoiled({"rows": [{}], "arrays": {"variance": "abc"}})))
-def test_a_malformed_change_is_refused(wrong: str) -> None:
+def test_a_malformed_change_is_refused(wrong):
     before, after = (arrays_of(model_of(ISOTROPIC, range(n)).contents) for n in (9, 11))
     change = spoiled(over_the_wire(before, after))[wrong]
     with pytest.raises(InputError, match="the change of a model"):
         apply(before, change)
 
 
-def test_a_change_leaves_the_earlier_state_as_it_was() -> None:
+def test_a_change_leaves_the_earlier_state_as_it_was():
     before, after = (arrays_of(model_of(ISOTROPIC, range(n)).contents) for n in (9, 11))
     kept = {name: np.array(array) for name, array in before.items()}
     apply(before, over_the_wire(before, after))
     assert_same(before, kept)
 
 
-def test_noise_power_that_appears_and_goes() -> None:
+def test_noise_power_that_appears_and_goes():
     with_noise = arrays_of(TextureModel(replace(samples_of(range(9)), noise_power=0.01)).contents)
     without = arrays_of(model_of(ISOTROPIC, range(9)).contents)
     assert with_noise.keys() != without.keys()

@@ -5,11 +5,9 @@ import hashlib
 import json
 import socket
 import threading
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import aiohttp
 import numpy as np
@@ -31,7 +29,7 @@ from mmt_share.tables import Sharing
 TOKEN = "0123456789abcdef0123"
 
 
-def test_a_model_is_there_once_and_by_its_hash(tmp_path: Path) -> None:
+def test_a_model_is_there_once_and_by_its_hash(tmp_path):
     store, data = ModelStore(tmp_path / "new" / "folder"), model_of(10).to_bytes()
     assert store.entries() == []
     entry = store.add(data, Entry("table", "ann", "CC0"))
@@ -40,13 +38,10 @@ def test_a_model_is_there_once_and_by_its_hash(tmp_path: Path) -> None:
     assert store.add(data, Entry("another name")) == entry
     assert store.entries() == [entry]
     path = store.path(entry.hash)
-    assert path is not None
     assert path.read_bytes() == data
 
 
-def test_what_is_no_model_or_too_much_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_no_model_or_too_much_is_refused(tmp_path, monkeypatch):
     store = ModelStore(tmp_path)
     for data in (b"", b"PK nonsense", bytes(1000)):
         with pytest.raises(InputError):
@@ -59,7 +54,7 @@ def test_what_is_no_model_or_too_much_is_refused(
         store.add(model_of(11).to_bytes(), Entry("y"))
 
 
-def test_what_is_damaged_is_left_out(tmp_path: Path) -> None:
+def test_what_is_damaged_is_left_out(tmp_path):
     store = ModelStore(tmp_path)
     entry = store.add(model_of(10).to_bytes(), Entry("table"))
     for name, text in (("a", "{"), ("b", "[1]"), ("c", json.dumps({"unknown": 1}))):
@@ -69,7 +64,7 @@ def test_what_is_damaged_is_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("digest", ["", "../../etc/passwd", "a" * 63, "A" * 64, "a" * 65])
-def test_only_hashes_name_files(tmp_path: Path, digest: str) -> None:
+def test_only_hashes_name_files(tmp_path, digest):
     assert ModelStore(tmp_path).path(digest) is None
 
 
@@ -81,7 +76,7 @@ def test_only_hashes_name_files(tmp_path: Path, digest: str) -> None:
         *({"name": "x", "error_db": error} for error in ("much", "nan", "-inf", "1" * 400)),
     ],
 )
-def test_who_pushes_must_give_a_name(said: dict[str, str]) -> None:
+def test_who_pushes_must_give_a_name(said):
     with pytest.raises(InputError):
         Entry.from_description(said)
     assert Entry.from_description({"name": "\x1b[31m" + 999 * "x"}).name.startswith(
@@ -89,7 +84,7 @@ def test_who_pushes_must_give_a_name(said: dict[str, str]) -> None:
     )
 
 
-async def test_an_error_is_a_finite_number_and_may_be_nought(tmp_path: Path) -> None:
+async def test_an_error_is_a_finite_number_and_may_be_nought(tmp_path):
     async with shared(store=str(tmp_path / "store"), accept=True) as sharing:
         remote = RemoteStore(sharing.url, Access())
         exact, other = (model_of(samples).to_bytes() for samples in (12, 13))
@@ -103,7 +98,7 @@ async def test_an_error_is_a_finite_number_and_may_be_nought(tmp_path: Path) -> 
         assert await asyncio.to_thread(remote.entries) == [pushed]
 
 
-async def test_a_model_goes_there_and_comes_back(tmp_path: Path) -> None:
+async def test_a_model_goes_there_and_comes_back(tmp_path):
     async with shared(store=str(tmp_path / "store"), accept=True) as sharing:
         remote = RemoteStore(sharing.url, Access())
         model = model_of(12)
@@ -123,7 +118,7 @@ async def test_a_model_goes_there_and_comes_back(tmp_path: Path) -> None:
             await asyncio.to_thread(remote.push, b"nonsense", Entry("x"))
 
 
-def full(folder: Path, data: bytes) -> str:
+def full(folder, data):
     """Let a store's disk be full for this model; return what is said of it."""
     folder.mkdir()
     part = folder / f"{hashlib.sha256(data).hexdigest()}.npz.part"
@@ -131,7 +126,7 @@ def full(folder: Path, data: bytes) -> str:
     return "No space left on device"
 
 
-def unwritable(folder: Path, _: bytes) -> str:
+def unwritable(folder, _):
     """Let a store's folder be one that cannot be made, by root neither; return what is said."""
     folder.write_text("a file")
     return "cannot write"
@@ -149,9 +144,7 @@ SPOILT = pytest.mark.parametrize(
 
 
 @SPOILT
-async def test_a_store_that_cannot_be_written_is_not_the_fault_of_who_pushes(
-    tmp_path: Path, spoil: Callable[[Path, bytes], str]
-) -> None:
+async def test_a_store_that_cannot_be_written_is_not_the_fault_of_who_pushes(tmp_path, spoil):
     folder, data = tmp_path / "store", model_of(12).to_bytes()
     said = spoil(folder, data)
     async with shared(store=str(folder), accept=True) as sharing:
@@ -163,20 +156,18 @@ async def test_a_store_that_cannot_be_written_is_not_the_fault_of_who_pushes(
 
 
 @SPOILT
-def test_a_store_that_cannot_be_written_is_told_at_the_end_of_a_run(
-    tmp_path: Path, spoil: Callable[[Path, bytes], str]
-) -> None:
+def test_a_store_that_cannot_be_written_is_told_at_the_end_of_a_run(tmp_path, spoil):
     folder, model = tmp_path / "store", model_of(12)
     reason = spoil(folder, model.to_bytes())
-    said: list[str] = []
-    sharing: Any = SimpleNamespace(newest=model, takes_over=True)
+    said = []
+    sharing = SimpleNamespace(newest=model, takes_over=True)
     SharingPart(Session(Scene(), said.append), Sharing(store=folder), sharing).close()
     (sentence,) = said
     assert sentence.startswith(f"the model is not in the store {folder}: ")
     assert reason in sentence
 
 
-async def test_a_fetch_that_broke_off_goes_on(tmp_path: Path) -> None:
+async def test_a_fetch_that_broke_off_goes_on(tmp_path):
     data = model_of(40).to_bytes()
     async with shared(store=str(tmp_path / "store"), accept=True) as sharing:
         remote = RemoteStore(sharing.url, Access())
@@ -200,14 +191,14 @@ async def test_a_fetch_that_broke_off_goes_on(tmp_path: Path) -> None:
 class Server:
     """An HTTP server that gives one answer to all requests, and notes what they show."""
 
-    def __init__(self, answer: bytes, endless: bytes = b"") -> None:
-        self.shown: list[bytes] = []
+    def __init__(self, answer, endless=b""):
+        self.shown = []
         self._answer, self._endless = answer, endless
         self._socket = socket.create_server(("127.0.0.1", 0))
         self.url = f"http://127.0.0.1:{self._socket.getsockname()[1]}"
         threading.Thread(target=self._serve, daemon=True).start()
 
-    def _serve(self) -> None:
+    def _serve(self):
         with suppress(OSError):
             while True:
                 connection, _ = self._socket.accept()
@@ -217,15 +208,15 @@ class Server:
                     while self._endless:
                         connection.sendall(self._endless)
 
-    def __enter__(self) -> "Server":
+    def __enter__(self):
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *_):
         self._socket.close()
 
 
 @pytest.mark.parametrize("status", [301, 302, 303, 307, 308])
-def test_a_token_goes_to_nobody_but_whom_it_is_for(status: int, tmp_path: Path) -> None:
+def test_a_token_goes_to_nobody_but_whom_it_is_for(status, tmp_path):
     with Server(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]") as other:
         there = f"HTTP/1.1 {status} Go\r\nLocation: {other.url}/models\r\n\r\n"
         with Server(there.encode()) as server:
@@ -240,7 +231,7 @@ def test_a_token_goes_to_nobody_but_whom_it_is_for(status: int, tmp_path: Path) 
         assert other.shown == []
 
 
-def test_a_proxy_of_the_environment_sees_no_token(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_proxy_of_the_environment_sees_no_token(monkeypatch):
     with (
         Server(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]") as proxy,
         Server(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]") as server,
@@ -259,7 +250,7 @@ def test_a_proxy_of_the_environment_sees_no_token(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize("head", [b"", b"Content-Length: 999999999999\r\n"])
-def test_an_endless_listing_or_model_is_not_read_to_its_end(head: bytes, tmp_path: Path) -> None:
+def test_an_endless_listing_or_model_is_not_read_to_its_end(head, tmp_path):
     with Server(b"HTTP/1.1 200 OK\r\n" + head + b"\r\n[", b" " * 65_536) as server:
         remote = RemoteStore(server.url, Access())
         with pytest.raises(MmtError, match="sends more than it should"):
@@ -269,7 +260,7 @@ def test_an_endless_listing_or_model_is_not_read_to_its_end(head: bytes, tmp_pat
         assert (tmp_path / "oak.npz.part").stat().st_size <= store_module.LARGEST_BYTES
 
 
-def test_a_listing_of_too_many_models_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_listing_of_too_many_models_is_refused(monkeypatch):
     listing = json.dumps([ENTRY] * (store_module.MOST_MODELS + 1)).encode()
     monkeypatch.setattr(RemoteStore, "_request", lambda *_, **__: listing)
     with pytest.raises(MmtError, match="has no store of models that this program reads"):
@@ -293,9 +284,7 @@ ENTRY = {"name": "oak", "hash": "a" * 64, "samples": 10}
         json.dumps([{**ENTRY, "unknown": 1}]).encode(),
     ],
 )
-def test_a_listing_that_makes_no_sense_is_refused(
-    monkeypatch: pytest.MonkeyPatch, listing: bytes
-) -> None:
+def test_a_listing_that_makes_no_sense_is_refused(monkeypatch, listing):
     monkeypatch.setattr(RemoteStore, "_request", lambda *_, **__: listing)
     remote = RemoteStore("http://127.0.0.1:1", Access())
     with pytest.raises(MmtError, match="has no store of models that this program reads"):
@@ -304,16 +293,14 @@ def test_a_listing_that_makes_no_sense_is_refused(
         remote.push(b"", Entry("oak"))
 
 
-def test_what_is_listed_can_be_printed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_listed_can_be_printed(monkeypatch):
     listing = json.dumps([{**ENTRY, "note": "\x1b[31m"}])
     monkeypatch.setattr(RemoteStore, "_request", lambda *_, **__: listing.encode())
     (entry,) = RemoteStore("http://127.0.0.1:1", Access()).entries()
     assert entry == Entry("oak", note="\N{REPLACEMENT CHARACTER}[31m", hash="a" * 64, samples=10)
 
 
-async def test_without_leave_nothing_is_added_and_without_a_store_nothing_is_there(
-    tmp_path: Path,
-) -> None:
+async def test_without_leave_nothing_is_added_and_without_a_store_nothing_is_there(tmp_path):
     async with shared(store=str(tmp_path / "store")) as sharing:
         remote = RemoteStore(sharing.url, Access())
         with pytest.raises(MmtError, match="it takes no models"):
@@ -326,9 +313,7 @@ async def test_without_leave_nothing_is_added_and_without_a_store_nothing_is_the
         await asyncio.to_thread(RemoteStore(f"http://127.0.0.1:{port}", Access()).entries)
 
 
-async def test_the_store_asks_for_the_token(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_the_store_asks_for_the_token(tmp_path, monkeypatch):
     monkeypatch.setenv("MMT_SHARING_TOKEN", TOKEN)
     async with shared(store=str(tmp_path / "store"), accept=True) as sharing:
         for token in (None, "another0123456789abcd"):

@@ -3,7 +3,6 @@
 from asyncio import to_thread
 from pathlib import Path
 
-import pytest
 from command_runs import output_of, refusal, run_json
 from sharing_samples import shared
 
@@ -15,9 +14,7 @@ MODEL = Path("configs/models/plastic.npz").resolve()
 PUSH, PULL, LIST = (("model", name) for name in ("push", "pull", "list"))
 
 
-async def test_a_model_is_pushed_listed_and_pulled(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_model_is_pushed_listed_and_pulled(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     async with shared(store=str(tmp_path / "store"), accept=True) as sharing:
         about = ("--name", "a/b", "--licence", "CC0")
@@ -30,7 +27,7 @@ async def test_a_model_is_pushed_listed_and_pulled(
         assert "--force replaces it" in await to_thread(refusal, *pull)
 
 
-def test_mistakes_are_sentences(tmp_path: Path) -> None:
+def test_mistakes_are_sentences(tmp_path):
     (tmp_path / "text.npz").write_text("no model")
     assert "No such file" in refusal(*PUSH, tmp_path / "no", "--to", "http://x")
     assert "not a texture model" in refusal(*PUSH, tmp_path / "text.npz", "--to", "http://x")

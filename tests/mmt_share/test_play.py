@@ -13,8 +13,8 @@ from mmt.core.errors import InputError
 from mmt_share.commands.playing import play
 
 
-def given(directory: Path, **options: object) -> dict[str, object]:
-    usual: dict[str, object] = {
+def given(directory, **options):
+    usual = {
         "results": directory / "results.csv",
         "record": None,
         "shared": None,
@@ -30,27 +30,27 @@ def given(directory: Path, **options: object) -> dict[str, object]:
     return {**usual, **options}
 
 
-def test_what_cannot_be_played_is_explained(tmp_path: Path) -> None:
+def test_what_cannot_be_played_is_explained(tmp_path):
     model = tmp_path / "cork.npz"
     flat_texture(1.0).save(model)
     (tmp_path / "more").mkdir()
     flat_texture(1.0).save(tmp_path / "more" / "cork.npz")
     with pytest.raises(InputError, match=r"must end in \.mcap"):
-        play([model], **given(tmp_path, record=Path("touch.csv")))  # type: ignore[arg-type]
+        play([model], **given(tmp_path, record=Path("touch.csv")))
     with pytest.raises(InputError, match="cork: two textures have this name"):
-        play([model, tmp_path / "more" / "cork.npz"], **given(tmp_path))  # type: ignore[arg-type]
+        play([model, tmp_path / "more" / "cork.npz"], **given(tmp_path))
     with pytest.raises(InputError, match="shipped are"):
-        play([Path("nothing")], **given(tmp_path))  # type: ignore[arg-type]
+        play([Path("nothing")], **given(tmp_path))
     with pytest.raises(InputError, match=r"lets everyone .* be the player: set a token"):
-        play([model], **given(tmp_path, host="0.0.0.0"))  # type: ignore[arg-type]
+        play([model], **given(tmp_path, host="0.0.0.0"))
     with pytest.raises(InputError, match="certificate and key belong together"):
-        play([model], **given(tmp_path, key=Path("key.pem")))  # type: ignore[arg-type]
+        play([model], **given(tmp_path, key=Path("key.pem")))
     (tmp_path / "results.csv").write_text("other,columns\n")
     with pytest.raises(InputError, match="name another file"):
-        play([model], **given(tmp_path))  # type: ignore[arg-type]
+        play([model], **given(tmp_path))
 
 
-async def test_the_page_is_served_until_ctrl_c(tmp_path: Path) -> None:
+async def test_the_page_is_served_until_ctrl_c(tmp_path):
     flat_texture(1.0).save(tmp_path / "cork.npz")
     process = await asyncio.create_subprocess_exec(
         sys.executable, "-m", "mmt.cli.entry", "main", "play", "cork.npz", "--port", "0",

@@ -2,10 +2,7 @@
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +26,6 @@ from mmt.session.files import read_session
 from mmt.texture.model.json_form import model_json
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt.web.binary_messages import pack
-from mmt_share.player.server import PlayerServer
 
 __all__ = ["browser"]
 pytestmark = MARKS
@@ -38,16 +34,7 @@ HEARD = "Number.parseFloat(document.querySelector('#level-text').textContent)"
 
 
 @asynccontextmanager
-async def a_player(
-    browser: Any,
-    directory: Path,
-    size: tuple[int, int] = DESKTOP,
-    *,
-    script: str = "",
-    port: int = 0,
-    record: bool = False,
-    **how: Any,
-) -> AsyncIterator[tuple[Any, PlayerServer]]:
+async def a_player(browser, directory, size=DESKTOP, *, script="", port=0, record=False, **how):
     """A page at a player, with all its models."""
     async with (
         playing(
@@ -63,7 +50,7 @@ async def a_player(
 
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
-async def silent(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Any]:
+async def silent(browser, tmp_path_factory):
     """A page at a player, without sound, for what takes none."""
     directory = tmp_path_factory.mktemp("silent")
     async with playing(directory) as server, a_page(browser) as page:
@@ -72,29 +59,29 @@ async def silent(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Asyn
         yield page
 
 
-async def painted(page: Any) -> None:
+async def painted(page):
     """Wait until all textures have come."""
     count = "[...document.querySelectorAll('.tile canvas')].filter((node) => node.width > 1).length"
     await until(page, f"{count} === 3")
 
 
-async def fits(page: Any) -> bool:
+async def fits(page):
     """Whether nothing has to be scrolled sideways, and every tile is on the screen."""
     bottom = "innerHeight - document.querySelector('#grid').getBoundingClientRect().bottom"
     return bool(await page.evaluate(OVERFLOW) <= 0 <= await page.evaluate(bottom))
 
 
-async def hears(page: Any, least: float, most: float) -> None:
+async def hears(page, least, most):
     """Wait until a quarter of a second has a level (m/s2) within these."""
     await until(page, f"(({HEARD}) - {least}) * (({HEARD}) - {most}) <= 0")
 
 
-async def stroke(page: Any, tile: int) -> None:
+async def stroke(page, tile):
     await page.keyboard.press("abc"[tile])
     await page.keyboard.down("ArrowRight")
 
 
-async def test_arrow_keys_stroke_each_texture_at_its_level(browser: Any, tmp_path: Path) -> None:
+async def test_arrow_keys_stroke_each_texture_at_its_level(browser, tmp_path):
     async with a_player(browser, tmp_path) as (page, _):
         await stroke(page, 0)  # 1 m/s2
         await hears(page, 0.7, 1.3)
@@ -113,7 +100,7 @@ async def test_arrow_keys_stroke_each_texture_at_its_level(browser: Any, tmp_pat
         assert await fits(page)
 
 
-async def test_pictures_differ(silent: Any) -> None:
+async def test_pictures_differ(silent):
     pictures = await silent.evaluate(
         "[...document.querySelectorAll('.tile canvas')].map(canvas => canvas.toDataURL())"
     )
@@ -121,9 +108,7 @@ async def test_pictures_differ(silent: Any) -> None:
     assert min(map(len, pictures)) > 2000
 
 
-async def test_a_mouse_is_heard_while_it_strokes_and_not_beyond_the_grid(
-    browser: Any, tmp_path: Path
-) -> None:
+async def test_a_mouse_is_heard_while_it_strokes_and_not_beyond_the_grid(browser, tmp_path):
     async with a_player(browser, tmp_path) as (page, _):
         box = await page.locator(".tile").nth(1).bounding_box()
         x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -147,16 +132,16 @@ async def test_a_mouse_is_heard_while_it_strokes_and_not_beyond_the_grid(
         await page.mouse.up()
 
 
-async def test_a_pen_presses(browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_pen_presses(browser, tmp_path, monkeypatch):
     async with a_player(browser, tmp_path, TABLET, has_touch=True, record=True) as (page, server):
-        felt: list[float] = []
+        felt = []
         monkeypatch.setattr(
             server.player, "stroke", lambda _, steps: felt.extend(step.force_n for step in steps)
         )
         cdp = await page.context.new_cdp_session(page)
         box = await page.locator(".tile").first.bounding_box()
 
-        async def touch(kind: str, *points: dict[str, float]) -> None:
+        async def touch(kind, *points):
             await cdp.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [*points]})
 
         at = {"x": box["x"] + 40, "y": box["y"] + 40}
@@ -171,7 +156,7 @@ async def test_a_pen_presses(browser: Any, tmp_path: Path, monkeypatch: pytest.M
         await hears(page, 0.0, 0.0)
 
 
-async def test_exploration_from_begin_to_the_last_rating(browser: Any, tmp_path: Path) -> None:
+async def test_exploration_from_begin_to_the_last_rating(browser, tmp_path):
     async with a_player(browser, tmp_path, TABLET, scheme="dark") as (page, server):
         dark = await page.evaluate("getComputedStyle(document.body).backgroundColor")
         assert dark == "rgb(20, 24, 27)"
@@ -181,7 +166,6 @@ async def test_exploration_from_begin_to_the_last_rating(browser: Any, tmp_path:
         for trial in range(3):
             await shows(page, "#prompt", f"{trial + 1} of 3")
             study = server.player.study
-            assert study is not None
             asked = study.order[trial]
             await api.expect(page.locator(".tile.asked")).to_contain_text(NAMES[asked])
             rating = page.locator("#rating-buttons button").nth(trial)
@@ -200,7 +184,7 @@ async def test_exploration_from_begin_to_the_last_rating(browser: Any, tmp_path:
         await api.expect(page.locator("#begin-form")).to_be_visible()
 
 
-async def test_matching_from_begin_to_the_count(browser: Any, tmp_path: Path) -> None:
+async def test_matching_from_begin_to_the_count(browser, tmp_path):
     async with a_player(browser, tmp_path) as (page, server):
         await page.click("#study summary")
         await page.select_option("#scenario", "matching")
@@ -212,7 +196,6 @@ async def test_matching_from_begin_to_the_count(browser: Any, tmp_path: Path) ->
         grid = await page.locator("#grid").inner_text()
         assert not any(name in grid for name in NAMES)
         study = server.player.study
-        assert study is not None
         under = [study.texture(tile) for tile in range(3)]
         for sample in study.order:
             await shows(page, "#prompt", f"feels like {NAMES[sample]}?")
@@ -231,9 +214,7 @@ async def test_matching_from_begin_to_the_count(browser: Any, tmp_path: Path) ->
         assert written[-1]["rating"] == "5"
 
 
-async def test_a_hidden_page_is_silent_and_goes_on_when_it_is_back(
-    browser: Any, tmp_path: Path
-) -> None:
+async def test_a_hidden_page_is_silent_and_goes_on_when_it_is_back(browser, tmp_path):
     hide = """hidden => {
         Object.defineProperty(document, 'hidden', { value: hidden, configurable: true });
         document.dispatchEvent(new Event('visibilitychange'));
@@ -250,9 +231,7 @@ async def test_a_hidden_page_is_silent_and_goes_on_when_it_is_back(
         await hears(page, 1.4, 2.6)
 
 
-async def test_a_page_plays_on_without_its_server_and_says_so(
-    browser: Any, tmp_path: Path, unused_tcp_port: int
-) -> None:
+async def test_a_page_plays_on_without_its_server_and_says_so(browser, tmp_path, unused_tcp_port):
     async with a_player(browser, tmp_path, port=unused_tcp_port) as (page, server):
         await stroke(page, 1)
         await hears(page, 1.4, 2.6)
@@ -271,9 +250,7 @@ async def test_a_page_plays_on_without_its_server_and_says_so(
         await hears(page, 3.0, 5.0)
 
 
-async def test_a_texture_that_grows_is_taken_over_while_it_is_stroked(
-    browser: Any, tmp_path: Path
-) -> None:
+async def test_a_texture_that_grows_is_taken_over_while_it_is_stroked(browser, tmp_path):
     async with a_player(browser, tmp_path) as (page, server):
         await stroke(page, 0)
         await hears(page, 0.7, 1.3)
@@ -281,7 +258,7 @@ async def test_a_texture_that_grows_is_taken_over_while_it_is_stroked(
         await hears(page, 4.0, 6.0)
 
 
-async def test_what_the_page_renders_is_what_python_renders(silent: Any) -> None:
+async def test_what_the_page_renders_is_what_python_renders(silent):
     model, count = textures()[1], 2000
     speeds = 100.0 + 80.0 * np.sin(np.arange(count) / 100.0)
     white = np.random.default_rng(1).standard_normal(count)
@@ -306,13 +283,13 @@ LIVE = """async ([forms, turns]) => {
 }"""
 
 
-async def live(page: Any, turns: list[int | None]) -> np.ndarray:
+async def live(page, turns):
     """Return what the page plays (m/s2) if each 5 ms another texture is touched, or none."""
     forms = [model_json(model, "made") for model in textures()]
     return np.array(await page.evaluate(LIVE, [forms, turns]))
 
 
-async def test_each_texture_has_its_level_and_falls_silent_without_a_click(silent: Any) -> None:
+async def test_each_texture_has_its_level_and_falls_silent_without_a_click(silent):
     for texture, rms_m_s2 in enumerate(RMS_M_S2):
         sound = await live(silent, [texture] * 2000 + [None] * 40)
         stroked, after = np.split(sound, [480_000])
@@ -322,7 +299,7 @@ async def test_each_texture_has_its_level_and_falls_silent_without_a_click(silen
         assert np.abs(np.diff(after)).max() < 1.2 * np.abs(np.diff(stroked)).max()
 
 
-async def test_quick_changes_between_textures_stay_within_what_each_does(silent: Any) -> None:
+async def test_quick_changes_between_textures_stay_within_what_each_does(silent):
     sound = await live(silent, [turn % 3 for turn in range(600)])
     assert np.abs(sound).max() < 6.0 * max(RMS_M_S2)
     assert min(RMS_M_S2) < np.sqrt(np.mean(sound**2)) < max(RMS_M_S2)
@@ -331,9 +308,7 @@ async def test_quick_changes_between_textures_stay_within_what_each_does(silent:
     assert beyond.sum() < 1e-4 * spectrum.sum()  # a click would be heard there
 
 
-async def test_a_hostile_model_is_refused_with_a_sentence_and_the_last_one_stays(
-    browser: Any, tmp_path: Path
-) -> None:
+async def test_a_hostile_model_is_refused_with_a_sentence_and_the_last_one_stays(browser, tmp_path):
     async with a_player(browser, tmp_path) as (page, server):
         form = json.loads(model_json(textures()[0], NAMES[0]))
         for change, sentence in (
@@ -349,7 +324,7 @@ async def test_a_hostile_model_is_refused_with_a_sentence_and_the_last_one_stays
         await hears(page, 0.7, 1.3)
 
 
-async def test_without_a_worklet_the_page_plays_by_itself(browser: Any, tmp_path: Path) -> None:
+async def test_without_a_worklet_the_page_plays_by_itself(browser, tmp_path):
     lacking = "Object.defineProperty(BaseAudioContext.prototype, 'audioWorklet', {get() {}});"
     async with a_player(browser, tmp_path, script=lacking) as (page, _):
         await stroke(page, 1)
@@ -357,9 +332,7 @@ async def test_without_a_worklet_the_page_plays_by_itself(browser: Any, tmp_path
         await shows(page, "#latency", "no worklet")
 
 
-async def test_without_a_sound_device_the_page_says_so_and_tries_again(
-    browser: Any, tmp_path: Path
-) -> None:
+async def test_without_a_sound_device_the_page_says_so_and_tries_again(browser, tmp_path):
     lacking = """window.resume = AudioContext.prototype.resume;
         AudioContext.prototype.resume = () => new Promise(() => {});"""
     async with a_player(browser, tmp_path, script=lacking) as (page, _):
@@ -372,7 +345,7 @@ async def test_without_a_sound_device_the_page_says_so_and_tries_again(
         await api.expect(page.locator("#answer")).to_be_empty()
 
 
-async def test_strokes_on_the_page_are_recorded(browser: Any, tmp_path: Path) -> None:
+async def test_strokes_on_the_page_are_recorded(browser, tmp_path):
     async with a_player(browser, tmp_path, record=True) as (page, server):
         await stroke(page, 1)
         async with asyncio.timeout(LONGEST_MS / 1000):

@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-from pathlib import Path
 
 import aiohttp
 import numpy as np
@@ -29,7 +28,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt_share.player.server import TAKEN_OVER
 
 
-async def test_a_page_gets_the_models_in_their_json_form(tmp_path: Path) -> None:
+async def test_a_page_gets_the_models_in_their_json_form(tmp_path):
     async with playing(tmp_path) as server, visiting(server) as page:
         hello = await page.until("hello")
         assert (hello["names"], hello["scenarios"]) == (list(NAMES), True)
@@ -40,9 +39,7 @@ async def test_a_page_gets_the_models_in_their_json_form(tmp_path: Path) -> None
             assert message["arrays"]["picture"].shape == (96, 96)
 
 
-async def test_a_model_that_has_grown_is_sent_again_and_one_too_large_is_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_model_that_has_grown_is_sent_again_and_one_too_large_is_not(tmp_path, monkeypatch):
     async with playing(tmp_path, count=1) as server, visiting(server) as page:
         before = await page.model()
         grown = flat_texture(7.0)
@@ -56,7 +53,7 @@ async def test_a_model_that_has_grown_is_sent_again_and_one_too_large_is_not(
         assert server.player.model_messages is sent
 
 
-async def test_what_makes_no_sense_is_counted_and_the_page_goes_on(tmp_path: Path) -> None:
+async def test_what_makes_no_sense_is_counted_and_the_page_goes_on(tmp_path):
     async with playing(tmp_path) as server, visiting(server) as page:
         for text in ("", "[]", "null", '{"do": 3}', '{"do": "stroke", "tile": 0}'):
             await page.socket.send_str(text)
@@ -69,7 +66,7 @@ async def test_what_makes_no_sense_is_counted_and_the_page_goes_on(tmp_path: Pat
             pass
 
 
-async def test_no_stroke_is_longer_than_the_time_that_has_passed(tmp_path: Path) -> None:
+async def test_no_stroke_is_longer_than_the_time_that_has_passed(tmp_path):
     record = tmp_path / "touch.mcap"
     async with playing(tmp_path, record=record, count=1) as server, visiting(server) as page:
         steps = [[1000, 0.0, 0.0, 100.0, 0.0, 1.0]] * 4
@@ -81,7 +78,7 @@ async def test_no_stroke_is_longer_than_the_time_that_has_passed(tmp_path: Path)
         assert status["recorded_s"] <= 4.0
 
 
-async def test_a_page_that_floods_is_closed(tmp_path: Path) -> None:
+async def test_a_page_that_floods_is_closed(tmp_path):
     async with playing(tmp_path) as server, visiting(server) as page:
         async with asyncio.timeout(LONGEST_S):
             for _ in range(300):
@@ -93,7 +90,7 @@ async def test_a_page_that_floods_is_closed(tmp_path: Path) -> None:
             assert await another.model()
 
 
-async def test_the_newest_page_is_connected(tmp_path: Path) -> None:
+async def test_the_newest_page_is_connected(tmp_path):
     async with playing(tmp_path) as server, visiting(server) as first:
         await first.model()
         async with visiting(server) as second:
@@ -104,7 +101,7 @@ async def test_the_newest_page_is_connected(tmp_path: Path) -> None:
             assert first.socket.close_code == TAKEN_OVER
 
 
-async def test_a_page_without_the_token_gets_nothing(tmp_path: Path) -> None:
+async def test_a_page_without_the_token_gets_nothing(tmp_path):
     token = "a token that nobody guesses"
     async with playing(tmp_path, token=token) as server:
         async with visiting(server, "another one") as page:
@@ -114,25 +111,25 @@ async def test_a_page_without_the_token_gets_nothing(tmp_path: Path) -> None:
             assert await page.model()
 
 
-async def test_pages_of_other_sites_are_refused(tmp_path: Path) -> None:
+async def test_pages_of_other_sites_are_refused(tmp_path):
     async with playing(tmp_path) as server, aiohttp.ClientSession() as http:
         for headers in ({"Origin": "http://elsewhere.example"}, {"Host": "elsewhere.example"}):
             async with http.get(address(server, "/player/socket"), headers=headers) as answer:
                 assert answer.status == 403
 
 
-async def test_nobody_else_reaches_the_player_unless_that_is_allowed(tmp_path: Path) -> None:
+async def test_nobody_else_reaches_the_player_unless_that_is_allowed(tmp_path):
     async with playing(tmp_path) as server:
         with pytest.raises(InputError, match="--token-file"):
             await server.start("0.0.0.0", 0)
 
 
-async def test_a_scenario_outlasts_its_page(tmp_path: Path) -> None:
+async def test_a_scenario_outlasts_its_page(tmp_path):
     async with playing(tmp_path) as server:
         async with visiting(server) as page:
             assert (await page.order(do="begin", scenario="exploration", participant="P7"))["ok"]
             assert not (await page.order(do="rate", rating=4))["ok"]
-            await page.stroke(server.player.study.order[0], 1.2)  # type: ignore[union-attr]
+            await page.stroke(server.player.study.order[0], 1.2)
             assert (await page.order(do="rate", rating=4))["ok"]
         async with visiting(server) as page:
             state = await page.until("study")
@@ -141,7 +138,7 @@ async def test_a_scenario_outlasts_its_page(tmp_path: Path) -> None:
     assert [row["event"] for row in written] == ["begin", "rating", "leave"]
 
 
-async def test_touches_are_recorded_as_sessions_that_can_be_evaluated(tmp_path: Path) -> None:
+async def test_touches_are_recorded_as_sessions_that_can_be_evaluated(tmp_path):
     record = tmp_path / "touch.mcap"
     async with playing(tmp_path, record=record) as server, visiting(server) as page:
         await page.stroke(1, 1.0, 60.0)
@@ -169,14 +166,11 @@ async def test_touches_are_recorded_as_sessions_that_can_be_evaluated(tmp_path: 
     assert result.at_end.samples > 0
 
 
-async def test_a_tile_that_a_scenario_disables_is_not_recorded_and_does_not_count(
-    tmp_path: Path,
-) -> None:
+async def test_a_tile_that_a_scenario_disables_is_not_recorded_and_does_not_count(tmp_path):
     record = tmp_path / "touch.mcap"
     async with playing(tmp_path, record=record) as server, visiting(server) as page:
         await page.order(do="begin", scenario="exploration", participant="P8")
         study = server.player.study
-        assert study is not None
         asked = study.order[0]
         assert study.state()["textures"] == [t if t == asked else None for t in range(3)]
         await page.stroke((asked + 1) % 3, 1.2)
@@ -189,7 +183,7 @@ async def test_a_tile_that_a_scenario_disables_is_not_recorded_and_does_not_coun
     assert [path.name for path in tmp_path.glob("*.mcap")] == [f"touch-{NAMES[asked]}.mcap"]
 
 
-async def test_a_recording_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+async def test_a_recording_that_cannot_be_made_is_told(tmp_path):
     (tmp_path / "file").write_text("")
     record = tmp_path / "file" / "t.mcap"
     async with playing(tmp_path, record=record, count=1) as server, visiting(server) as page:

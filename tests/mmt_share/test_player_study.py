@@ -1,31 +1,29 @@
 """The two scenarios: orders, answers, rows."""
 
-from pathlib import Path
-
 import pytest
 from player_samples import rows_of
 
 from mmt.core.errors import InputError, MmtError
 from mmt_share.player.results import COLUMNS, ResultsFile
-from mmt_share.player.study import Exploration, Matching, Study, orders
+from mmt_share.player.study import Exploration, Matching, orders
 
 NAMES = tuple("abcdefghi")
 
 
 class Clock:
-    def __init__(self) -> None:
+    def __init__(self):
         self.now_s = 0.0
 
-    def __call__(self) -> float:
+    def __call__(self):
         self.now_s += 1.5
         return self.now_s
 
 
-def a(scenario: type[Study], path: Path, participant: str = "P1", seed: int = 1) -> Study:
+def a(scenario, path, participant="P1", seed=1):
     return scenario(NAMES, participant, seed, ResultsFile(path).write, Clock())
 
 
-def test_orders_are_random_and_the_same_for_the_same_seed_and_participant() -> None:
+def test_orders_are_random_and_the_same_for_the_same_seed_and_participant():
     first = orders(1, "P1", "matching", 9)
     assert first == orders(1, "P1", "matching", 9)
     others = [orders(1, "P2", "matching", 9), orders(2, "P1", "matching", 9)]
@@ -34,12 +32,12 @@ def test_orders_are_random_and_the_same_for_the_same_seed_and_participant() -> N
     assert all(sorted(order) == list(range(9)) for pair in (first, *others) for order in pair)
 
 
-def test_every_place_of_an_order_is_as_likely() -> None:
+def test_every_place_of_an_order_is_as_likely():
     firsts = [orders(0, f"P{number}", "matching", 4)[0][0] for number in range(400)]
     assert all(60 <= firsts.count(tile) <= 140 for tile in range(4))  # 100 +- 4.6 deviations
 
 
-def test_exploration_rates_one_pair_after_the_other(tmp_path: Path) -> None:
+def test_exploration_rates_one_pair_after_the_other(tmp_path):
     study = a(Exploration, tmp_path / "r.csv")
     for trial, texture in enumerate(study.order):
         assert study.state()["tile"] == texture
@@ -61,7 +59,7 @@ def test_exploration_rates_one_pair_after_the_other(tmp_path: Path) -> None:
     assert all(float(row["stroked_s"]) == 1.2 for row in written)
 
 
-def test_matching_counts_the_matches_and_hides_until_then(tmp_path: Path) -> None:
+def test_matching_counts_the_matches_and_hides_until_then(tmp_path):
     study = a(Matching, tmp_path / "r.csv")
     under = {tile: study.texture(tile) for tile in range(9)}
     right = {texture: tile for tile, texture in under.items()}
@@ -89,13 +87,13 @@ def test_matching_counts_the_matches_and_hides_until_then(tmp_path: Path) -> Non
     assert written[-1]["rating"] == "6"
 
 
-def test_a_scenario_that_is_left_says_so(tmp_path: Path) -> None:
+def test_a_scenario_that_is_left_says_so(tmp_path):
     study = a(Exploration, tmp_path / "r.csv")
     study.leave()
     assert [row["event"] for row in rows_of(tmp_path / "r.csv")] == ["begin", "leave"]
 
 
-def test_rows_are_added_to_what_there_is(tmp_path: Path) -> None:
+def test_rows_are_added_to_what_there_is(tmp_path):
     path = tmp_path / "deep" / "r.csv"
     a(Exploration, path, "P1")
     a(Matching, path, 'P "2", x')
@@ -104,14 +102,14 @@ def test_rows_are_added_to_what_there_is(tmp_path: Path) -> None:
     assert path.read_text().splitlines()[0] == ",".join(COLUMNS)
 
 
-def test_a_file_of_something_else_is_left_alone(tmp_path: Path) -> None:
+def test_a_file_of_something_else_is_left_alone(tmp_path):
     path = tmp_path / "r.csv"
     path.write_text("a,b\n1,2\n")
     with pytest.raises(InputError, match="its columns are not those of results"):
         ResultsFile(path)
 
 
-def test_an_answer_that_cannot_be_written_is_not_taken(tmp_path: Path) -> None:
+def test_an_answer_that_cannot_be_written_is_not_taken(tmp_path):
     path = tmp_path / "r.csv"
     study = a(Exploration, path)
     study.stroked(study.order[0], 2.0)

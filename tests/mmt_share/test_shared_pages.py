@@ -1,27 +1,23 @@
 """Pages that play a shared model: several at once, and each change of it."""
 
 import json
-from pathlib import Path
-from typing import Any
 
-import pytest
-from player_samples import Browserless, flat_texture, visiting
+from player_samples import flat_texture, visiting
 from sharing_samples import about, playing_shared, shared
 
 from mmt.texture.model.json_form import model_json
-from mmt.texture.model.texture_model import TextureModel
 
 
-def form(model: TextureModel) -> Any:
+def form(model):
     return json.loads(model_json(model, "a table"))
 
 
-async def said(page: Browserless, sentence: str) -> None:
+async def said(page, sentence):
     while sentence not in (await page.until("status"))["said"]:
         pass
 
 
-async def test_pages_get_one_surface_and_what_becomes_of_it(tmp_path: Path) -> None:
+async def test_pages_get_one_surface_and_what_becomes_of_it(tmp_path):
     async with (
         shared() as sharing,
         playing_shared(sharing, tmp_path) as server,
@@ -46,8 +42,8 @@ async def test_pages_get_one_surface_and_what_becomes_of_it(tmp_path: Path) -> N
 
 
 async def test_a_model_that_no_page_can_render_is_told_and_the_last_one_stays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    tmp_path, monkeypatch
+):
     async with (
         shared() as sharing,
         playing_shared(sharing, tmp_path) as server,
@@ -63,7 +59,7 @@ async def test_a_model_that_no_page_can_render_is_told_and_the_last_one_stays(
         assert await page.model() == form(flat_texture(4.0)) != first
 
 
-async def test_pages_see_the_leaders_hand(tmp_path: Path) -> None:
+async def test_pages_see_the_leaders_hand(tmp_path):
     async with (
         shared() as sharing,
         playing_shared(sharing, tmp_path) as server,

@@ -3,14 +3,11 @@
 import asyncio
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from hub_samples import needs_redis, redis_server, serving
 from node_programs import NEEDS_NODE, another_site, run_node, under_node
-from sharing_samples import WELCOME, Shared, about, model_of, shared, until
-
-from mmt_share.relay import ListenerFeed, Relay
+from sharing_samples import WELCOME, about, model_of, shared, until
 
 PROGRAM = Path(__file__).with_name("stock_listener.cjs")
 
@@ -19,11 +16,11 @@ WELCOMED = {"sharing": 1, **WELCOME}
 pytestmark = NEEDS_NODE
 
 
-def models_given(listener: ListenerFeed) -> int:
+def models_given(listener):
     return listener.sent["wholes"] + listener.sent["changes"]
 
 
-async def heard_under_node(sharing: Shared, url: str, relay: Relay) -> dict[str, Any]:
+async def heard_under_node(sharing, url, relay):
     """What a client hears at this address, where this relay's listeners are, of a growing model."""
     running = asyncio.create_task(run_node(PROGRAM, url, 9))
     await until(lambda: relay.listeners or running.done())
@@ -36,7 +33,7 @@ async def heard_under_node(sharing: Shared, url: str, relay: Relay) -> dict[str,
         await until(lambda number=number: models_given(listener) == number)
     code, printed, complaints = await running
     assert code == 0, complaints
-    heard: dict[str, Any] = json.loads(printed)
+    heard = json.loads(printed)
     assert heard["numbers"] == [1, 2, 3, 4]
     assert heard["file"] == "PK"
     assert heard["state"] == {"time_s": 1.5, "force_n": 0.75, "contact": 1}
@@ -44,14 +41,14 @@ async def heard_under_node(sharing: Shared, url: str, relay: Relay) -> dict[str,
     return heard
 
 
-async def test_a_stock_client_under_node_follows_a_model_that_grows() -> None:
+async def test_a_stock_client_under_node_follows_a_model_that_grows():
     async with shared() as sharing:
         heard = await heard_under_node(sharing, sharing.url, sharing.relay)
     assert heard["welcome"] == WELCOMED
 
 
 @needs_redis
-async def test_a_stock_client_under_node_follows_it_at_a_hub() -> None:
+async def test_a_stock_client_under_node_follows_it_at_a_hub():
     with redis_server() as redis:
         async with shared() as sharing, serving(sharing.url, redis.url) as hub:
             await until(lambda: hub.hub.copy.session_id)
@@ -59,7 +56,7 @@ async def test_a_stock_client_under_node_follows_it_at_a_hub() -> None:
     assert heard["welcome"] == {**WELCOMED, "hubs": []}
 
 
-async def followed(sharing: Shared) -> list[str]:
+async def followed(sharing):
     """Share a model that grows and a state, and end; return what the documented listener says."""
     await until(lambda: sharing.relay.listeners)
     (listener,) = sharing.relay.listeners.values()
@@ -80,7 +77,7 @@ async def followed(sharing: Shared) -> list[str]:
     ]
 
 
-async def test_the_documented_listener_follows_from_node(tmp_path: Path) -> None:
+async def test_the_documented_listener_follows_from_node(tmp_path):
     async with shared() as sharing:
         running = asyncio.create_task(run_node(under_node(tmp_path, "A listener", sharing.url, "")))
         expected = await followed(sharing)
@@ -89,7 +86,7 @@ async def test_the_documented_listener_follows_from_node(tmp_path: Path) -> None
     assert sorted(printed.splitlines()) == sorted(expected)
 
 
-async def test_the_documented_listener_follows_from_a_page_of_another_site(tmp_path: Path) -> None:
+async def test_the_documented_listener_follows_from_a_page_of_another_site(tmp_path):
     async with another_site(tmp_path) as (settings, show), shared(**settings) as sharing:
         _, said = await show(sharing.url, "A listener")
         expected = await followed(sharing)

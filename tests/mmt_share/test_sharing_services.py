@@ -5,7 +5,6 @@ import signal
 import socket
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 from service_processes import Service, follower_of, scene
@@ -16,7 +15,7 @@ from mmt_share.store.store import ModelStore
 SCENE = scene("demo")
 
 
-def share(directory: Path, duration_s: float, **variables: str) -> Service:
+def share(directory, duration_s, **variables):
     return Service(
         *("leader", SCENE, "--share", "--json-lines", "--port", 0, "--duration", duration_s),
         cwd=directory,
@@ -26,24 +25,24 @@ def share(directory: Path, duration_s: float, **variables: str) -> Service:
     )
 
 
-def listen(directory: Path, url: str, *arguments: object, **variables: str) -> Service:
+def listen(directory, url, *arguments, **variables):
     return Service(LISTENS, url, "--json-lines", *arguments, cwd=directory, **variables)
 
 
-def nobody_listens(port: int) -> bool:
+def nobody_listens(port):
     """Whether a port of this machine is free to be listened on."""
     with socket.socket() as client:
         return client.connect_ex(("127.0.0.1", port)) != 0
 
 
-def shared_at(leader: Service) -> str:
+def shared_at(leader):
     """Wait until listeners may connect, and return where."""
     leader.wait_for(lambda: any(e.startswith("shared at ") for e in leader.events()))
     (sentence,) = (e for e in leader.events() if e.startswith("shared at "))
     return sentence.removeprefix("shared at ")
 
 
-def test_two_listeners_render_the_model_while_it_grows(tmp_path: Path) -> None:
+def test_two_listeners_render_the_model_while_it_grows(tmp_path):
     # the sum of distances is met at the same time whatever the surface
     with share(tmp_path, 60.0, MMT_TEXTURE__METHOD="published") as leader:
         leader.port()
@@ -92,7 +91,7 @@ def test_two_listeners_render_the_model_while_it_grows(tmp_path: Path) -> None:
     assert [e.partition(" joined")[0] for e in joined] == ["listener early", "listener late"]
 
 
-def test_a_leader_that_returns_is_followed(tmp_path: Path) -> None:
+def test_a_leader_that_returns_is_followed(tmp_path):
     """Killed, so that it says no goodbye; its process for listeners goes with it."""
     with share(tmp_path, 60.0) as leader:
         leader.port()
@@ -127,7 +126,7 @@ class Pair:
 
 
 @pytest.fixture(scope="module")
-def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
+def pair(tmp_path_factory):
     directory = tmp_path_factory.mktemp("pair")
     with share(directory, 60.0) as leader:
         leader.port()
@@ -142,7 +141,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
         return Pair(url, time.monotonic() - began_s, second)
 
 
-def test_a_port_that_is_taken_ends_the_session_with_a_sentence(pair: Pair) -> None:
+def test_a_port_that_is_taken_ends_the_session_with_a_sentence(pair):
     assert pair.second.process.returncode == 1
     assert "the model cannot be shared: cannot listen on 127.0.0.1" in pair.second.stderr
     assert "set host and port of [sharing]" in pair.second.stderr
@@ -156,7 +155,7 @@ def test_a_port_that_is_taken_ends_the_session_with_a_sentence(pair: Pair) -> No
         ("nonsense", "leader's URL 'nonsense'"),
     ],
 )
-def test_nobody_there_is_said_in_a_sentence(tmp_path: Path, url: str, said: str) -> None:
+def test_nobody_there_is_said_in_a_sentence(tmp_path, url, said):
     with listen(tmp_path, url, MMT_LISTENING__PATIENCE_S="0.5") as listener:
         assert listener.end() in (1, 2)
         assert said in listener.stderr
@@ -164,9 +163,7 @@ def test_nobody_there_is_said_in_a_sentence(tmp_path: Path, url: str, said: str)
 
 
 @pytest.mark.parametrize("options", [(), ("--json", "found.json")])
-def test_a_listener_whose_time_is_over_says_that_it_heard_nobody(
-    tmp_path: Path, options: tuple[str, ...]
-) -> None:
+def test_a_listener_whose_time_is_over_says_that_it_heard_nobody(tmp_path, options):
     url = "http://127.0.0.1:9"
     with Service(LISTENS, url, "--duration", 0.2, *options, cwd=tmp_path) as listener:
         assert listener.end() == 1
@@ -178,7 +175,7 @@ def test_a_listener_whose_time_is_over_says_that_it_heard_nobody(
         assert found["listening"]["session_id"] is None
 
 
-def test_the_process_for_listeners_ends_with_its_leader(tmp_path: Path, pair: Pair) -> None:
+def test_the_process_for_listeners_ends_with_its_leader(tmp_path, pair):
     assert pair.ended_after_s < 10.0
     with listen(tmp_path, pair.url, MMT_LISTENING__PATIENCE_S="0.5") as listener:
         assert listener.end() == 1

@@ -1,7 +1,5 @@
 """Strokes on the page, recorded with as many samples a frame as the model's rate asks for."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ from mmt_share.player.recording import TouchRecorder
 
 
 @pytest.mark.parametrize("k", [1, 3])
-def test_a_touch_is_recorded_at_the_rate_of_its_model(tmp_path: Path, k: int) -> None:
+def test_a_touch_is_recorded_at_the_rate_of_its_model(tmp_path, k):
     shipped = mmt.load_model("oak")
     model = TextureModel(shipped.samples, method="published", rate_hz=1000.0 * k)
     recorder = TouchRecorder(tmp_path / "touch.mcap", ["oak"], [model])

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import urllib.request
-from pathlib import Path
 from unittest.mock import AsyncMock
 
 import numpy as np
@@ -24,20 +23,18 @@ NAMES = ("position_mm", "force_n", "acceleration_m_s2")
 
 
 @pytest.fixture(scope="module")
-def measured() -> np.ndarray:
+def measured():
     """Time, position, force and acceleration of a stroked surface, (n, 10)."""
     frames, _ = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=8.0)
     return np.column_stack([frames["sequence"] / 1000.0, *(frames[name] for name in NAMES)])
 
 
-def write(path: Path, header: str, values: np.ndarray) -> Path:
+def write(path, header, values):
     np.savetxt(path, values, delimiter=",", header=header, comments="", fmt="%.6f")
     return path
 
 
-def test_a_table_whose_columns_tell_all_is_played(
-    tmp_path: Path, measured: np.ndarray, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_table_whose_columns_tell_all_is_played(tmp_path, measured, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "mine.csv", "t,px_mm,py_mm,pz_mm,fx,fy,fz,ax,ay,az", measured)
     with Service("main", "try", "mine.csv", "--port", 0, cwd=tmp_path) as trying:
@@ -57,9 +54,7 @@ def test_a_table_whose_columns_tell_all_is_played(
     assert "--force" in again
 
 
-def test_a_session_of_mmt_is_modelled_as_it_was_recorded(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_session_of_mmt_is_modelled_as_it_was_recorded(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(trying, "serve_until_ended", served := AsyncMock())
     scene = scene_from_tables(
@@ -76,7 +71,7 @@ def test_a_session_of_mmt_is_modelled_as_it_was_recorded(
 
 
 @pytest.mark.skipif(os.name != "posix", reason="there are no pseudo-terminals")
-def test_what_the_columns_do_not_tell_is_asked(tmp_path: Path, measured: np.ndarray) -> None:
+def test_what_the_columns_do_not_tell_is_asked(tmp_path, measured):
     path = write(tmp_path / "odd.csv", "one,two,three,four", measured[:, [1, 2, 6, 9]])
     person, terminal = os.openpty()
     with subprocess.Popen(
@@ -110,18 +105,14 @@ def test_what_the_columns_do_not_tell_is_asked(tmp_path: Path, measured: np.ndar
         ("t,px,py,az", [0, 1, 2, 9], "no column was found for force; say it by --map force_z=NAME"),
     ],
 )
-def test_without_a_person_it_says_what_is_missing(
-    tmp_path: Path, measured: np.ndarray, header: str, columns: list[int], said: str
-) -> None:
+def test_without_a_person_it_says_what_is_missing(tmp_path, measured, header, columns, said):
     path = write(tmp_path / "odd.csv", header, measured[:, columns])
     result = run("try", path)
     assert said in str(result.exception)
     assert ("look: 2 columns are called two" in result.output) == ("two" in header)
 
 
-def test_too_few_strokes_are_said(
-    tmp_path: Path, measured: np.ndarray, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_too_few_strokes_are_said(tmp_path, measured, monkeypatch):
     monkeypatch.chdir(tmp_path)
     still = measured[:300].copy()
     still[:, 1:7] = 0.0

@@ -1,7 +1,6 @@
 """Four calls render textures in somebody else's loop, in threads or without."""
 
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,15 +11,14 @@ from waiting import until
 
 from mmt.core.errors import InputError, MmtError
 from mmt.rendering import close, open_textures, render, touch
-from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.generation import estimate
 
 
-def expected_rms(of: TextureModel, *inputs: float) -> float:
+def expected_rms(of, *inputs):
     return estimate(of, *inputs).amplitude_m_s2
 
 
-def test_the_vibration_has_the_models_power_and_spectrum() -> None:
+def test_the_vibration_has_the_models_power_and_spectrum():
     texture = model()
     textures = open_textures([texture], output_hz=1000)
     touch(textures, 0, 90.0, 120.0, 1.5)
@@ -29,7 +27,7 @@ def test_the_vibration_has_the_models_power_and_spectrum() -> None:
     close(textures)
 
 
-def test_a_faster_device_hears_the_same() -> None:
+def test_a_faster_device_hears_the_same():
     texture = model(seed=2)
     slow, fast = (open_textures([texture], output_hz=rate) for rate in (1000, 8000))
     for textures in (slow, fast):
@@ -43,7 +41,7 @@ def test_a_faster_device_hears_the_same() -> None:
     assert band_power(often, 8000, 620, 4000) < 1e-4 * often.var()
 
 
-def band_power(samples: np.ndarray, rate_hz: float, low_hz: float, high_hz: float) -> float:
+def band_power(samples, rate_hz, low_hz, high_hz):
     spectrum = np.abs(np.fft.rfft(samples * np.hanning(len(samples)))) ** 2
     frequency = np.fft.rfftfreq(len(samples), 1.0 / rate_hz)
     inside = (frequency >= low_hz) & (frequency < high_hz)
@@ -52,7 +50,7 @@ def band_power(samples: np.ndarray, rate_hz: float, low_hz: float, high_hz: floa
 
 @given(st.lists(st.integers(0, 300), min_size=1, max_size=12), st.sampled_from([1000, 2000, 44100]))
 @settings(max_examples=20, deadline=None)
-def test_the_size_of_blocks_does_not_matter(counts: list[int], output_hz: int) -> None:
+def test_the_size_of_blocks_does_not_matter(counts, output_hz):
     texture = model()
     blocks, whole = (open_textures([texture], output_hz=output_hz, seed=5) for _ in range(2))
     for textures in (blocks, whole):
@@ -61,7 +59,7 @@ def test_the_size_of_blocks_does_not_matter(counts: list[int], output_hz: int) -
     np.testing.assert_allclose(np.concatenate(parts), render(whole, sum(counts)), atol=1e-12)
 
 
-def test_the_filter_follows_the_hand_at_its_own_rate() -> None:
+def test_the_filter_follows_the_hand_at_its_own_rate():
     texture = model()
     textures = open_textures([texture], output_hz=1000, estimate_hz=100)
     touch(textures, 0, 200.0, force_n=2.0)
@@ -74,7 +72,7 @@ def test_the_filter_follows_the_hand_at_its_own_rate() -> None:
     assert textures.newest is not before
 
 
-def test_nothing_touched_is_silent_and_so_is_a_hand_at_rest() -> None:
+def test_nothing_touched_is_silent_and_so_is_a_hand_at_rest():
     textures = open_textures([model()], output_hz=2000)
     assert not render(textures, 500).any()
     touch(textures, 0, 150.0, force_n=1.5)
@@ -86,7 +84,7 @@ def test_nothing_touched_is_silent_and_so_is_a_hand_at_rest() -> None:
     assert not render(textures, 500).any()
 
 
-def test_a_model_of_velocity_feels_the_heading() -> None:
+def test_a_model_of_velocity_feels_the_heading():
     texture = directed(seed=1)
     textures = open_textures([texture], output_hz=1000)
     touch(textures, 0, 100.0, 0.0, 1.5)
@@ -98,7 +96,7 @@ def test_a_model_of_velocity_feels_the_heading() -> None:
     assert abs(along / across - 1.0) > 0.02
 
 
-def test_textures_of_different_rates_are_one_output(tmp_path: Path) -> None:
+def test_textures_of_different_rates_are_one_output(tmp_path):
     fast = model(seed=4, rate_hz=10_000.0)
     fast.save(tmp_path / "fast.npz")
     textures = open_textures([model(), tmp_path / "fast.npz"], output_hz=2000)
@@ -111,7 +109,7 @@ def test_textures_of_different_rates_are_one_output(tmp_path: Path) -> None:
     )
 
 
-def test_estimates_in_a_thread_follow_the_clock() -> None:
+def test_estimates_in_a_thread_follow_the_clock():
     textures = open_textures([model()], threads=True, estimate_hz=200)
     touch(textures, 0, 150.0, force_n=1.5)
     until(lambda: textures.newest is not None)
@@ -122,8 +120,8 @@ def test_estimates_in_a_thread_follow_the_clock() -> None:
         render(textures, 1)
 
 
-def test_samples_are_handed_to_a_sink_by_the_clock() -> None:
-    blocks: list[np.ndarray] = []
+def test_samples_are_handed_to_a_sink_by_the_clock():
+    blocks = []
     textures = open_textures([model()], output_hz=2000, threads=True, sink=blocks.append)
     touch(textures, 0, 150.0, force_n=1.5)
     begun = time.monotonic()
@@ -137,8 +135,8 @@ def test_samples_are_handed_to_a_sink_by_the_clock() -> None:
     assert took > 0.2
 
 
-def test_a_sink_that_fails_is_told_by_the_next_call() -> None:
-    def sink(_: np.ndarray) -> None:
+def test_a_sink_that_fails_is_told_by_the_next_call():
+    def sink(_):
         raise RuntimeError("the card is gone")
 
     textures = open_textures([model()], sink=sink)
@@ -148,7 +146,7 @@ def test_a_sink_that_fails_is_told_by_the_next_call() -> None:
     close(textures)
 
 
-def test_what_cannot_be_opened_or_touched_is_explained(tmp_path: Path) -> None:
+def test_what_cannot_be_opened_or_touched_is_explained(tmp_path):
     with pytest.raises(InputError, match="at least one"):
         open_textures([])
     with pytest.raises(InputError, match="No such file"):

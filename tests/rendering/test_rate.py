@@ -14,7 +14,7 @@ from mmt.rendering.generating import RateConverter
 
 
 @cache
-def whole(from_hz: int, to_hz: int) -> np.ndarray:
+def whole(from_hz, to_hz):
     return RateConverter(from_hz, to_hz).convert(NOISE)
 
 
@@ -27,7 +27,7 @@ PAIRS = [(1000, 2000), (1000, 44_100), (1000, 48_000), (10_000, 2000), (2000, 10
     st.lists(st.integers(0, 400), min_size=1, max_size=20),
 )
 @settings(max_examples=40, deadline=None)
-def test_the_size_of_blocks_does_not_matter(pair: tuple[int, int], counts: list[int]) -> None:
+def test_the_size_of_blocks_does_not_matter(pair, counts):
     converter, position, parts = RateConverter(*pair), 0, []
     for count in counts:
         needed = converter.needed(count)
@@ -40,7 +40,7 @@ def test_the_size_of_blocks_does_not_matter(pair: tuple[int, int], counts: list[
 
 @pytest.mark.parametrize(("from_hz", "to_hz"), PAIRS)
 @pytest.mark.parametrize("part", [0.02, 0.2, 0.39])
-def test_a_sine_comes_out_as_it_went_in(from_hz: int, to_hz: int, part: float) -> None:
+def test_a_sine_comes_out_as_it_went_in(from_hz, to_hz, part):
     frequency = part * min(from_hz, to_hz)
     sine = np.sin(2 * np.pi * frequency * np.arange(from_hz) / from_hz)
     converter = RateConverter(from_hz, to_hz)
@@ -53,14 +53,14 @@ def test_a_sine_comes_out_as_it_went_in(from_hz: int, to_hz: int, part: float) -
 
 
 @pytest.mark.parametrize(("from_hz", "to_hz"), [(10_000, 2000), (2000, 1000)])
-def test_what_the_device_cannot_play_does_not_fold_back(from_hz: int, to_hz: int) -> None:
+def test_what_the_device_cannot_play_does_not_fold_back(from_hz, to_hz):
     high = np.sin(2 * np.pi * 0.62 * to_hz * np.arange(from_hz) / from_hz)
     found = RateConverter(from_hz, to_hz).convert(high)
     assert np.abs(found[len(found) // 4 :]).max() < 10 ** (-50 / 20)
 
 
 @pytest.mark.parametrize(("from_hz", "to_hz"), PAIRS)
-def test_the_filter_is_the_window_methods(from_hz: int, to_hz: int) -> None:
+def test_the_filter_is_the_window_methods(from_hz, to_hz):
     """Each phase has the taps of scipy's Kaiser-windowed sinc, scaled to pass what is constant."""
     common = math.gcd(from_hz, to_hz)
     up, down = to_hz // common, from_hz // common
@@ -71,7 +71,7 @@ def test_the_filter_is_the_window_methods(from_hz: int, to_hz: int) -> None:
     np.testing.assert_allclose(found, wanted / wanted.sum(axis=1, keepdims=True), atol=1e-15)
 
 
-def test_equal_rates_pass_samples_through() -> None:
+def test_equal_rates_pass_samples_through():
     samples = np.random.default_rng(2).standard_normal(100)
     converter = RateConverter(1000, 1000)
     assert converter.needed(7) == 7
@@ -79,18 +79,18 @@ def test_equal_rates_pass_samples_through() -> None:
     assert converter.delay_s == 0
 
 
-def test_nothing_asked_needs_nothing() -> None:
+def test_nothing_asked_needs_nothing():
     converter = RateConverter(1000, 44_100)
     assert converter.needed(0) == 0
     assert len(converter.convert(np.zeros(0))) == 0
 
 
 @pytest.mark.parametrize("rate_hz", [0.0, -1.0, np.nan, np.inf])
-def test_a_rate_that_is_none_is_refused(rate_hz: float) -> None:
+def test_a_rate_that_is_none_is_refused(rate_hz):
     with pytest.raises(InputError, match="sampling rate"):
         RateConverter(1000, rate_hz)
 
 
-def test_rates_without_a_simple_ratio_are_refused() -> None:
+def test_rates_without_a_simple_ratio_are_refused():
     with pytest.raises(InputError, match="no simple fraction"):
         RateConverter(1000.01, 44_100.07)

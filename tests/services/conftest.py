@@ -1,12 +1,10 @@
 """What several tests of services share."""
 
-from pathlib import Path
-
 import pytest
 
 
 @pytest.fixture
-def drivers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def drivers(tmp_path, monkeypatch):
     (tmp_path / "lab_drivers.py").write_text(
         "from instruments import Instrument as Robot, Instrument as Force\n"
         "from mmt.core.errors import MmtError\n"

@@ -2,11 +2,8 @@
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
 
 import aiohttp
 from monitor_messages import unpack
@@ -20,9 +17,7 @@ class Browser:
     http: aiohttp.ClientSession
     sockets: list[aiohttp.ClientWebSocketResponse] = field(default_factory=list)
 
-    async def look_on(
-        self, together: Together, token: str | None = None
-    ) -> aiohttp.ClientWebSocketResponse:
+    async def look_on(self, together, token=None):
         socket = await self.http.ws_connect(address(together))
         self.sockets.append(socket)
         await socket.send_str(json.dumps({"token": token}))
@@ -30,7 +25,7 @@ class Browser:
 
 
 @asynccontextmanager
-async def open_browser() -> AsyncIterator[Browser]:
+async def open_browser():
     async with aiohttp.ClientSession() as session:
         browser = Browser(session)
         yield browser
@@ -38,16 +33,16 @@ async def open_browser() -> AsyncIterator[Browser]:
             await socket.close()
 
 
-async def monitored(directory: Path, **tables: dict[str, Any] | None) -> Together:
+async def monitored(directory, **tables):
     scene = small_scene(directory, monitor={"updates_hz": 50}, **tables)
     return await Together.listening(scene)
 
 
-def address(together: Together, path: str = "/monitor/socket") -> str:
+def address(together, path="/monitor/socket"):
     return f"http://127.0.0.1:{together.leader.port}{path}"
 
 
-async def until(socket: aiohttp.ClientWebSocketResponse, kind: str) -> dict[str, Any]:
+async def until(socket, kind):
     """Return the next message of a kind."""
     async with asyncio.timeout(30):
         while True:

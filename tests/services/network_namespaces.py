@@ -1,7 +1,6 @@
 """The bench's network namespaces for tests, which are skipped where the machine has none."""
 
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import ParamSpec
 
 import pytest
@@ -22,11 +21,9 @@ __all__ = ["LEADER_ADDRESS", "Namespaces", "netem", "relay", "veth", "within_fol
 P = ParamSpec("P")
 
 
-def _or_skipped(
-    network: Callable[P, AbstractContextManager[Namespaces]],
-) -> Callable[P, AbstractContextManager[Namespaces]]:
+def _or_skipped(network):
     @contextmanager
-    def entered(*arguments: P.args, **keys: P.kwargs) -> Iterator[Namespaces]:
+    def entered(*arguments, **keys):
         with ExitStack() as stack:
             try:
                 made = stack.enter_context(network(*arguments, **keys))
@@ -38,7 +35,7 @@ def _or_skipped(
 
 
 @contextmanager
-def _veth() -> Iterator[Namespaces]:
+def _veth():
     """Make two namespaces that are joined without delay."""
     with namespaces() as made:
         ends = ("peer", "name", "mmt1", "netns", made.follower)
@@ -49,7 +46,7 @@ def _veth() -> Iterator[Namespaces]:
 
 
 @contextmanager
-def _netem(delay_ms: float, jitter_ms: float) -> Iterator[Namespaces]:
+def _netem(delay_ms, jitter_ms):
     """Delay each packet by ``tc netem``, both ways."""
     with _veth() as made:
         delay = ("delay", f"{delay_ms}ms", f"{jitter_ms}ms", "limit", "100000")
@@ -58,7 +55,7 @@ def _netem(delay_ms: float, jitter_ms: float) -> Iterator[Namespaces]:
         yield made
 
 
-def within_follower(made: Namespaces, clock_ahead_s: int) -> list[str]:
+def within_follower(made, clock_ahead_s):
     """Return the command that runs something on the follower's machine, whose clock is ahead."""
     elsewhen = ["unshare", "--time", "--monotonic", str(clock_ahead_s), "--fork"]
     return ["ip", "netns", "exec", made.follower, *elsewhen, "--kill-child"]

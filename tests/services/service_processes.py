@@ -2,22 +2,19 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any, Self
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 LONGEST_S = 60.0
 """No wait in these tests lasts longer; a first start compiles the numerics beforehand."""
 
 
-def scene(name: str) -> str:
+def scene(name):
     """The path of an example scene."""
     return str(CONFIGS / f"{name}.toml")
 
@@ -28,14 +25,7 @@ class Service:
     `within` is a command that runs it elsewhere, such as in another network namespace.
     """
 
-    def __init__(
-        self,
-        module: str,
-        *arguments: object,
-        cwd: Path,
-        within: Sequence[str] = (),
-        **variables: str,
-    ) -> None:
+    def __init__(self, module, *arguments, cwd, within=(), **variables):
         self.process = subprocess.Popen(
             [*within, sys.executable, "-m", "mmt.cli.entry", module, *map(str, arguments)],
             stdout=subprocess.PIPE,
@@ -54,10 +44,10 @@ class Service:
         for reader in self._readers:
             reader.start()
 
-    def __enter__(self) -> Self:
+    def __enter__(self):
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *_):
         if self.process.poll() is None:
             self.process.kill()
         self.process.wait(LONGEST_S)
@@ -72,20 +62,20 @@ class Service:
     def stderr(self) -> str:
         return self._texts["stderr"]
 
-    def lines(self, kind: str) -> list[dict[str, Any]]:
+    def lines(self, kind):
         """The JSON lines of a kind so far."""
         whole = self.stdout[: self.stdout.rfind("\n") + 1].splitlines()
         parsed = [json.loads(line) for line in whole]
         return [line for line in parsed if line["kind"] == kind]
 
-    def events(self) -> list[str]:
+    def events(self):
         return [line["event"] for line in self.lines("event")]
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self):
         (line,) = self.lines("summary")
         return line
 
-    def wait_for(self, happened: Callable[[], object], timeout_s: float = LONGEST_S) -> None:
+    def wait_for(self, happened, timeout_s=LONGEST_S):
         """Wait until something is true of what it printed."""
         with self._news:
             good = self._news.wait_for(
@@ -94,24 +84,24 @@ class Service:
         assert good, f"timed out; {self.stdout=} {self.stderr=}"
         assert happened(), f"it ended before; {self.stdout=} {self.stderr=}"
 
-    def port(self) -> int:
+    def port(self):
         """Wait until a leader with --json-lines listens, and return where."""
         self.wait_for(lambda: self.lines("ready"))
         return int(self.lines("ready")[0]["port"])
 
-    def signal(self, number: signal.Signals) -> float:
+    def signal(self, number):
         """Send a signal, and return the moment."""
         self.process.send_signal(number)
         return time.monotonic()
 
-    def end(self, timeout_s: float = LONGEST_S) -> int:
+    def end(self, timeout_s=LONGEST_S):
         """Wait for its end and return the exit code."""
         code = self.process.wait(timeout_s)
         for reader in self._readers:
             reader.join(timeout_s)
         return code
 
-    def _read(self, name: str, stream: IO[str]) -> None:
+    def _read(self, name, stream):
         with stream:
             for line in stream:
                 with self._news:
@@ -122,13 +112,7 @@ class Service:
 
 
 @contextmanager
-def session(
-    cwd: Path,
-    scene_name: str,
-    *leader_arguments: object,
-    follower_arguments: tuple[object, ...] = (),
-    **variables: str,
-) -> Iterator[tuple[Service, Service]]:
+def session(cwd, scene_name, *leader_arguments, follower_arguments=(), **variables):
     """A leader and a follower that have found each other, with JSON lines."""
     common = ("--json-lines", "--port", 0)
     with (
@@ -141,9 +125,7 @@ def session(
         yield leader, follower
 
 
-def follower_of(
-    leader: Service, scene_name: str, cwd: Path, *arguments: object, **variables: str
-) -> Service:
+def follower_of(leader, scene_name, cwd, *arguments, **variables):
     """A follower for a leader that listens."""
     return Service(
         "follower",
@@ -157,7 +139,7 @@ def follower_of(
     )
 
 
-def streamed_s(leader: Service) -> float:
+def streamed_s(leader):
     """Session time of a leader's newest status."""
     statuses = leader.lines("status")
     return float(statuses[-1]["time_s"]) if statuses else 0.0

@@ -1,30 +1,26 @@
 """Both services in one event loop, on whatever a test wants to stream."""
 
 import asyncio
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray, Vector
+from mmt.core.arrays import RecordArray
 from mmt.core.frames import frame_dtype
 from mmt.follower import service as follower_service
-from mmt.follower.service import Follower, FollowerSummary
+from mmt.follower.service import Follower
 from mmt.leader.reports import LeaderSummary
 from mmt.leader.service import Leader
 from mmt.link.server import LeaderServer
-from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 
 LONGEST_S = 60.0
 """No wait lasts longer."""
 
 
-def small_scene(directory: Path, **tables: dict[str, Any] | None) -> Scene:
+def small_scene(directory, **tables):
     """A scene that streams and records; tables are added, replaced, or left out (None)."""
-    base: dict[str, Any] = {
+    base = {
         "link": {"port": 0, "patience_s": 0.5},
         "simulated": {},
         "hand": {},
@@ -47,10 +43,10 @@ class MadeSource:
     closed: bool = False
     close_error: Exception | None = None
 
-    def start(self, start_time_ns: int) -> None:
+    def start(self, start_time_ns):
         pass
 
-    def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
+    def step(self, elapsed, now_ns, command_position_mm):
         if self.blocks:
             return self.blocks.pop(0)
         if self.error is not None:
@@ -58,10 +54,10 @@ class MadeSource:
         self.finished = True
         return np.zeros(0, frame_dtype())
 
-    def describe(self) -> str:
+    def describe(self):
         return "made for a test"
 
-    def close(self) -> None:
+    def close(self):
         self.closed = True
         if self.close_error is not None:
             raise self.close_error
@@ -76,12 +72,12 @@ class Together:
     _leading: "asyncio.Task[LeaderSummary] | None" = None
 
     @classmethod
-    def of(cls, scene: Scene) -> "Together":
-        said: list[str] = []
+    def of(cls, scene):
+        said = []
         return cls(Leader(scene, on_event=said.append), said)
 
     @classmethod
-    async def listening(cls, scene: Scene) -> "Together":
+    async def listening(cls, scene):
         """Start a leader, and wait until it is ready, or has failed."""
         together = cls.of(scene)
         await together.listen()
@@ -94,7 +90,7 @@ class Together:
         assert self.leader.remote.server is not None
         return self.leader.remote.server
 
-    async def listen(self) -> None:
+    async def listen(self):
         """Start the leader and wait until it is ready, or has failed."""
         ready = asyncio.Event()
         self._leading = asyncio.create_task(self.leader.run(ready.set))
@@ -103,13 +99,11 @@ class Together:
         await asyncio.wait([self._leading, waiting], timeout=LONGEST_S, return_when=first)
         waiting.cancel()
 
-    async def follow(
-        self, source: MadeSource | None = None, scene: Scene | None = None
-    ) -> FollowerSummary:
+    async def follow(self, source=None, scene=None):
         """Run a follower to its end; it streams the scene's own source if none is given."""
         return await self.follower(source, scene).run()
 
-    def follower(self, source: MadeSource | None = None, scene: Scene | None = None) -> Follower:
+    def follower(self, source=None, scene=None):
         """Make a follower that will connect to the leader."""
         build = follower_service.build_source
         if source is not None:
@@ -123,18 +117,18 @@ class Together:
         finally:
             follower_service.build_source = build
 
-    async def end(self) -> LeaderSummary:
+    async def end(self):
         """Wait for the leader's end."""
         assert self._leading is not None
         async with asyncio.timeout(LONGEST_S):
             return await self._leading
 
-    async def stop(self) -> LeaderSummary:
+    async def stop(self):
         """End the leader, and wait for its end."""
         self.leader.stop()
         return await self.end()
 
-    async def until(self, happened: Callable[[], object]) -> None:
+    async def until(self, happened):
         """Wait until something is true, while the leader runs."""
         assert self._leading is not None
         async with asyncio.timeout(LONGEST_S):
@@ -143,7 +137,7 @@ class Together:
                 await asyncio.sleep(0.005)
 
 
-async def run_session(scene: Scene, source: MadeSource) -> tuple[LeaderSummary, FollowerSummary]:
+async def run_session(scene, source):
     """Run both to their end."""
     together = await Together.listening(scene)
     followed = await together.follow(source)

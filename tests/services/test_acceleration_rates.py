@@ -14,7 +14,7 @@ from mmt.testing.simulation.textures import get_surface
 COUNT = 400
 
 
-async def test_a_leader_gets_every_sample_that_the_follower_made() -> None:
+async def test_a_leader_gets_every_sample_that_the_follower_made():
     scene = scene_from_tables(
         {
             "session": {"acceleration_rate_hz": 5000, "seed": 4},

@@ -15,7 +15,7 @@ from service_processes import LONGEST_S, scene
 PAGE = Path(__file__).parents[2] / "docs/how-to/add-a-leader-part.md"
 
 
-def run(folder: Path, *arguments: object) -> "subprocess.CompletedProcess[str]":
+def run(folder, *arguments):
     path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
     return subprocess.run(
         [sys.executable, "-m", "mmt.cli.entry", *map(str, arguments)],
@@ -27,7 +27,7 @@ def run(folder: Path, *arguments: object) -> "subprocess.CompletedProcess[str]":
     )
 
 
-def with_table(tmp_path: Path, table: str) -> Path:
+def with_table(tmp_path, table):
     """The demo's scene, without a follower, with one more table."""
     file = tmp_path / "scene.toml"
     own = Path(scene("model-only"))
@@ -37,14 +37,12 @@ def with_table(tmp_path: Path, table: str) -> Path:
 
 
 @pytest.fixture
-def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def package(tmp_path, monkeypatch):
     folder = tmp_path / "site"
     folder.mkdir()
     text = PAGE.read_text(encoding="utf-8")
     code = re.search(r"```python\n(.*?)```", text, re.DOTALL)
     project = re.search(r"```toml\n(.*?)```", text, re.DOTALL)
-    assert code is not None
-    assert project is not None
     (folder / "my_package").mkdir()
     (folder / "my_package" / "loudness.py").write_text(code[1])
     entries = tomllib.loads(project[1])["project"]["entry-points"]
@@ -52,7 +50,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def test_it_runs_in_scenes_that_have_its_table(package: Path, tmp_path: Path) -> None:
+def test_it_runs_in_scenes_that_have_its_table(package, tmp_path):
     summary = tmp_path / "summary.json"
     found = run(
         package, "leader", with_table(tmp_path, "digits = 2"), "--duration", 2, "--json", summary
@@ -63,7 +61,7 @@ def test_it_runs_in_scenes_that_have_its_table(package: Path, tmp_path: Path) ->
     assert largest == round(largest, 2)
 
 
-def test_its_table_is_checked(package: Path, tmp_path: Path) -> None:
+def test_its_table_is_checked(package, tmp_path):
     found = run(package, "leader", with_table(tmp_path, "digits = 12"))
     assert found.returncode == 2
     assert "digits" in found.stderr
@@ -79,9 +77,7 @@ def test_its_table_is_checked(package: Path, tmp_path: Path) -> None:
         ("import math\nPART = math.pie", "loudness.py, line 2)"),
     ],
 )
-def test_one_that_cannot_be_loaded_is_told_of_where_it_is_wanted(
-    package: Path, tmp_path: Path, text: str, said: str
-) -> None:
+def test_one_that_cannot_be_loaded_is_told_of_where_it_is_wanted(package, tmp_path, text, said):
     (package / "my_package" / "loudness.py").write_text(text)
     found = run(package, "leader", with_table(tmp_path, ""))
     assert found.returncode == 2

@@ -2,11 +2,9 @@
 
 import asyncio
 import json
-from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +13,6 @@ from service_processes import Service
 from service_runs import Together, small_scene
 from wire_relay import relay
 
-from mmt.core.arrays import RecordArray
 from mmt.core.frames import CHANNELS, SEQUENCES
 from mmt.follower.service import Follower, FollowerSummary
 from mmt.leader.reports import LeaderSummary
@@ -27,13 +24,12 @@ from mmt.scene.files import scene_from_tables
 from mmt.session.data import RecordedSession
 from mmt.session.files import read_session, write_session
 from mmt.testing.simulation.offline import simulate_session
-from mmt.texture.online.history import ModelHistory, build_model
-from mmt.texture.settings import Method
+from mmt.texture.online.history import build_model
 
 SPEED = 2.0
 """Session time runs so many times faster, to save time."""
 
-TEXTURES: dict[Method, dict[str, Any]] = {
+TEXTURES = {
     "field": {"method": "field", "start_share": 0.1, "stop_share": 0.9999},
     "published": {"method": "published"},
 }
@@ -41,7 +37,7 @@ TEXTURES: dict[Method, dict[str, Any]] = {
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made(tmp_path_factory):
     """A simulated session of 7.6 s: its last update is over half a second before its end."""
     frames, annotations = simulate_session(Scene(), "plastic", 7.6, 3)
     file = tmp_path_factory.mktemp("made") / "made.mcap"
@@ -63,33 +59,25 @@ class Outcome:
         return list(self.recording.models)
 
 
-def replaying(made: Path, method: Method = "field", **tables: Any) -> Scene:
+def replaying(made, method="field", **tables):
     session, replay = {"duration_s": 60.0}, {"file": str(made), "speed": SPEED}
     texture = TEXTURES[method]
     return scene_from_tables({"session": session, "replay": replay, "texture": texture, **tables})
 
 
-def offline(frames: RecordArray, method: Method = "field") -> ModelHistory:
+def offline(frames, method="field"):
     """The model as `mmt.build_model` gives it."""
     texture = replaying(Path("made.mcap"), method, link={}).texture
-    assert texture is not None
     return build_model(frames, texture.settings())
 
 
-def models_of(history: ModelHistory, live: Outcome) -> list[tuple[float, bytes]]:
+def models_of(history, live):
     """The models at the times of those that were made live, as model files."""
     found = [(time_s, history.model_at(time_s)) for time_s, _ in live.models]
     return [(time_s, model.to_bytes()) for time_s, model in found if model is not None]
 
 
-async def run(
-    made: Path,
-    directory: Path,
-    outage: str | None,
-    network: dict[str, Any] | None = None,
-    method: Method = "field",
-    **link: Any,
-) -> Outcome:
+async def run(made, directory, outage, network=None, method="field", **link):
     """Run the session over the real link, with an outage of 1.5 s of session time or none."""
     directory.mkdir()
     scene = replaying(
@@ -116,9 +104,7 @@ async def run(
     return Outcome(led, followed, read_session(directory / "session.mcap"), together.said)
 
 
-async def test_the_model_after_an_outage_equals_the_one_without_it(
-    made: Path, tmp_path: Path
-) -> None:
+async def test_the_model_after_an_outage_equals_the_one_without_it(made, tmp_path):
     whole, cut = await asyncio.gather(
         run(made, tmp_path / "whole", None), run(made, tmp_path / "cut", "cut")
     )
@@ -141,9 +127,7 @@ async def test_the_model_after_an_outage_equals_the_one_without_it(
     assert cut.leader.recording["frames"] == len(expected)
 
 
-async def test_after_a_stall_the_newest_frames_go_first_and_the_rest_is_filled_in(
-    made: Path, tmp_path: Path
-) -> None:
+async def test_after_a_stall_the_newest_frames_go_first_and_the_rest_is_filled_in(made, tmp_path):
     outcome = await run(made, tmp_path / "silent", "silence")
     backfill = outcome.leader.backfill
     assert outcome.follower.link["dropped"] == backfill["missing"] > 500
@@ -154,7 +138,7 @@ async def test_after_a_stall_the_newest_frames_go_first_and_the_rest_is_filled_i
     )
 
 
-async def test_what_an_emulated_network_loses_is_filled_in(made: Path, tmp_path: Path) -> None:
+async def test_what_an_emulated_network_loses_is_filled_in(made, tmp_path):
     lossy = {"delay_ms": 20.0, "loss": 0.05, "burst_messages": 4.0}
     outcome = await run(made, tmp_path / "lossy", None, network=lossy)
     backfill = outcome.leader.backfill
@@ -172,8 +156,8 @@ async def test_what_an_emulated_network_loses_is_filled_in(made: Path, tmp_path:
 
 @pytest.mark.parametrize("method", ["field", "published"])
 async def test_live_replayed_and_offline_models_are_the_same_where_frames_are_lost_and_bridged(
-    made: Path, tmp_path: Path, method: Method
-) -> None:
+    made, tmp_path, method
+):
     """Some never came from the device, some the link has lost for good, others were sent again."""
     frames = read_session(made).frames
     missing = np.random.default_rng(1).random(len(frames)) < 0.01
@@ -200,7 +184,7 @@ async def test_live_replayed_and_offline_models_are_the_same_where_frames_are_lo
     assert replayed.models[-1] == live.models[-1]
 
 
-def replay_by_command(directory: Path, recorded: Path, method: Method) -> RecordedSession:
+def replay_by_command(directory, recorded, method):
     """What `mmt-leader --replay` and `mmt-follower --replay` record."""
     scene, again = directory / "scene.toml", directory / "again.mcap"
     texture = "\n".join(f"{key} = {json.dumps(value)}" for key, value in TEXTURES[method].items())
@@ -213,9 +197,7 @@ def replay_by_command(directory: Path, recorded: Path, method: Method) -> Record
     return read_session(again)
 
 
-async def test_where_nothing_is_kept_a_gap_stays_a_gap_and_is_marked(
-    made: Path, tmp_path: Path
-) -> None:
+async def test_where_nothing_is_kept_a_gap_stays_a_gap_and_is_marked(made, tmp_path):
     outcome = await run(made, tmp_path / "off", "cut", keep_s=0.0)
     assert outcome.follower.backfill == {}
     missing = outcome.leader.backfill["missing"]
@@ -227,7 +209,7 @@ async def test_where_nothing_is_kept_a_gap_stays_a_gap_and_is_marked(
     assert gap["ranges"] == [[start + 1, start + 1 + missing]]
 
 
-def client_of(together: Together, run_id: str = "") -> FollowerClient:
+def client_of(together, run_id=""):
     return FollowerClient(
         f"http://127.0.0.1:{together.leader.port}",
         FollowerHello(channels=CHANNELS, source="test", keep_frames=5000, run_id=run_id),
@@ -235,9 +217,7 @@ def client_of(together: Together, run_id: str = "") -> FollowerClient:
     )
 
 
-async def test_a_follower_that_is_started_anew_is_not_asked_for_what_the_old_one_had(
-    tmp_path: Path,
-) -> None:
+async def test_a_follower_that_is_started_anew_is_not_asked_for_what_the_old_one_had(tmp_path):
     together = await Together.listening(
         small_scene(tmp_path, link={"port": 0, "patience_s": 5.0}, playout=None, actuator=None)
     )
@@ -264,7 +244,7 @@ async def test_a_follower_that_is_started_anew_is_not_asked_for_what_the_old_one
 
 
 @contextmanager
-def nothing_sent(client: FollowerClient) -> Iterator[None]:
+def nothing_sent(client):
     """The network loses all that is sent meanwhile."""
     outbox = client.endpoint.outbox
     with pytest.MonkeyPatch.context() as patch:
@@ -273,8 +253,8 @@ def nothing_sent(client: FollowerClient) -> Iterator[None]:
 
 
 async def test_where_a_followers_numbers_wrap_the_model_and_the_recording_are_the_same(
-    made: Path, tmp_path: Path
-) -> None:
+    made, tmp_path
+):
     """A device that has counted for 49 days, and a gap in the midst of which 0 comes again."""
     frames = read_session(made).frames
     own = frames.copy()
@@ -299,13 +279,10 @@ async def test_where_a_followers_numbers_wrap_the_model_and_the_recording_are_th
     np.testing.assert_array_equal(live.frames["force_n"], frames["force_n"])
     time_s, model = live.models[-1]
     expected = offline(frames).model_at(time_s)
-    assert expected is not None
     assert model == expected.to_bytes()
 
 
-async def test_a_follower_that_is_stopped_in_an_outage_of_the_network_delivers_the_rest(
-    tmp_path: Path,
-) -> None:
+async def test_a_follower_that_is_stopped_in_an_outage_of_the_network_delivers_the_rest(tmp_path):
     together = await Together.listening(small_scene(tmp_path, playout=None, actuator=None))
     client = client_of(together)
     await client.connect(5.0)

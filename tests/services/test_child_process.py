@@ -3,9 +3,6 @@
 import asyncio
 import signal
 import sys
-from collections.abc import AsyncIterator
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -39,19 +36,19 @@ PROGRAMS = {
 
 
 @pytest.fixture
-def directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def directory(tmp_path, monkeypatch):
     for name, text in PROGRAMS.items():
         (tmp_path / f"{name}.py").write_text(text)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     return tmp_path
 
 
-async def started(directory: Path, program: str) -> Child:
+async def started(directory, program):
     return await Child.start(program, program, ["me"])
 
 
 @pytest.fixture
-async def lasting(directory: Path) -> AsyncIterator[Child]:
+async def lasting(directory):
     child = await started(directory, "lasting_program")
     try:
         yield child
@@ -59,8 +56,8 @@ async def lasting(directory: Path) -> AsyncIterator[Child]:
         await child.kill()
 
 
-async def test_what_a_child_warns_of_is_told_line_by_line(directory: Path) -> None:
-    told: list[str] = []
+async def test_what_a_child_warns_of_is_told_line_by_line(directory):
+    told = []
     child = await Child.start("warning_program", "warning_program", [], None, told.append)
     async with asyncio.timeout(20):
         assert await child.wait() == 0
@@ -68,10 +65,10 @@ async def test_what_a_child_warns_of_is_told_line_by_line(directory: Path) -> No
     assert child.messages.startswith("compiling")
 
 
-async def test_a_child_that_writes_much_never_waits_for_a_reader(directory: Path) -> None:
+async def test_a_child_that_writes_much_never_waits_for_a_reader(directory):
     child = await started(directory, "noisy_program")
     async with asyncio.timeout(20):
-        lines: list[dict[str, Any]] = [line async for line in child.lines()]
+        lines = [line async for line in child.lines()]
         assert await child.wait() == 3
     assert [line["kind"] for line in lines] == ["event", "summary", "event"]
     assert lines[0]["event"] == "driver 1.2 ready"
@@ -81,7 +78,7 @@ async def test_a_child_that_writes_much_never_waits_for_a_reader(directory: Path
     assert len(child.messages) <= 2**16
 
 
-async def test_a_child_is_interrupted_as_by_a_person(lasting: Child) -> None:
+async def test_a_child_is_interrupted_as_by_a_person(lasting):
     async with asyncio.timeout(20):
         async for line in lasting.lines():
             assert line == {"kind": "ready", "argument": "me"}
@@ -90,13 +87,13 @@ async def test_a_child_is_interrupted_as_by_a_person(lasting: Child) -> None:
     lasting.interrupt()  # harmless once it has ended
 
 
-async def test_a_child_can_be_killed(lasting: Child) -> None:
+async def test_a_child_can_be_killed(lasting):
     async with asyncio.timeout(20):
         await lasting.kill()
         assert await lasting.wait() < 0
 
 
-async def test_a_child_that_is_killed_as_it_ends_keeps_its_exit_code(directory: Path) -> None:
+async def test_a_child_that_is_killed_as_it_ends_keeps_its_exit_code(directory):
     async with asyncio.timeout(60):
         for _ in range(25):
             child = await started(directory, "short_program")
@@ -105,7 +102,7 @@ async def test_a_child_that_is_killed_as_it_ends_keeps_its_exit_code(directory: 
             assert await child.wait() in {3, -signal.SIGKILL}  # not 255, which stands for unknown
 
 
-async def test_a_process_that_is_no_service_keeps_its_exit_code_as_well() -> None:
+async def test_a_process_that_is_no_service_keeps_its_exit_code_as_well():
     async with asyncio.timeout(60):
         for _ in range(25):
             process = await asyncio.create_subprocess_exec(
@@ -113,7 +110,6 @@ async def test_a_process_that_is_no_service_keeps_its_exit_code_as_well() -> Non
                 stdout=asyncio.subprocess.PIPE,
                 stderr=asyncio.subprocess.PIPE,
             )
-            assert process.stdout is not None
             assert await process.stdout.read() == b""
             send(process, KILL)
             assert await process.wait() in {3, -KILL}

@@ -5,9 +5,7 @@ import os
 import subprocess
 import sys
 from importlib.util import find_spec
-from pathlib import Path
 
-import click
 import pytest
 import typer
 from frame_samples import made_frames
@@ -150,7 +148,7 @@ CASES = [
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     """Files that can be used, and many that cannot."""
     directory = tmp_path_factory.mktemp("mistakes")
     for name, text in SCENES.items():
@@ -170,9 +168,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return directory
 
 
-def run(
-    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> tuple[int, str, str]:
+def run(command, monkeypatch, capsys):
     """Run a command line in this process; return exit code, output and messages."""
     program, *arguments = command.split()
     monkeypatch.setattr(sys, "argv", [program, *arguments])
@@ -193,12 +189,8 @@ LACKING = {
 
 @pytest.mark.parametrize("scene", LACKING)
 def test_a_demo_whose_driver_lacks_its_package_starts_nothing(
-    scene: str,
-    folder: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    scene, folder, tmp_path, monkeypatch, capsys
+):
     package, sentence = LACKING[scene]
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(folder)
@@ -213,13 +205,7 @@ def test_a_demo_whose_driver_lacks_its_package_starts_nothing(
 
 
 @pytest.mark.parametrize(("command", "sentence"), CASES, ids=[command for command, _ in CASES])
-def test_a_mistake_is_explained(
-    command: str,
-    sentence: str,
-    folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_mistake_is_explained(command, sentence, folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
     code, stdout, stderr = run(command, monkeypatch, capsys)
@@ -229,7 +215,7 @@ def test_a_mistake_is_explained(
     assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == before
 
 
-def _commands(command: click.Command, name: str) -> list[str]:
+def _commands(command, name):
     children = getattr(command, "commands", {})
     below = [c for key, child in children.items() for c in _commands(child, f"{name} {key}")]
     return [name, *below]
@@ -239,9 +225,7 @@ HELP = [c for name, app in APPS.items() for c in _commands(typer.main.get_comman
 
 
 @pytest.mark.parametrize("command", HELP)
-def test_every_command_has_help(
-    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_command_has_help(command, monkeypatch, capsys):
     code, stdout, stderr = run(f"{command} --help", monkeypatch, capsys)
     assert (code, stderr) == (0, "")
     assert f"Usage: {command}" in stdout
@@ -256,13 +240,7 @@ def test_every_command_has_help(
         ("mmt lab stability", "[OPTIONS] [FAMILY...]", "loop, lsf, model"),
     ],
 )
-def test_help_lists_what_can_be_named(
-    command: str,
-    usage: str,
-    names: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_help_lists_what_can_be_named(command, usage, names, monkeypatch, capsys):
     stdout = run(f"{command} --help", monkeypatch, capsys)[1]
     words = " ".join(stdout.replace("│", " ").split())
     assert f"Usage: {command} {usage} " in words
@@ -270,32 +248,26 @@ def test_help_lists_what_can_be_named(
     assert "; all if none is named." in words
 
 
-def test_help_keeps_the_names_of_tables(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_help_keeps_the_names_of_tables(monkeypatch, capsys):
     assert "[link]" in run("mmt-follower --help", monkeypatch, capsys)[1]
     assert "[texture]" in run("mmt evaluate --help", monkeypatch, capsys)[1]
 
 
 @pytest.mark.parametrize("program", APPS)
-def test_every_program_tells_its_version(
-    program: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_program_tells_its_version(program, monkeypatch, capsys):
     code, stdout, _ = run(f"{program} --version", monkeypatch, capsys)
     assert code == 0
     assert stdout.startswith("mmt-haptics ")
 
 
-def test_brackets_in_a_files_name_are_no_markup(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_brackets_in_a_files_name_are_no_markup(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     code, _, stderr = run("mmt session info [/bold]:sad:.mcap", monkeypatch, capsys)
     assert code == 2
     assert "session [/bold]:sad:.mcap: No such file" in stderr
 
 
-def test_a_process_ends_like_that_too(folder: Path) -> None:
+def test_a_process_ends_like_that_too(folder):
     long_name = "a-name-that-is-longer-than-a-line-of-eighty-characters/" * 3 + "x.mcap"
     ended = subprocess.run(
         [sys.executable, "-m", "mmt.cli.entry", "main", "session", "info", long_name],
@@ -311,9 +283,7 @@ def test_a_process_ends_like_that_too(folder: Path) -> None:
     assert ended.stdout == ""
 
 
-def test_json_to_standard_output_stands_there_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_json_to_standard_output_stands_there_alone(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for command in ("mmt model list", "mmt device list", "mmt scene explain demo --no-measure"):
         code, stdout, stderr = run(f"{command} --json -", monkeypatch, capsys)

@@ -23,7 +23,7 @@ for name in {others!r}:
 
 
 @pytest.fixture(scope="module")
-def core(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def core(tmp_path_factory):
     """A folder with the core and the entry points that it offers itself."""
     folder = tmp_path_factory.mktemp("core")
     shutil.copytree(ROOT / "src" / "mmt", folder / "mmt")
@@ -42,7 +42,7 @@ def core(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(core: Path, directory: Path, *arguments: str) -> str:
+def run(core, directory, *arguments):
     ended = subprocess.run(
         [sys.executable, "-m", "mmt.cli.entry", *arguments],
         capture_output=True,
@@ -56,9 +56,7 @@ def run(core: Path, directory: Path, *arguments: str) -> str:
     return ended.stdout
 
 
-def test_a_demo_runs_and_its_recording_is_looked_at_and_evaluated(
-    core: Path, tmp_path: Path
-) -> None:
+def test_a_demo_runs_and_its_recording_is_looked_at_and_evaluated(core, tmp_path):
     run(core, tmp_path, "main", "demo", "--duration", "6")
     recording = next(tmp_path.rglob("*.mcap"))
     told = json.loads(run(core, tmp_path, "main", "session", "info", str(recording), "--json", "-"))
@@ -68,7 +66,7 @@ def test_a_demo_runs_and_its_recording_is_looked_at_and_evaluated(
     run(core, tmp_path, "main", "session", "export", str(recording), "out.npz")
 
 
-def test_what_a_plug_in_brings_is_not_there(core: Path, tmp_path: Path) -> None:
+def test_what_a_plug_in_brings_is_not_there(core, tmp_path):
     drivers = run(core, tmp_path, "main", "device", "list")
     assert "openhaptics" in drivers
     assert "inverse3" not in drivers

@@ -14,12 +14,11 @@ from service_runs import LONGEST_S, Together, small_scene
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.protocols import SensorReading
-from mmt.scene import Scene
 from mmt.scene.files import load_scene
 from mmt.session.files import read_session
 
 
-async def test_a_scene_of_devices_streams_what_they_measure(tmp_path: Path, drivers: str) -> None:
+async def test_a_scene_of_devices_streams_what_they_measure(tmp_path, drivers):
     table = {"robot": f"{drivers}:Robot", "force_sensor": f"{drivers}:Force"}
     table["accelerometer"] = f"{drivers}:Robot"
     together = await Together.listening(small_scene(tmp_path, devices=table, simulated=None))
@@ -40,17 +39,17 @@ class Slow(Instrument):
     goes_on: ClassVar[threading.Event]
     made: ClassVar[list[Any]]
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
         self.made.append(self)
 
-    def connect(self) -> None:
+    def connect(self):
         self.asked.set()
         assert self.goes_on.wait(20.0), "the loop that would let it go on stands still"
 
 
 @pytest.fixture
-def slow_scene(tmp_path: Path, drivers: str) -> Scene:
+def slow_scene(tmp_path, drivers):
     (tmp_path / "slow_drivers.py").write_text("from test_device_sessions import Slow as Robot\n")
     Slow.asked, Slow.goes_on, Slow.made = threading.Event(), threading.Event(), []
     table = {"robot": "slow_drivers:Robot", "force_sensor": f"{drivers}:Force"}
@@ -58,7 +57,7 @@ def slow_scene(tmp_path: Path, drivers: str) -> Scene:
     return small_scene(tmp_path, devices=table, simulated=None)
 
 
-async def test_the_leader_is_answered_while_devices_are_connected(slow_scene: Scene) -> None:
+async def test_the_leader_is_answered_while_devices_are_connected(slow_scene):
     together = await Together.listening(slow_scene)
     following = asyncio.create_task(together.follow())
     before = together.leader.ticker.statistics.ticks
@@ -71,8 +70,8 @@ async def test_the_leader_is_answered_while_devices_are_connected(slow_scene: Sc
 
 
 async def test_a_session_that_ends_while_devices_are_connected_does_not_wait_and_closes_them(
-    slow_scene: Scene,
-) -> None:
+    slow_scene,
+):
     together = await Together.listening(slow_scene)
     following = asyncio.create_task(together.follow())
     await together.until(Slow.asked.is_set)
@@ -94,22 +93,22 @@ class OwnClock:
 
     made: ClassVar[list[Any]] = []
 
-    def __init__(self, force_n: float = 1.0) -> None:
+    def __init__(self, force_n=1.0):
         self.latency_ns = 0
-        self.faults: dict[str, int] = {}
+        self.faults = {}
         self.force_n = force_n
         self.unplugged = False
         self.made.append(self)
 
-    def connect(self) -> None:
+    def connect(self):
         if self.unplugged:
             raise MmtError("the cable is out")
         self._begun_ns = self._read_to_ns = time.monotonic_ns()
 
-    def calibrate(self) -> None:
+    def calibrate(self):
         pass
 
-    def read(self) -> list[SensorReading]:
+    def read(self):
         if self.unplugged:
             raise DeviceLost("the cable is out")
         now_ns = time.monotonic_ns()
@@ -117,11 +116,11 @@ class OwnClock:
         self._read_to_ns = stamps[-1] + 500_000 if stamps else self._read_to_ns
         return [SensorReading(t - self._begun_ns, (0.0, 0.0, self.force_n)) for t in stamps]
 
-    def close(self) -> None:
+    def close(self):
         pass
 
 
-def device_scene(tmp_path: Path, drivers: str, on_lost: str) -> Scene:
+def device_scene(tmp_path, drivers, on_lost):
     (tmp_path / "own_clock.py").write_text("from test_device_sessions import OwnClock as Force\n")
     OwnClock.made.clear()
     table = {
@@ -133,9 +132,7 @@ def device_scene(tmp_path: Path, drivers: str, on_lost: str) -> Scene:
     return small_scene(tmp_path, devices=table, simulated=None)
 
 
-async def test_a_session_survives_a_sensor_that_is_unplugged_and_plugged_again(
-    tmp_path: Path, drivers: str
-) -> None:
+async def test_a_session_survives_a_sensor_that_is_unplugged_and_plugged_again(tmp_path, drivers):
     together = await Together.listening(device_scene(tmp_path, drivers, "hold"))
     following = asyncio.create_task(together.follow())
     await together.until(lambda: together.leader.time_s > 0.3)
@@ -157,9 +154,7 @@ async def test_a_session_survives_a_sensor_that_is_unplugged_and_plugged_again(
     assert (np.diff(frames["time_ns"]) > 0).all()
 
 
-async def test_a_session_ends_with_its_recording_kept_where_the_scene_says_stop(
-    tmp_path: Path, drivers: str
-) -> None:
+async def test_a_session_ends_with_its_recording_kept_where_the_scene_says_stop(tmp_path, drivers):
     together = await Together.listening(device_scene(tmp_path, drivers, "stop"))
     following = asyncio.create_task(together.follow())
     await together.until(
@@ -167,7 +162,6 @@ async def test_a_session_ends_with_its_recording_kept_where_the_scene_says_stop(
     )
     OwnClock.made[0].unplugged = True
     summary = await following
-    assert summary.problem is not None
     assert "the force sensor (OwnClock) failed: the cable is out" in summary.problem
     assert "the cable is out" in str((await together.end()).problem)
     assert len(read_session(tmp_path / "session.mcap").frames) > 20
@@ -177,7 +171,7 @@ NEEDS_UR = pytest.mark.skipif(find_spec("rtde_control") is None, reason="ur-rtde
 
 
 @pytest.mark.parametrize("scene", ["virtual-lab", pytest.param("virtual-arm", marks=NEEDS_UR)])
-async def test_emulated_devices_carry_the_main_job(tmp_path: Path, scene: str) -> None:
+async def test_emulated_devices_carry_the_main_job(tmp_path, scene):
     changes = {
         "link.port": 0,
         "recording.file": str(tmp_path / "session.mcap"),

@@ -1,8 +1,5 @@
 """Streaming from devices: what is read, what is missed, and what fails."""
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 from instruments import Instrument
@@ -15,12 +12,12 @@ from mmt.devices.source import DeviceSource
 from mmt.follower.sources import DeviceBackedSource, build_source
 
 
-def made(**failures: Exception) -> tuple[DeviceSource, list[Instrument]]:
+def made(**failures):
     devices = [Instrument(10.0), Instrument(20.0), Instrument(30.0, **failures)]
     return DeviceSource(*devices, CHANNELS), devices
 
 
-def test_every_device_is_read_once_a_tick() -> None:
+def test_every_device_is_read_once_a_tick():
     source, devices = made()
     source.start(0)
     blocks = [source.step(1, 1000 + k, None) for k in range(3)]
@@ -39,9 +36,9 @@ def test_every_device_is_read_once_a_tick() -> None:
     )
 
 
-def test_ticks_begin_after_the_turn_of_a_device_that_has_turns() -> None:
+def test_ticks_begin_after_the_turn_of_a_device_that_has_turns():
     class Paced(Instrument):
-        def await_turn(self) -> None:
+        def await_turn(self):
             self._do("await_turn")
 
     robot = Paced()
@@ -50,14 +47,14 @@ def test_ticks_begin_after_the_turn_of_a_device_that_has_turns() -> None:
     assert robot.calls == ["connect", "calibrate", "await_turn"]
 
 
-def test_ticks_that_were_missed_show_as_a_gap() -> None:
+def test_ticks_that_were_missed_show_as_a_gap():
     source, _ = made()
     source.start(0)
     frames = np.concatenate([source.step(elapsed, 0, None) for elapsed in (1, 1, 4, 1)])
     assert frames["sequence"].tolist() == [0, 1, 5, 6]
 
 
-def test_the_robot_is_commanded_before_it_is_read() -> None:
+def test_the_robot_is_commanded_before_it_is_read():
     source, (robot, *_) = made()
     source.step(1, 0, None)
     source.step(1, 0, (1.0, 2.0, 3.0))
@@ -65,7 +62,7 @@ def test_the_robot_is_commanded_before_it_is_read() -> None:
     assert robot.written == [(1.0, 2.0, 3.0)]
 
 
-def test_only_the_channels_of_the_scene_are_read() -> None:
+def test_only_the_channels_of_the_scene_are_read():
     robot, force_sensor = Instrument(), Instrument()
     source = DeviceSource(robot, force_sensor, None, ("force",))
     frames = source.step(1, 0, (0.0, 0.0, 0.0))
@@ -77,13 +74,13 @@ def test_only_the_channels_of_the_scene_are_read() -> None:
 @pytest.mark.parametrize(
     ("channel", "key"), [("force", "force_sensor"), ("acceleration", "accelerometer")]
 )
-def test_a_channel_without_a_device_is_explained(channel: str, key: str) -> None:
+def test_a_channel_without_a_device_is_explained(channel, key):
     with pytest.raises(InputError, match=rf"\[devices\] has no {key}, .* needs {channel}"):
-        DeviceSource(Instrument(), None, None, ("position", channel))  # type: ignore[arg-type]
+        DeviceSource(Instrument(), None, None, ("position", channel))
 
 
 @pytest.mark.parametrize("call", ["connect", "calibrate"])
-def test_a_device_that_does_not_answer_is_named(call: str) -> None:
+def test_a_device_that_does_not_answer_is_named(call):
     source, _ = made(**{call: OSError(5, "Input/output error")})
     with pytest.raises(MmtError, match=r"the accelerometer \(Instrument\) failed: .*Input/output"):
         source.start(0)
@@ -97,18 +94,16 @@ def test_a_device_that_does_not_answer_is_named(call: str) -> None:
         (MmtError("cable 3 is loose"), "cable 3 is loose"),
     ],
 )
-def test_a_device_that_fails_is_named_whatever_its_driver_raises(
-    error: Exception, reason: str
-) -> None:
+def test_a_device_that_fails_is_named_whatever_its_driver_raises(error, reason):
     source, _ = made(read=error)
     source.start(0)
     with pytest.raises(MmtError, match=rf"the accelerometer \(Instrument\) failed: .*{reason}"):
         source.step(1, 0, None)
 
 
-def test_a_reading_of_the_wrong_size_is_the_devices_fault() -> None:
+def test_a_reading_of_the_wrong_size_is_the_devices_fault():
     class Flat(Instrument):
-        def read(self) -> Any:
+        def read(self):
             return (1.0, 2.0)
 
     source = DeviceSource(Flat(), None, None, ("position",))
@@ -116,7 +111,7 @@ def test_a_reading_of_the_wrong_size_is_the_devices_fault() -> None:
         source.step(1, 0, None)
 
 
-def test_all_are_closed_when_one_does_not_close() -> None:
+def test_all_are_closed_when_one_does_not_close():
     devices = [Instrument(close=OSError("stuck")), Instrument(), Instrument(close=OSError("gone"))]
     source = DeviceSource(*devices, CHANNELS)
     with pytest.raises(MmtError, match=r"robot .*stuck; the accelerometer .*gone"):
@@ -124,7 +119,7 @@ def test_all_are_closed_when_one_does_not_close() -> None:
     assert [device.calls for device in devices] == [["close"]] * 3
 
 
-def test_a_device_is_made_by_its_factory(drivers: str) -> None:
+def test_a_device_is_made_by_its_factory(drivers):
     assert load_device(f"{drivers}:Robot").read() == (0.0, 1.0, 2.0)
 
 
@@ -139,15 +134,13 @@ def test_a_device_is_made_by_its_factory(drivers: str) -> None:
         ("lab_drivers:explained", MmtError, "^switch it on$"),
     ],
 )
-def test_a_device_that_cannot_be_had_is_explained(
-    drivers: str, name: str, kind: type[MmtError], sentence: str
-) -> None:
+def test_a_device_that_cannot_be_had_is_explained(drivers, name, kind, sentence):
     with pytest.raises(kind, match=sentence) as caught:
         load_device(name)
     assert type(caught.value) is kind
 
 
-def test_a_source_of_devices_is_known_by_its_protocol(tmp_path: Path) -> None:
+def test_a_source_of_devices_is_known_by_its_protocol(tmp_path):
     source, _ = made()
     assert isinstance(source, DeviceBackedSource)
     assert not isinstance(build_source(small_scene(tmp_path)), DeviceBackedSource)

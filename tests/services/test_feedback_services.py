@@ -1,13 +1,10 @@
 """Force feedback by each method, both services over the link."""
 
-from pathlib import Path
-from typing import Any
-
 import pytest
 from service_runs import Together, small_scene
 
 
-def scene_with(directory: Path, method: str, **tables: Any) -> Any:
+def scene_with(directory, method, **tables):
     feedback = {"method": method}
     return small_scene(
         directory,
@@ -21,9 +18,7 @@ def scene_with(directory: Path, method: str, **tables: Any) -> Any:
 
 
 @pytest.mark.parametrize("profile", [None, "wan"])
-async def test_passive_tells_the_energies_on_both_sides(
-    tmp_path: Path, profile: str | None
-) -> None:
+async def test_passive_tells_the_energies_on_both_sides(tmp_path, profile):
     network = {} if profile is None else {"network": {"profile": profile}}
     together = await Together.listening(scene_with(tmp_path, "passive", **network))
     followed = await together.follow()
@@ -38,7 +33,7 @@ async def test_passive_tells_the_energies_on_both_sides(
     assert injected <= 1.0 + led.feedback["energy_overdrawn_mj"] + 1e-3
 
 
-async def test_the_model_is_estimated_from_what_the_follower_tells(tmp_path: Path) -> None:
+async def test_the_model_is_estimated_from_what_the_follower_tells(tmp_path):
     together = await Together.listening(scene_with(tmp_path, "model", network={"profile": "wan"}))
     followed = await together.follow()
     led = await together.end()
@@ -50,7 +45,7 @@ async def test_the_model_is_estimated_from_what_the_follower_tells(tmp_path: Pat
     assert led.feedback["felt"]["stiffness_n_mm"] < led.feedback["surface"]["stiffness_n_mm"]
 
 
-async def test_streamed_says_so_and_sends_nothing_more(tmp_path: Path) -> None:
+async def test_streamed_says_so_and_sends_nothing_more(tmp_path):
     together = await Together.listening(scene_with(tmp_path, "streamed"))
     followed = await together.follow()
     led = await together.end()

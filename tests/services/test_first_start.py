@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from service_processes import Service, follower_of, scene
@@ -42,13 +41,13 @@ print(json.dumps([told, compiled]))
 
 
 @pytest.fixture(scope="module")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def cache(tmp_path_factory):
     """Where the numerics are compiled to: nothing is there yet."""
     return tmp_path_factory.mktemp("first") / "cache"
 
 
 @pytest.fixture(scope="module")
-def starts(cache: Path) -> list[tuple[list[str], list[str]]]:
+def starts(cache):
     """What a first and a second start of a session told, and compiled by themselves."""
     runs = [
         subprocess.run(
@@ -64,9 +63,7 @@ def starts(cache: Path) -> list[tuple[list[str], list[str]]]:
     return [json.loads(run.stdout) for run in runs]
 
 
-def test_a_session_finds_its_kernels_compiled_by_processes_beside_each_other(
-    starts: list[tuple[list[str], list[str]]],
-) -> None:
+def test_a_session_finds_its_kernels_compiled_by_processes_beside_each_other(starts):
     (told, compiled), again = starts
     assert len(told) == 1
     assert told[0].startswith("compiling the numerics, at the first start only")
@@ -75,9 +72,7 @@ def test_a_session_finds_its_kernels_compiled_by_processes_beside_each_other(
 
 
 @pytest.mark.usefixtures("starts")
-def test_a_session_begins_when_the_process_that_models_has_compiled_its_own(
-    cache: Path, tmp_path: Path
-) -> None:
+def test_a_session_begins_when_the_process_that_models_has_compiled_its_own(cache, tmp_path):
     assert not list(cache.rglob("bottom_up.*.nbi"))
     variables = {"NUMBA_CACHE_DIR": str(cache)}
     arguments = (scene("demo"), "--json-lines", "--port", 0)

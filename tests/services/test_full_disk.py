@@ -4,9 +4,7 @@ import asyncio
 import errno
 import json
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import aiohttp
 import pytest
@@ -24,7 +22,7 @@ FULL = "No space left on device"
 
 
 @pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
+def small_disk(tmp_path):
     """A file system of 96 KiB, some two seconds of a session."""
     place = tmp_path / "small"
     place.mkdir()
@@ -39,12 +37,12 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", place], check=True, timeout=20)
 
 
-def fill_after(monkeypatch: pytest.MonkeyPatch, blocks: int) -> list[int]:
+def fill_after(monkeypatch, blocks):
     """Let a disk be full after this many blocks of frames; setting the first makes room."""
     left = [blocks]
     write = SessionWriter.write_frames
 
-    def write_until_full(self: SessionWriter, *block: Any) -> None:
+    def write_until_full(self, *block):
         left[0] -= 1
         if left[0] < 0:
             raise OSError(errno.ENOSPC, FULL)
@@ -54,18 +52,16 @@ def fill_after(monkeypatch: pytest.MonkeyPatch, blocks: int) -> list[int]:
     return left
 
 
-def endless() -> MadeSource:
+def endless():
     return MadeSource([made_frames(k, 1) for k in range(20_000)])
 
 
-def samples_played(together: Together) -> int:
+def samples_played(together):
     vibration = together.leader.parts.vibration.summary(0.0)["vibration"]
     return int(vibration["actuator"]["samples"])
 
 
-async def test_a_disk_that_is_full_costs_the_recording_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_disk_that_is_full_costs_the_recording_alone(tmp_path, monkeypatch):
     fill_after(monkeypatch, blocks=10)
     together = await Together.listening(small_scene(tmp_path))
     follower = together.follower(endless())
@@ -89,9 +85,7 @@ async def test_a_disk_that_is_full_costs_the_recording_alone(
     assert leader.recording["dropped"] == leader.link["frames"] - leader.recording["frames"] > 1000
 
 
-async def test_another_recording_may_be_begun_once_there_is_room_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_another_recording_may_be_begun_once_there_is_room_again(tmp_path, monkeypatch):
     left = fill_after(monkeypatch, blocks=10)
     together = await Together.listening(small_scene(tmp_path, monitor={}))
     follower = together.follower(endless())
@@ -109,10 +103,8 @@ async def test_another_recording_may_be_begun_once_there_is_room_again(
     assert leader.problem == f"recording {tmp_path / 'session.mcap'}: {FULL}"
 
 
-async def test_a_disk_that_is_full_at_the_end_fails_the_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(self: SessionWriter) -> None:
+async def test_a_disk_that_is_full_at_the_end_fails_the_run(tmp_path, monkeypatch):
+    def full(self):
         raise OSError(errno.ENOSPC, FULL)
 
     monkeypatch.setattr(SessionWriter, "finish", full)
@@ -121,9 +113,7 @@ async def test_a_disk_that_is_full_at_the_end_fails_the_run(
     assert leader.problem == f"recording {tmp_path / 'session.mcap'}: {FULL}"
 
 
-def test_on_a_full_file_system_summary_report_and_json_are_there(
-    tmp_path: Path, small_disk: Path
-) -> None:
+def test_on_a_full_file_system_summary_report_and_json_are_there(tmp_path, small_disk):
     file = small_disk / "session.mcap"
     arguments = ("--json-lines", "--port", 0, "--duration", 6, "--record", file)
     arguments += ("--json", "leader.json", "--report", "report", "--log", small_disk / "log")
@@ -148,7 +138,7 @@ def test_on_a_full_file_system_summary_report_and_json_are_there(
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_progress_that_cannot_be_written_ends_no_session(tmp_path: Path) -> None:
+def test_progress_that_cannot_be_written_ends_no_session(tmp_path):
     """As where standard error goes into a file on the disk that is full."""
     model = Path(scene("demo")).parent / "models/plastic.npz"
     with Service(
@@ -162,7 +152,7 @@ def test_progress_that_cannot_be_written_ends_no_session(tmp_path: Path) -> None
     assert leader.stdout.startswith("mmt-leader  1.0 s")
 
 
-def test_a_report_that_fails_leaves_the_closing_lines_and_the_json(tmp_path: Path) -> None:
+def test_a_report_that_fails_leaves_the_closing_lines_and_the_json(tmp_path):
     (tmp_path / "demo" / "report.md").mkdir(parents=True)  # a folder where a file would be
     arguments = ("--duration", 1, "--output", "demo", "--json", "all.json")
     with Service("main", "demo", scene("stream-only"), *arguments, cwd=tmp_path) as demo:

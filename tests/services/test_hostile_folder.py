@@ -21,7 +21,7 @@ ALLOWED = {
 
 
 @pytest.fixture
-def hostile(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def hostile(tmp_path, monkeypatch):
     """A folder with a file for each module of the standard library, and for some others."""
     monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
     names = {name for name in sys.stdlib_module_names if not name.startswith("_")}
@@ -41,9 +41,7 @@ def hostile(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("bench", "link", "--duration", "0.5"),
     ],
 )
-def test_no_process_of_a_command_imports_from_its_folder(
-    command: tuple[str, ...], hostile: Path
-) -> None:
+def test_no_process_of_a_command_imports_from_its_folder(command, hostile):
     as_installed = 'python=$1; shift; exec "$python" -P "$@"'
     with Service("main", *command, cwd=hostile, within=("sh", "-c", as_installed, "sh")) as run:
         if "--share" in command:  # the page for visitors is a process too
@@ -54,7 +52,7 @@ def test_no_process_of_a_command_imports_from_its_folder(
     assert not imported.exists(), imported.read_text()
 
 
-def test_the_folder_is_imported_from_by_a_process_that_is_started_otherwise(hostile: Path) -> None:
+def test_the_folder_is_imported_from_by_a_process_that_is_started_otherwise(hostile):
     for command, code in (([sys.executable], 1), (python_command(), 0)):
         ended = subprocess.run(
             [*command, "-c", "import statistics"],
@@ -66,7 +64,7 @@ def test_the_folder_is_imported_from_by_a_process_that_is_started_otherwise(host
         assert ended.returncode == code
 
 
-def test_python_is_started_in_one_way() -> None:
+def test_python_is_started_in_one_way():
     """By `python_command`; and `multiprocessing`, whose command is its own, by one context."""
     texts = {str(file.relative_to(SOURCES)): file.read_text() for file in SOURCES.rglob("*.py")}
     for name in ("sys.executable", "get_context"):
@@ -74,9 +72,7 @@ def test_python_is_started_in_one_way() -> None:
         assert found == ALLOWED[name]
 
 
-def test_a_process_that_imports_what_this_one_can_does_not_search_the_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_process_that_imports_what_this_one_can_does_not_search_the_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     elsewhere = str(tmp_path / "elsewhere")
     monkeypatch.setattr(sys, "path", ["", str(tmp_path), ".", elsewhere])

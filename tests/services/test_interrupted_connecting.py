@@ -3,7 +3,6 @@
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import psutil
@@ -41,13 +40,13 @@ class Handle(Robot):
 
 
 @pytest.fixture
-def environment(tmp_path: Path) -> dict[str, str]:
+def environment(tmp_path):
     (tmp_path / "slow_drivers.py").write_text(DRIVERS)
     paths = [str(tmp_path), str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]
     return {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
 
 
-def scene_with(directory: Path, service: str, driver: str) -> str:
+def scene_with(directory, service, driver):
     """Write a scene whose handle or robot has this driver, and return its file's name."""
     tables = "[link]\n[playout]\n[actuator]\n"
     if service == "leader":
@@ -61,11 +60,11 @@ def scene_with(directory: Path, service: str, driver: str) -> str:
 
 
 @pytest.fixture
-def started(tmp_path: Path, environment: dict[str, str]) -> Iterator[Callable[..., Service]]:
+def started(tmp_path, environment):
     """Starts a service with a driver, where need be beside a leader, and ends both."""
-    running: list[Service] = []
+    running = []
 
-    def start(name: str, driver: str) -> Service:
+    def start(name, driver):
         file = scene_with(tmp_path, name, driver)
         arguments = ("--json-lines",)
         if name == "follower":
@@ -85,9 +84,7 @@ def started(tmp_path: Path, environment: dict[str, str]) -> Iterator[Callable[..
 
 @pytest.mark.parametrize("slow", ["connect", "calibrate"])
 @pytest.mark.parametrize("name", ["leader", "follower"])
-def test_a_device_that_never_connects_does_not_hold_up_the_end(
-    name: str, slow: str, started: Callable[..., Service]
-) -> None:
+def test_a_device_that_never_connects_does_not_hold_up_the_end(name, slow, started):
     driver = f"driver = 'slow_drivers:{'Handle' if name == 'leader' else 'Robot'}'\nslow = '{slow}'"
     service = started(name, driver)
     service.wait_for(lambda: f"{slow} begins" in service.stdout)
@@ -99,9 +96,7 @@ def test_a_device_that_never_connects_does_not_hold_up_the_end(
 
 
 @pytest.mark.parametrize("name", ["leader", "follower"])
-def test_an_inverse3_that_waits_for_its_calibration_lets_go_at_once(
-    name: str, started: Callable[..., Service]
-) -> None:
+def test_an_inverse3_that_waits_for_its_calibration_lets_go_at_once(name, started):
     emulated = EmulatedInverse3()
     emulated.start()
     try:
@@ -124,9 +119,7 @@ def test_an_inverse3_that_waits_for_its_calibration_lets_go_at_once(
 
 
 @pytest.mark.parametrize("again", [signal.SIGINT, signal.SIGTERM])
-def test_the_second_signal_ends_at_once_what_does_not_let_go(
-    again: signal.Signals, started: Callable[..., Service]
-) -> None:
+def test_the_second_signal_ends_at_once_what_does_not_let_go(again, started):
     service = started("leader", "driver = 'slow_drivers:Handle'\nslow = 'close'")
     service.port()
     service.signal(signal.SIGINT)
@@ -136,7 +129,7 @@ def test_the_second_signal_ends_at_once_what_does_not_let_go(
     assert service.end() == -again
 
 
-def test_a_demo_that_is_interrupted_again_leaves_nothing(tmp_path: Path) -> None:
+def test_a_demo_that_is_interrupted_again_leaves_nothing(tmp_path):
     with Service("main", "demo", scene("stream-only"), "--verbose", cwd=tmp_path) as demo:
         demo.wait_for(lambda: "leader: follower connected" in demo.stderr)
         services = psutil.Process(demo.process.pid).children()
@@ -152,7 +145,7 @@ def test_a_demo_that_is_interrupted_again_leaves_nothing(tmp_path: Path) -> None
         assert not left
 
 
-async def test_a_signal_wakes_the_loop_also_if_it_comes_just_before_the_loop_waits() -> None:
+async def test_a_signal_wakes_the_loop_also_if_it_comes_just_before_the_loop_waits():
     stop_on_signals(lambda: None)
     finish_output()
     wakes = signal.set_wakeup_fd(-1)

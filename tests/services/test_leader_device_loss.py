@@ -3,23 +3,19 @@
 import asyncio
 import math
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import pytest
 from emulated_arm import emulated_arm  # noqa: F401 - a fixture
 from service_runs import Together, small_scene
 
-from mmt.scene import Scene
 from mmt.session.files import read_session
 from mmt.testing.emulated.haptuator import EmulatedHaptuator
 from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
-from mmt.testing.emulated.hd import EmulatedHd
 
 RECOVERY_MM_S = 50.0
 
 
-def with_handle(directory: Path, emulated: EmulatedHd, **handle: Any) -> Scene:
+def with_handle(directory, emulated, **handle):
     return small_scene(
         directory,
         session={"duration_s": 600.0},
@@ -30,24 +26,21 @@ def with_handle(directory: Path, emulated: EmulatedHd, **handle: Any) -> Scene:
     )
 
 
-def commands_of(together: Together) -> list[tuple[int, tuple[float, float, float]]]:
+def commands_of(together):
     """Collect what the leader asks of the follower, from now on, with its tick."""
     remote, sent = together.leader.remote, []
-    assert remote is not None
     send = remote.command
 
-    def note(now_ns: int, position_mm: tuple[float, float, float]) -> None:
+    def note(now_ns, position_mm):
         sent.append((together.leader.ticks, position_mm))
         send(now_ns, position_mm)
 
-    remote.command = note  # type: ignore[method-assign] - the test listens
+    remote.command = note
     return sent
 
 
 @pytest.mark.parametrize("fault", ["comm_lost", "fault", "stalled"])
-async def test_a_handle_is_lost_and_comes_back_elsewhere(
-    tmp_path: Path, emulated: EmulatedHd, fault: Any
-) -> None:
+async def test_a_handle_is_lost_and_comes_back_elsewhere(tmp_path, emulated, fault):
     together = Together.of(with_handle(tmp_path, emulated))
     sent = commands_of(together)
     await together.listen()
@@ -83,7 +76,7 @@ async def test_a_handle_is_lost_and_comes_back_elsewhere(
     assert told[0]["time_s"] < told[-1]["time_s"]
 
 
-async def test_a_scene_may_stop_without_its_handle(tmp_path: Path, emulated: EmulatedHd) -> None:
+async def test_a_scene_may_stop_without_its_handle(tmp_path, emulated):
     together = await Together.listening(with_handle(tmp_path, emulated, on_lost="stop"))
     following = asyncio.create_task(together.follow())
     await together.until(lambda: together.leader.time_s > 0.1)
@@ -94,10 +87,9 @@ async def test_a_scene_may_stop_without_its_handle(tmp_path: Path, emulated: Emu
     assert len(read_session(tmp_path / "session.mcap").frames) > 50
 
 
-async def lose_actuator(together: Together, unplug: Any, plug: Any) -> None:
+async def lose_actuator(together, unplug, plug):
     """Run a session whose actuator is unplugged and plugged in again."""
     actuator = together.leader.parts.vibration.reconnecting
-    assert actuator is not None
     await together.listen()
     following = asyncio.create_task(together.follow())
     await together.until(lambda: actuator.statistics.samples > 100)
@@ -120,7 +112,7 @@ async def lose_actuator(together: Together, unplug: Any, plug: Any) -> None:
     assert (told[0], told[-1]) == ("lost", "back")
 
 
-async def test_a_sound_card_is_lost_and_comes_back(tmp_path: Path) -> None:
+async def test_a_sound_card_is_lost_and_comes_back(tmp_path):
     together = Together.of(
         small_scene(
             tmp_path,
@@ -133,13 +125,12 @@ async def test_a_sound_card_is_lost_and_comes_back(tmp_path: Path) -> None:
         )
     )
     mended = together.leader.parts.vibration.reconnecting
-    assert mended is not None
     device = mended.device
     assert isinstance(device, EmulatedHaptuator)
     await lose_actuator(together, device.card.unplug, device.card.plug)
 
 
-async def test_a_board_on_a_serial_port_is_lost_and_comes_back(tmp_path: Path) -> None:
+async def test_a_board_on_a_serial_port_is_lost_and_comes_back(tmp_path):
     pytest.importorskip("pty", reason="there are no pseudo-terminals")
     board = EmulatedHaptuatorBoard()
     board.start()

@@ -20,7 +20,7 @@ from mmt.core.extras import PACKAGES
 ROOT = Path(__file__).parents[2]
 OWN = {each.name for each in (ROOT / "src").iterdir() if each.is_dir()}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-EXTRAS: dict[str, list[str]] = PROJECT["optional-dependencies"]
+EXTRAS = PROJECT["optional-dependencies"]
 
 ABSENT = """
 import os, sys
@@ -30,13 +30,13 @@ for name in os.environ["MMT_TEST_ABSENT"].split():
 """With `None` for a module, it is found nowhere and its import fails."""
 
 
-def without(directory: Path, *packages: str) -> dict[str, str]:
+def without(directory, *packages):
     """The variables with which Python does not find these packages."""
     (directory / "sitecustomize.py").write_text(ABSENT)
     return {"PYTHONPATH": str(directory), "MMT_TEST_ABSENT": " ".join(packages)}
 
 
-def run(directory: Path, absent: dict[str, str], *arguments: str) -> tuple[int, str]:
+def run(directory, absent, *arguments):
     """The exit code of a command and what it printed as an error."""
     ended = subprocess.run(
         [sys.executable, "-m", "mmt.cli.entry", *arguments],
@@ -59,12 +59,12 @@ BROUGHT = {("lerobot", "lerobot"), ("rclpy", "ros")}
 LeRobot imports its plug-in itself, and rclpy comes with ROS."""
 
 
-def named(requirements: list[str]) -> set[str]:
+def named(requirements):
     """The distributions of a list of requirements."""
     return {re.split(r"[\[>=]", one)[0].replace("-", "_") for one in requirements}
 
 
-def test_every_import_of_a_package_is_of_the_base_or_of_the_extra_that_is_named() -> None:
+def test_every_import_of_a_package_is_of_the_base_or_of_the_extra_that_is_named():
     distributions = packages_distributions()
     for path in (ROOT / "src").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
@@ -83,10 +83,9 @@ def test_every_import_of_a_package_is_of_the_base_or_of_the_extra_that_is_named(
                 assert allowed & found, f"{path}: {top} is not declared"
 
 
-def test_all_holds_every_extra_but_those_for_developers_and_one_without_wheels() -> None:
+def test_all_holds_every_extra_but_those_for_developers_and_one_without_wheels():
     (everything,) = EXTRAS["all"]
     listed = re.fullmatch(r"mmt-haptics\[(.*)\]", everything)
-    assert listed is not None
     assert set(listed[1].split(",")) == set(EXTRAS) - {"all", "bench", "dev", "docs", "test", "ur"}
 
 
@@ -101,7 +100,7 @@ def test_all_holds_every_extra_but_those_for_developers_and_one_without_wheels()
     ],
     ids=" ".join,
 )
-def test_the_base_shows_help_scenes_and_devices(tmp_path: Path, command: tuple[str, ...]) -> None:
+def test_the_base_shows_help_scenes_and_devices(tmp_path, command):
     assert run(tmp_path, without(tmp_path, *PACKAGES), *command) == (0, "")
 
 
@@ -125,9 +124,7 @@ def test_the_base_shows_help_scenes_and_devices(tmp_path: Path, command: tuple[s
     ],
     ids=str,
 )
-def test_what_an_extra_lacks_is_one_sentence_with_the_command(
-    tmp_path: Path, command: tuple[str, ...], extra: str
-) -> None:
+def test_what_an_extra_lacks_is_one_sentence_with_the_command(tmp_path, command, extra):
     (tmp_path / "a.mcap").touch()
     if "--record" in command:
         (tmp_path / "a.mcap").unlink()
@@ -138,7 +135,7 @@ def test_what_an_extra_lacks_is_one_sentence_with_the_command(
     assert re.search(rf"which is not installed; install it with: .* -m pip .*\[{extra}\]", error)
 
 
-def test_a_follower_on_devices_runs_without_the_leaders_packages(tmp_path: Path) -> None:
+def test_a_follower_on_devices_runs_without_the_leaders_packages(tmp_path):
     others = [name for name, (extra, _) in PACKAGES.items() if extra != "devices"]
     arguments = (scene("virtual-lab"), "--json-lines")
     with Service("leader", *arguments, "--port", 0, "--duration", 1, cwd=tmp_path) as leader:
@@ -164,7 +161,7 @@ STARTED_S = 20.0
 """What lacks is said at the start."""
 
 
-def brought_by(extras: str) -> set[str]:
+def brought_by(extras):
     """The distributions that extras bring, with those of the extras that are in them."""
     requirements = [one for extra in extras.split(",") for one in EXTRAS[extra]]
     inner = re.findall(r"mmt-haptics\[([\w,]+)\]", str(requirements))
@@ -172,7 +169,7 @@ def brought_by(extras: str) -> set[str]:
 
 
 @pytest.mark.parametrize("page", sorted(p for p, text in RECIPES.items() if INSTALLS.search(text)))
-def test_a_page_installs_what_its_commands_need(page: str, tmp_path: Path) -> None:
+def test_a_page_installs_what_its_commands_need(page, tmp_path):
     there = brought_by(",".join(INSTALLS.findall(RECIPES[page])))
     holders = NOT_IN_ALL | packages_distributions()
     absent = [n for n in PACKAGES if not there & {d.replace("-", "_") for d in holders[n]}]

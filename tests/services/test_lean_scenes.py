@@ -4,10 +4,8 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
-from pathlib import Path
 
 import pytest
 from frame_samples import made_frames
@@ -111,7 +109,7 @@ SIMULATED, REPLAY, DEVICE_SOURCE = SOURCES = (
     "mmt.devices.source",
 )
 
-EXPECTED: dict[str, set[str]] = {
+EXPECTED = {
     "leader demo": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
     "follower demo": {*NETWORK, SIMULATED},
     "leader rough-texture": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
@@ -216,14 +214,14 @@ NEVER = {
 }
 
 
-def with_drivers(directory: Path) -> dict[str, str]:
+def with_drivers(directory):
     """The variable that lets a service import from the folder."""
     paths = [str(directory), *filter(None, [os.environ.get("PYTHONPATH")])]
     return {"PYTHONPATH": os.pathsep.join(paths)}
 
 
 @pytest.fixture(scope="module")
-def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def directory(tmp_path_factory):
     """A folder with a recording, a driver, and a scene that names the driver."""
     directory = tmp_path_factory.mktemp("lean")
     write_session(directory / "made.mcap", made_frames(0, 100))
@@ -236,7 +234,7 @@ def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def modules(directory: Path) -> dict[str, set[str]]:
+def modules(directory):
     """The modules of each service in each example scene, by e.g. "leader demo"."""
     scenes = {path.stem: path for path in sorted(CONFIGS.glob("*.toml"))}
     hardware = {name for name in scenes if name.endswith(("-leader", "-follower"))}
@@ -252,17 +250,17 @@ def modules(directory: Path) -> dict[str, set[str]]:
         if service == "leader" or scene.source is not None
     ]
 
-    def prepared(service: str, name: str) -> tuple[str, str, dict[str, object]]:
+    def prepared(service, name):
         own = directory / f"{service}-{name}"  # two scenes may record into the same file
         own.mkdir()
-        changes: dict[str, object] = {}
+        changes = {}
         if loaded[name].link is not None:
             changes["link.port"] = {"leader": 0, "follower": 1}[service]
         if loaded[name].replay is not None:
             changes["replay.file"] = str(directory / "made.mcap")
         return str(own), str(scenes[name]), changes
 
-    def run(service: str) -> subprocess.CompletedProcess[str]:
+    def run(service):
         own = [prepared(*each) for each in runs if each[0] == service]
         return subprocess.run(
             [sys.executable, "-c", PROGRAM, service, json.dumps(own)],
@@ -281,27 +279,25 @@ def modules(directory: Path) -> dict[str, set[str]]:
     return {" ".join(each): set(json.loads(file.read_text())) for each, file in found.items()}
 
 
-def among(modules: Iterable[str], names: Iterable[str]) -> set[str]:
+def among(modules, names):
     """Which of the packages or modules are there, themselves or in part."""
     present = set(modules)
     return {name for name in names if any(m == name or m.startswith(f"{name}.") for m in present)}
 
 
-def test_every_example_scene_has_an_expectation(modules: dict[str, set[str]]) -> None:
+def test_every_example_scene_has_an_expectation(modules):
     lacking = {f"{side} {name}" for name in LACKING for side in ("leader", "follower")}
     assert set(modules) | lacking == set(EXPECTED)
 
 
 @pytest.mark.parametrize("name", EXPECTED)
-def test_a_service_imports_what_its_scene_needs_and_no_more(
-    modules: dict[str, set[str]], name: str
-) -> None:
+def test_a_service_imports_what_its_scene_needs_and_no_more(modules, name):
     if name.split()[1] in LACKING:
         pytest.skip("ur-rtde is not installed")
     assert among(modules[name], WATCHED) == EXPECTED[name]
 
 
-def test_the_numerics_are_where_a_model_is() -> None:
+def test_the_numerics_are_where_a_model_is():
     """Holds the table above: streaming and devices need neither numba nor scipy."""
     with_numerics = {name for name, expected in EXPECTED.items() if expected & NUMERICS}
     names = ("demo", "replay", "model-only", "virtual-lab", "anisotropic", "two-surfaces")
@@ -309,24 +305,24 @@ def test_the_numerics_are_where_a_model_is() -> None:
     assert with_numerics == {f"leader {name}" for name in names}
 
 
-def test_no_service_imports_what_is_for_offline_work(modules: dict[str, set[str]]) -> None:
+def test_no_service_imports_what_is_for_offline_work(modules):
     assert {name: among(found, NEVER) for name, found in modules.items()} == {
         name: set() for name in modules
     }
 
 
-def test_neither_service_imports_the_other(modules: dict[str, set[str]]) -> None:
+def test_neither_service_imports_the_other(modules):
     others = {"leader": "mmt.follower", "follower": "mmt.leader"}
     found = {name: among(modules[name], {others[name.split()[0]]}) for name in modules}
     assert found == {name: set() for name in modules}
 
 
-def test_without_the_table_no_network_is_emulated(modules: dict[str, set[str]]) -> None:
+def test_without_the_table_no_network_is_emulated(modules):
     emulation = {"mmt.link.emulation", "mmt.link.impairments"}
     assert all(among(found, emulation) == set() for found in modules.values())
 
 
-def test_devices_stream_to_a_leader_without_numerics_on_either_side(directory: Path) -> None:
+def test_devices_stream_to_a_leader_without_numerics_on_either_side(directory):
     """Not only at the start: the services say what they have imported after they streamed."""
     scene, common = directory / "devices.toml", ("--json-lines",)
     arguments = (scene, *common, "--port", 0, "--duration", 1)

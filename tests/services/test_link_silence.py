@@ -1,8 +1,6 @@
 """A leader that is connected but silent does not leave the robot to itself."""
 
 import asyncio
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,12 +12,12 @@ from mmt.session.files import read_session
 
 @pytest.mark.parametrize("on_silence", ["hold", "retract"])
 async def test_the_robot_holds_or_retracts_and_takes_the_commands_up_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, on_silence: str
-) -> None:
+    tmp_path, monkeypatch, on_silence
+):
     silent = False
     send = LeaderServer.send_commands
 
-    def stifled(self: LeaderServer, commands: Any) -> None:
+    def stifled(self, commands):
         if not silent:
             send(self, commands)
 

@@ -2,14 +2,11 @@
 
 import asyncio
 import base64
-from collections.abc import AsyncIterator
-from pathlib import Path
-from typing import Any
 
 import aiohttp
 import pytest
 from frame_samples import made_frames
-from monitor_browser import Browser, address, monitored, open_browser, until
+from monitor_browser import address, monitored, open_browser, until
 from monitor_messages import unpack
 from service_runs import MadeSource, Together, small_scene
 
@@ -20,12 +17,12 @@ TOKEN = "a token that nobody guesses"
 
 
 @pytest.fixture
-async def browser() -> AsyncIterator[Browser]:
+async def browser():
     async with open_browser() as browser:
         yield browser
 
 
-async def test_a_run_is_shown_while_it_lasts(tmp_path: Path, browser: Browser) -> None:
+async def test_a_run_is_shown_while_it_lasts(tmp_path, browser):
     together = await monitored(tmp_path)
     socket = await browser.look_on(together)
     hello = await until(socket, "hello")
@@ -56,14 +53,12 @@ async def test_a_run_is_shown_while_it_lasts(tmp_path: Path, browser: Browser) -
     await together.end()
 
 
-async def test_the_last_that_is_shown_is_how_the_run_has_ended(
-    tmp_path: Path, browser: Browser
-) -> None:
+async def test_the_last_that_is_shown_is_how_the_run_has_ended(tmp_path, browser):
     together = await monitored(tmp_path)
     socket = await browser.look_on(together)
     follower = together.follower(MadeSource([made_frames(k, 1) for k in range(700)]))
     await follower.run()
-    shown: dict[str, dict[str, Any]] = {}
+    shown = {}
     while "end" not in shown:
         message = unpack(await socket.receive_bytes(timeout=30.0))
         shown[message["kind"]] = message
@@ -74,9 +69,7 @@ async def test_the_last_that_is_shown_is_how_the_run_has_ended(
     assert shown["end"]["outcome"] == summary.outcome
 
 
-async def test_nothing_is_kept_once_the_last_viewer_has_left(
-    tmp_path: Path, browser: Browser
-) -> None:
+async def test_nothing_is_kept_once_the_last_viewer_has_left(tmp_path, browser):
     together = await monitored(tmp_path)
     monitor = together.leader.parts.monitor
     assert not monitor.tap.watched
@@ -88,7 +81,7 @@ async def test_nothing_is_kept_once_the_last_viewer_has_left(
     await together.stop()
 
 
-async def test_the_page_is_served_and_nothing_beside_it(tmp_path: Path, browser: Browser) -> None:
+async def test_the_page_is_served_and_nothing_beside_it(tmp_path, browser):
     together = await monitored(tmp_path)
     async with browser.http.get(address(together, "/monitor")) as answer:
         assert answer.status == 200
@@ -104,7 +97,7 @@ async def test_the_page_is_served_and_nothing_beside_it(tmp_path: Path, browser:
     await together.stop()
 
 
-async def test_a_scene_without_a_monitor_serves_none(tmp_path: Path, browser: Browser) -> None:
+async def test_a_scene_without_a_monitor_serves_none(tmp_path, browser):
     together = await Together.listening(small_scene(tmp_path))
     assert together.leader.parts.monitor is None
     async with browser.http.get(address(together, "/monitor/")) as answer:
@@ -112,9 +105,7 @@ async def test_a_scene_without_a_monitor_serves_none(tmp_path: Path, browser: Br
     await together.stop()
 
 
-async def test_with_a_token_the_socket_asks_for_it(
-    tmp_path: Path, browser: Browser, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_with_a_token_the_socket_asks_for_it(tmp_path, browser, monkeypatch):
     monkeypatch.setenv(TOKEN_VARIABLE, TOKEN)
     together = await monitored(tmp_path)
     for wrong in (None, "another token than it has"):
@@ -147,9 +138,7 @@ async def test_with_a_token_the_socket_asks_for_it(
         ({"Host": "[::1]:1", "Origin": "http://[::1]:1"}, 101),
     ],
 )
-async def test_a_page_of_another_site_cannot_look_on(
-    tmp_path: Path, browser: Browser, headers: dict[str, str], status: int
-) -> None:
+async def test_a_page_of_another_site_cannot_look_on(tmp_path, browser, headers, status):
     together = await monitored(tmp_path)
     handshake = {
         "Upgrade": "websocket",
@@ -162,7 +151,7 @@ async def test_a_page_of_another_site_cannot_look_on(
     await together.stop()
 
 
-async def test_only_so_many_may_look_on(tmp_path: Path, browser: Browser) -> None:
+async def test_only_so_many_may_look_on(tmp_path, browser):
     together = await monitored(tmp_path)
     sockets = [await browser.look_on(together) for _ in range(MOST_VIEWERS)]
     for socket in sockets:
@@ -173,13 +162,11 @@ async def test_only_so_many_may_look_on(tmp_path: Path, browser: Browser) -> Non
     await together.stop()
 
 
-async def test_a_fault_of_the_monitor_does_not_end_the_session(
-    tmp_path: Path, browser: Browser, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_fault_of_the_monitor_does_not_end_the_session(tmp_path, browser, monkeypatch):
     together = await monitored(tmp_path)
     monitor = together.leader.parts.monitor
 
-    def fail() -> None:
+    def fail():
         raise ValueError("as a test wants it")
 
     socket = await browser.look_on(together)

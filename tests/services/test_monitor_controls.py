@@ -2,26 +2,23 @@
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
 from pathlib import Path
-from typing import Any
 
-import aiohttp
 import pytest
 from frame_samples import made_frames
-from monitor_browser import Browser, monitored, open_browser, until
+from monitor_browser import monitored, open_browser, until
 from service_runs import MadeSource
 
 from mmt.session.files import read_session
 
 
 @pytest.fixture
-async def browser() -> AsyncIterator[Browser]:
+async def browser():
     async with open_browser() as browser:
         yield browser
 
 
-async def order(socket: aiohttp.ClientWebSocketResponse, **what: Any) -> tuple[bool, str]:
+async def order(socket, **what):
     """Send an order; return whether it was carried out, and the answer."""
     await socket.send_str(json.dumps({"id": 7, **what}))
     answer = await until(socket, "answer")
@@ -29,9 +26,7 @@ async def order(socket: aiohttp.ClientWebSocketResponse, **what: Any) -> tuple[b
     return answer["ok"], answer["text"]
 
 
-async def test_a_recording_is_started_marked_and_ended(
-    tmp_path: Path, browser: Browser, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_recording_is_started_marked_and_ended(tmp_path, browser, monkeypatch):
     monkeypatch.chdir(tmp_path)
     together = await monitored(tmp_path, recording=None)
     following = asyncio.create_task(
@@ -60,7 +55,7 @@ async def test_a_recording_is_started_marked_and_ended(
     await following
 
 
-async def test_what_cannot_be_done_is_said_in_words(tmp_path: Path, browser: Browser) -> None:
+async def test_what_cannot_be_done_is_said_in_words(tmp_path, browser):
     together = await monitored(tmp_path)
     socket = await browser.look_on(together)
     for what, words in (
@@ -89,9 +84,7 @@ async def test_what_cannot_be_done_is_said_in_words(tmp_path: Path, browser: Bro
     await together.stop()
 
 
-async def test_the_disk_says_why_it_takes_no_recording(
-    tmp_path: Path, browser: Browser, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_the_disk_says_why_it_takes_no_recording(tmp_path, browser, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("mmt-monitor").write_text("a file where the folder would be")
     together = await monitored(tmp_path, recording=None)
@@ -102,7 +95,7 @@ async def test_the_disk_says_why_it_takes_no_recording(
     assert (await together.stop()).outcome == "stopped"
 
 
-async def test_streamed_vibration_can_be_held_on_to(tmp_path: Path, browser: Browser) -> None:
+async def test_streamed_vibration_can_be_held_on_to(tmp_path, browser):
     together = await monitored(tmp_path)
     socket = await browser.look_on(together)
     assert await order(socket, do="mode", mode="streamed") == (True, "held to streamed vibration")

@@ -2,9 +2,6 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator
-from pathlib import Path
-from typing import Any
 
 import aiohttp
 import pytest
@@ -22,21 +19,17 @@ TOKEN = "a token that nobody guesses"
 
 
 @pytest.fixture
-async def http() -> AsyncIterator[aiohttp.ClientSession]:
+async def http():
     async with aiohttp.ClientSession() as session:
         yield session
 
 
-async def health_of(
-    http: aiohttp.ClientSession, port: int | None, **headers: str
-) -> tuple[int, dict[str, Any]]:
+async def health_of(http, port, **headers):
     async with http.get(f"http://127.0.0.1:{port}/health", headers=headers) as answer:
         return answer.status, await answer.json()
 
 
-async def metrics_of(
-    http: aiohttp.ClientSession, port: int | None, **headers: str
-) -> dict[tuple[str, tuple[tuple[str, str], ...]], float]:
+async def metrics_of(http, port, **headers):
     """Return every sample by its name and labels."""
     async with http.get(f"http://127.0.0.1:{port}/metrics", headers=headers) as answer:
         assert answer.status == 200
@@ -49,11 +42,11 @@ async def metrics_of(
     }
 
 
-def endless(count: int = 20_000) -> MadeSource:
+def endless(count=20_000):
     return MadeSource([made_frames(k, 1) for k in range(count)])
 
 
-async def test_health_follows_the_session(tmp_path: Path, http: aiohttp.ClientSession) -> None:
+async def test_health_follows_the_session(tmp_path, http):
     together = await Together.listening(small_scene(tmp_path))
     port = together.leader.port
     status, table = await health_of(http, port)
@@ -82,9 +75,7 @@ async def test_health_follows_the_session(tmp_path: Path, http: aiohttp.ClientSe
     await together.stop()
 
 
-async def test_metrics_are_what_the_summary_counts(
-    tmp_path: Path, http: aiohttp.ClientSession, unused_tcp_port: int
-) -> None:
+async def test_metrics_are_what_the_summary_counts(tmp_path, http, unused_tcp_port):
     scene = small_scene(tmp_path, metrics={"follower_port": unused_tcp_port})
     together = await Together.listening(scene)
     source = endless()
@@ -125,7 +116,7 @@ async def test_metrics_are_what_the_summary_counts(
     assert "mmt_model_samples" not in {name for name, _ in up}  # the scene has no [texture]
 
 
-async def test_the_model_is_in_the_metrics(tmp_path: Path, http: aiohttp.ClientSession) -> None:
+async def test_the_model_is_in_the_metrics(tmp_path, http):
     scene = small_scene(tmp_path, metrics={}, texture={}, rendering={})
     together = await Together.listening(scene)
     together.leader.log.update_seconds += [0.25, 0.5]
@@ -139,18 +130,14 @@ async def test_the_model_is_in_the_metrics(tmp_path: Path, http: aiohttp.ClientS
     await together.stop()
 
 
-async def test_without_the_table_there_are_no_metrics(
-    tmp_path: Path, http: aiohttp.ClientSession
-) -> None:
+async def test_without_the_table_there_are_no_metrics(tmp_path, http):
     together = await Together.listening(small_scene(tmp_path))
     async with http.get(f"http://127.0.0.1:{together.leader.port}/metrics") as answer:
         assert answer.status == 404
     await together.stop()
 
 
-async def test_a_stranger_learns_but_whether_all_is_well(
-    tmp_path: Path, http: aiohttp.ClientSession, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_stranger_learns_but_whether_all_is_well(tmp_path, http, monkeypatch):
     monkeypatch.setenv(TOKEN_VARIABLE, TOKEN)
     together = await Together.listening(small_scene(tmp_path, metrics={}))
     port = together.leader.port
@@ -163,7 +150,7 @@ async def test_a_stranger_learns_but_whether_all_is_well(
     await together.stop()
 
 
-async def test_a_follower_port_that_is_taken_is_explained(tmp_path: Path) -> None:
+async def test_a_follower_port_that_is_taken_is_explained(tmp_path):
     taken = await asyncio.start_server(lambda *_: None, "127.0.0.1", 0)
     port = taken.sockets[0].getsockname()[1]
     together = await Together.listening(small_scene(tmp_path, metrics={"follower_port": port}))
@@ -174,15 +161,15 @@ async def test_a_follower_port_that_is_taken_is_explained(tmp_path: Path) -> Non
     await taken.wait_closed()
 
 
-def test_metrics_need_a_link(tmp_path: Path) -> None:
+def test_metrics_need_a_link(tmp_path):
     with pytest.raises(InputError, match=r"\[metrics\] needs a follower: add \[link\]"):
         small_scene(tmp_path, link=None, simulated=None, playout=None, recording=None, metrics={})
 
 
 @pytest.mark.parametrize("slow", ["follower", "network"])
 async def test_a_follower_that_is_too_slow_is_named_at_once_and_at_health_but_no_network(
-    tmp_path: Path, http: aiohttp.ClientSession, slow: str
-) -> None:
+    tmp_path, http, slow
+):
     together = await Together.listening(small_scene(tmp_path))
     client = FollowerClient(
         f"http://127.0.0.1:{together.leader.port}",

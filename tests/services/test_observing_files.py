@@ -6,7 +6,6 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
-from typing import Any
 
 import aiohttp
 import pytest
@@ -16,18 +15,16 @@ from mcap_protobuf.decoder import DecoderFactory
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
 from service_runs import Together, small_scene
 
-from mmt.testing.emulated.hd import EmulatedHd
-
 OBSERVING = Path(__file__).parents[2] / "configs" / "observing"
 ALERTS = OBSERVING / "alerts.yaml"
 
 
-def queries() -> list[str]:
+def queries():
     dashboard = json.loads((OBSERVING / "grafana.json").read_text(encoding="utf-8"))
     return [target["expr"] for panel in dashboard["panels"] for target in panel["targets"]]
 
 
-async def names_of(http: aiohttp.ClientSession, port: int | None) -> set[str]:
+async def names_of(http, port):
     """Return the names of samples, asked for as Prometheus asks, by a strict reader."""
     accept = {"Accept": "application/openmetrics-text;version=1.0.0;q=0.75,text/plain;q=0.5"}
     async with http.get(f"http://127.0.0.1:{port}/metrics", headers=accept) as answer:
@@ -37,7 +34,7 @@ async def names_of(http: aiohttp.ClientSession, port: int | None) -> set[str]:
     return counters | {sample.name for family in families for sample in family.samples}
 
 
-async def test_what_is_asked_for_is_what_a_run_gives(tmp_path: Path, unused_tcp_port: int) -> None:
+async def test_what_is_asked_for_is_what_a_run_gives(tmp_path, unused_tcp_port):
     sound = "mmt.testing.emulated.haptuator:emulated_haptuator"
     together = await Together.listening(
         small_scene(
@@ -60,7 +57,7 @@ async def test_what_is_asked_for_is_what_a_run_gives(tmp_path: Path, unused_tcp_
     assert topics_of_the_layout() <= fields_of(tmp_path / "session.mcap")
 
 
-async def test_a_handle_says_whether_it_is_lost(tmp_path: Path, emulated: EmulatedHd) -> None:
+async def test_a_handle_says_whether_it_is_lost(tmp_path, emulated):
     handle = {"driver": "openhaptics", "library": emulated.address}
     together = await Together.listening(small_scene(tmp_path, metrics={}, hand=None, handle=handle))
     async with aiohttp.ClientSession() as http:
@@ -69,7 +66,7 @@ async def test_a_handle_says_whether_it_is_lost(tmp_path: Path, emulated: Emulat
 
 
 @pytest.mark.skipif(shutil.which("promtool") is None, reason="needs promtool, of prometheus")
-def test_prometheus_takes_the_alerts_and_the_dashboards_queries(tmp_path: Path) -> None:
+def test_prometheus_takes_the_alerts_and_the_dashboards_queries(tmp_path):
     asked = [query.replace("$__rate_interval", "1m") for query in queries()]
     rules = [{"record": f"query_{number}", "expr": query} for number, query in enumerate(asked)]
     of_dashboard = tmp_path / "dashboard.json"  # which is YAML too
@@ -79,16 +76,16 @@ def test_prometheus_takes_the_alerts_and_the_dashboards_queries(tmp_path: Path) 
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def topics_of_the_layout() -> set[str]:
+def topics_of_the_layout():
     """Return the message paths that the layout's panels show, and the panels' topics."""
     layout = json.loads((OBSERVING / "foxglove.json").read_text(encoding="utf-8"))
-    panels: dict[str, Any] = layout["configById"]
+    panels = layout["configById"]
     assert set(re.findall(r'"(\w+!\w+)"', json.dumps(layout["layout"]))) == set(panels)
     paths = {path["value"] for panel in panels.values() for path in panel.get("paths", ())}
     return paths | {panel["topicToRender"] for panel in panels.values() if "topicToRender" in panel}
 
 
-def fields_of(recording: Path) -> set[str]:
+def fields_of(recording):
     """Return the topics of a recording, and the fields of each behind a dot."""
     with recording.open("rb") as stream:
         messages = make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
@@ -102,7 +99,7 @@ def fields_of(recording: Path) -> set[str]:
         }
 
 
-def test_grafanas_own_library_knows_all_of_the_dashboard() -> None:
+def test_grafanas_own_library_knows_all_of_the_dashboard():
     models = pytest.importorskip("grafana_foundation_sdk.models.dashboard")
     encoder = pytest.importorskip("grafana_foundation_sdk.cog.encoder").JSONEncoder()
     given = json.loads((OBSERVING / "grafana.json").read_text(encoding="utf-8"))
@@ -110,7 +107,7 @@ def test_grafanas_own_library_knows_all_of_the_dashboard() -> None:
     assert given["annotations"] == {"list": []}, "its schema requires it"
 
 
-def unread(given: Any, read: Any, place: str = "") -> list[str]:
+def unread(given, read, place=""):
     """Return what of a document is not in what was read of it, by its place."""
     if isinstance(given, dict) and isinstance(read, dict):
         return [p for key in given for p in unread(given[key], read.get(key), f"{place}/{key}")]

@@ -2,22 +2,19 @@
 
 import asyncio
 import math
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from service_runs import Together, run_session
 
 from mmt.core.errors import MmtError
-from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.session.files import read_session
 from mmt.testing.emulated.hd import EmulatedHd
 
 
 @pytest.fixture
-def emulated() -> Iterator[EmulatedHd]:
-    def stroke(time_ns: int) -> tuple[float, float, float]:
+def emulated():
+    def stroke(time_ns):
         return (20.0 * math.sin(6e-9 * time_ns), 10.0, 0.0)
 
     try:
@@ -38,7 +35,7 @@ class Still:
 """
 
 
-def scene_of(emulated: EmulatedHd, file: Path, duration_s: float, **devices: object) -> Scene:
+def scene_of(emulated, file, duration_s, **devices):
     arm = {"driver": "openhaptics", "library": emulated.address}
     return scene_from_tables(
         {
@@ -57,9 +54,7 @@ def scene_of(emulated: EmulatedHd, file: Path, duration_s: float, **devices: obj
     )
 
 
-async def test_the_operators_handle_moves_the_followers_arm(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, emulated: EmulatedHd
-) -> None:
+async def test_the_operators_handle_moves_the_followers_arm(tmp_path, monkeypatch, emulated):
     (tmp_path / "still_sensor.py").write_text(STILL)
     monkeypatch.syspath_prepend(str(tmp_path))
     scene = scene_of(emulated, tmp_path / "session.mcap", 1.5)
@@ -70,8 +65,8 @@ async def test_the_operators_handle_moves_the_followers_arm(
 
 
 async def test_arms_that_are_unplugged_while_they_run_come_back_and_the_recording_is_kept(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, emulated: EmulatedHd
-) -> None:
+    tmp_path, monkeypatch, emulated
+):
     (tmp_path / "still_sensor.py").write_text(STILL)
     monkeypatch.syspath_prepend(str(tmp_path))
     file = tmp_path / "session.mcap"

@@ -1,7 +1,5 @@
 """A session whose vibration is of several kHz, from a simulated sensor to the recorded output."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy import signal
@@ -13,9 +11,7 @@ K = 5
 
 
 @pytest.mark.parametrize("rendering", [None, {"model": "felt", "crossfade_ms": 20.0}])
-async def test_the_recorded_output_has_five_samples_a_millisecond(
-    tmp_path: Path, rendering: dict[str, object] | None
-) -> None:
+async def test_the_recorded_output_has_five_samples_a_millisecond(tmp_path, rendering):
     scene = small_scene(
         tmp_path,
         session={"duration_s": 3.0, "acceleration_rate_hz": 1000 * K},

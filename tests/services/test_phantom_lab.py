@@ -23,7 +23,7 @@ from mmt.scene.files import load_scene
 from mmt.testing.emulated.phantom import ROBOT_N_MM, WALL_N_MM, series_n_mm
 
 
-def mmt(folder: Path, *arguments: str, **variables: str) -> "subprocess.CompletedProcess[str]":
+def mmt(folder, *arguments, **variables):
     command = [sys.executable, "-m", "mmt.cli.entry", "main", *arguments]
     environment = {**os.environ, **variables}
     return subprocess.run(
@@ -37,9 +37,8 @@ def mmt(folder: Path, *arguments: str, **variables: str) -> "subprocess.Complete
     )
 
 
-def test_both_scenes_agree_and_are_emulated_at_their_wires(tmp_path: Path) -> None:
+def test_both_scenes_agree_and_are_emulated_at_their_wires(tmp_path):
     pair = pair_named(Path("phantom-lab"))
-    assert pair is not None
     leader, follower = (load_scene(file) for file in pair)
     assert leader.channels() == follower.channels()
     assert leader.reports_contact
@@ -61,7 +60,7 @@ def test_both_scenes_agree_and_are_emulated_at_their_wires(tmp_path: Path) -> No
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
-def test_vibration_at_the_coil_begins_and_ends_with_the_hands_own_contact(tmp_path: Path) -> None:
+def test_vibration_at_the_coil_begins_and_ends_with_the_hands_own_contact(tmp_path):
     """Over a network whose round trip is some 80 ms, on a machine that may be busy."""
     page = Path(__file__).parents[2] / "docs" / "how-to" / "phantom-lab.md"
     (block,) = re.findall(r"```sh\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
@@ -96,9 +95,7 @@ def test_vibration_at_the_coil_begins_and_ends_with_the_hands_own_contact(tmp_pa
 
 @settings(max_examples=5, deadline=None)
 @given(st.floats(0.1, 5.0), st.integers(0, 9))
-def test_the_coil_is_judged_by_the_force_that_the_runs_robot_makes(
-    robot_n_mm: float, seed: int
-) -> None:
+def test_the_coil_is_judged_by_the_force_that_the_runs_robot_makes(robot_n_mm, seed):
     times_s = np.arange(6000) / 1000.0
     force_n = 1.5 * np.sin(3.0 * times_s)
     volts = np.random.default_rng(seed).normal(size=len(times_s))
@@ -117,7 +114,7 @@ def test_the_coil_is_judged_by_the_force_that_the_runs_robot_makes(
     assert figures[1] == pytest.approx(figures[0], abs=0.02)
 
 
-def test_without_a_compiler_the_demo_ends_with_a_sentence(tmp_path: Path) -> None:
+def test_without_a_compiler_the_demo_ends_with_a_sentence(tmp_path):
     ended = mmt(
         tmp_path,
         "demo",

@@ -3,10 +3,9 @@
 import os
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
-from service_processes import Service, session, streamed_s
+from service_processes import session, streamed_s
 
 from mmt.cli import follower, leader, main
 from mmt.cli.common import run_app
@@ -19,14 +18,14 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's schedul
 
 
 @pytest.fixture
-def permitted() -> None:
+def permitted():
     try:
         require_real_time()
     except MmtError:
         pytest.skip("this user may not schedule in real time")
 
 
-def policies(service: Service) -> tuple[int, set[int]]:
+def policies(service):
     """The policy of a service's first thread, and those of all others."""
     pid = service.process.pid
     threads = [int(task.name) for task in Path(f"/proc/{pid}/task").iterdir()]
@@ -35,7 +34,7 @@ def policies(service: Service) -> tuple[int, set[int]]:
 
 
 @pytest.mark.usefixtures("permitted")
-def test_the_ticking_threads_alone_are_real_time(tmp_path: Path) -> None:
+def test_the_ticking_threads_alone_are_real_time(tmp_path):
     arguments = ("--record", "session.mcap", "--duration", 30, "--realtime")
     with session(tmp_path, "demo", *arguments) as (first, ordinary):
         first.wait_for(lambda: streamed_s(first) > 0.3)
@@ -52,10 +51,8 @@ def test_the_ticking_threads_alone_are_real_time(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "words", ["mmt-leader demo", "mmt-follower demo", "mmt demo", "mmt bench link"]
 )
-def test_where_it_is_not_permitted_nothing_starts(
-    words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def refuse(*_: object) -> None:
+def test_where_it_is_not_permitted_nothing_starts(words, tmp_path, monkeypatch, capsys):
+    def refuse(*_):
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.chdir(tmp_path)
@@ -71,15 +68,15 @@ def test_where_it_is_not_permitted_nothing_starts(
 
 
 @pytest.mark.usefixtures("permitted")
-def test_the_gain_is_a_median_over_turns(monkeypatch: pytest.MonkeyPatch) -> None:
-    turns: list[bool] = []
+def test_the_gain_is_a_median_over_turns(monkeypatch):
+    turns = []
 
-    async def run(duration_s: float, *, realtime: bool) -> DemoRun:
+    async def run(duration_s, *, realtime):
         turns.append(realtime)
         figure = len(turns) * (1.0 if realtime else 10.0)
         ticks = {"period_p99_ms": figure, "late_share_1ms": 0.5}
         link = {"latency_p50_ms": None, "latency_p99_ms": figure}
-        summary: dict[str, Any] = {"ticks": ticks, "link": link}
+        summary = {"ticks": ticks, "link": link}
         assert duration_s == 5.0
         return DemoRun(leader=summary, follower=summary)
 

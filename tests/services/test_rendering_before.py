@@ -1,8 +1,5 @@
 """What is played before the start criterion: the stream, or silence."""
 
-from pathlib import Path
-from typing import Any
-
 import pytest
 from service_runs import Together, small_scene
 
@@ -13,7 +10,7 @@ from mmt.session.files import write_session
 from mmt.testing.simulation.offline import simulate_session
 
 
-async def test_silence_before_the_start_criterion_plays_no_stream(tmp_path: Path) -> None:
+async def test_silence_before_the_start_criterion_plays_no_stream(tmp_path):
     frames, annotations = simulate_session(Scene(), "felt", 5.0, 4)
     session = tmp_path / "strokes.npz"
     write_session(session, frames, annotations=annotations)
@@ -43,9 +40,7 @@ async def test_silence_before_the_start_criterion_plays_no_stream(tmp_path: Path
         ({"update_fade_ms": 500.0}, "update_fade_ms: no longer a key.* leave it out"),
     ],
 )
-def test_what_cannot_be_before_is_refused(
-    tmp_path: Path, rendering: dict[str, object], sentence: str
-) -> None:
+def test_what_cannot_be_before_is_refused(tmp_path, rendering, sentence):
     with pytest.raises(InputError, match=sentence):
         small_scene(tmp_path, rendering=rendering, texture={})
 
@@ -53,7 +48,7 @@ def test_what_cannot_be_before_is_refused(
 @pytest.mark.parametrize(
     "former", [{"before": "warm", "library": ["felt"]}, {"update_fade_ms": 1.0}]
 )
-def test_a_recorded_scene_with_known_textures_is_still_read(former: dict[str, Any]) -> None:
+def test_a_recorded_scene_with_known_textures_is_still_read(former):
     tables = {"link": {}, "simulated": {}, "hand": {}, "texture": {}, "actuator": {}, "playout": {}}
     rendering = scene_of_recording({**tables, "rendering": {**former, "crossfade_ms": 20.0}}, "x")
     now = scene_of_recording({**tables, "rendering": {"crossfade_ms": 20.0}}, "x")
@@ -61,6 +56,6 @@ def test_a_recorded_scene_with_known_textures_is_still_read(former: dict[str, An
 
 
 @pytest.mark.parametrize("before", ["stream", "silent"])
-def test_what_is_before_decides_the_channels(tmp_path: Path, before: str) -> None:
+def test_what_is_before_decides_the_channels(tmp_path, before):
     scene = small_scene(tmp_path, rendering={"before": before}, texture={})
     assert scene.streams == (before == "stream")

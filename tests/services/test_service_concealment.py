@@ -1,7 +1,6 @@
 """Vibration goes on while frames are lost, through both services."""
 
 import asyncio
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from mmt.session.files import read_session
 
 
 @pytest.mark.parametrize("way", ["model", "repetition"])
-async def test_vibration_goes_on_where_frames_are_lost(tmp_path: Path, way: str) -> None:
+async def test_vibration_goes_on_where_frames_are_lost(tmp_path, way):
     scene = small_scene(
         tmp_path,
         link={"port": 0, "keep_s": 0},  # what is lost stays lost
@@ -24,7 +23,7 @@ async def test_vibration_goes_on_where_frames_are_lost(tmp_path: Path, way: str)
     playout = together.leader.parts.playout.buffer
     assert playout is not None
 
-    def enough_is_lost() -> bool:
+    def enough_is_lost():
         lost = together.leader.status().frames_lost
         return lost > 400 and playout.statistics().bridged > 200
 

@@ -3,7 +3,6 @@
 import os
 import signal
 import time
-from pathlib import Path
 
 import numpy as np
 import psutil
@@ -11,7 +10,6 @@ import pytest
 from service_processes import LONGEST_S, Service, follower_of, scene, session, streamed_s
 
 from mmt.core.errors import InputError
-from mmt.session.data import RecordedSession
 from mmt.session.files import read_session
 from mmt.session.recover import recover
 
@@ -24,7 +22,7 @@ ENDING = [
 RECORDED = {"MMT_RECORDING__FILE": "session.mcap"}
 
 
-def assert_recorded(directory: Path, leader: Service, at_least: int) -> RecordedSession:
+def assert_recorded(directory, leader, at_least):
     """Check that the recording is whole and holds every frame that the leader counted."""
     recording = read_session(directory / "session.mcap")
     assert recording.complete
@@ -34,7 +32,7 @@ def assert_recorded(directory: Path, leader: Service, at_least: int) -> Recorded
     return recording
 
 
-def test_interrupting_both_ends_them_at_once_with_everything_kept(tmp_path: Path) -> None:
+def test_interrupting_both_ends_them_at_once_with_everything_kept(tmp_path):
     with session(tmp_path, "demo", **RECORDED) as (leader, follower):
         leader.wait_for(lambda: streamed_s(leader) > 1.2)
         interrupted_s = leader.signal(signal.SIGINT)
@@ -50,7 +48,7 @@ def test_interrupting_both_ends_them_at_once_with_everything_kept(tmp_path: Path
 
 @pytest.mark.parametrize("first", ["leader", "follower"])
 @pytest.mark.parametrize("number", ENDING[1:])
-def test_terminating_one_ends_the_other(tmp_path: Path, first: str, number: signal.Signals) -> None:
+def test_terminating_one_ends_the_other(tmp_path, first, number):
     with session(tmp_path, "stream-only", **RECORDED) as (leader, follower):
         leader.wait_for(lambda: streamed_s(leader) > 0.3)
         terminated_s = (leader if first == "leader" else follower).signal(number)
@@ -65,7 +63,7 @@ def test_terminating_one_ends_the_other(tmp_path: Path, first: str, number: sign
     assert_recorded(tmp_path, leader, at_least=300)
 
 
-def test_a_leader_that_waits_for_a_follower_can_be_interrupted(tmp_path: Path) -> None:
+def test_a_leader_that_waits_for_a_follower_can_be_interrupted(tmp_path):
     with Service(
         "leader", scene("stream-only"), "--json-lines", "--port", 0, cwd=tmp_path, **RECORDED
     ) as leader:
@@ -78,7 +76,7 @@ def test_a_leader_that_waits_for_a_follower_can_be_interrupted(tmp_path: Path) -
     assert len(read_session(tmp_path / "session.mcap").frames) == 0
 
 
-def test_a_follower_that_waits_for_a_leader_can_be_interrupted(tmp_path: Path) -> None:
+def test_a_follower_that_waits_for_a_leader_can_be_interrupted(tmp_path):
     nobody = "http://127.0.0.1:1"
     with Service(
         "follower", scene("demo"), "--json-lines", "--leader", nobody, cwd=tmp_path
@@ -92,7 +90,7 @@ def test_a_follower_that_waits_for_a_leader_can_be_interrupted(tmp_path: Path) -
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="nothing stops a process here")
-def test_a_peer_that_hangs_does_not_hold_up_the_one_who_is_interrupted(tmp_path: Path) -> None:
+def test_a_peer_that_hangs_does_not_hold_up_the_one_who_is_interrupted(tmp_path):
     with session(tmp_path, "stream-only") as (leader, follower):
         leader.wait_for(lambda: streamed_s(leader) > 0.2)
         leader.signal(signal.SIGSTOP)
@@ -103,7 +101,7 @@ def test_a_peer_that_hangs_does_not_hold_up_the_one_who_is_interrupted(tmp_path:
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="nothing stops a process here")
-def test_after_eight_seconds_without_the_leader_both_go_on(tmp_path: Path) -> None:
+def test_after_eight_seconds_without_the_leader_both_go_on(tmp_path):
     with session(tmp_path, "stream-only", "--duration", 60) as (leader, follower):
         leader.wait_for(lambda: streamed_s(leader) > 0.2)
         leader.signal(signal.SIGSTOP)
@@ -115,7 +113,7 @@ def test_after_eight_seconds_without_the_leader_both_go_on(tmp_path: Path) -> No
     assert (leader.stderr, follower.stderr) == ("", "")
 
 
-def test_a_killed_follower_may_be_started_anew(tmp_path: Path) -> None:
+def test_a_killed_follower_may_be_started_anew(tmp_path):
     patience = {"MMT_LINK__PATIENCE_S": "60"}
     with session(tmp_path, "stream-only", **RECORDED, **patience) as (leader, follower):
         leader.wait_for(lambda: streamed_s(leader) > 0.5)
@@ -139,7 +137,7 @@ def test_a_killed_follower_may_be_started_anew(tmp_path: Path) -> None:
     assert missing > 100
 
 
-def test_a_killed_follower_that_stays_away_ends_the_session(tmp_path: Path) -> None:
+def test_a_killed_follower_that_stays_away_ends_the_session(tmp_path):
     patience = {"MMT_LINK__PATIENCE_S": "0.5"}
     with session(tmp_path, "stream-only", **RECORDED, **patience) as (leader, follower):
         leader.wait_for(lambda: streamed_s(leader) > 0.5)
@@ -152,7 +150,7 @@ def test_a_killed_follower_that_stays_away_ends_the_session(tmp_path: Path) -> N
     assert_recorded(tmp_path, leader, at_least=500)
 
 
-def test_a_killed_leader_is_given_up_and_its_recording_recovered(tmp_path: Path) -> None:
+def test_a_killed_leader_is_given_up_and_its_recording_recovered(tmp_path):
     variables = {**RECORDED, "MMT_LINK__PATIENCE_S": "0.5"}
     with session(tmp_path, "stream-only", **variables) as (leader, follower):
         leader.wait_for(lambda: streamed_s(leader) > 1.0)
@@ -170,7 +168,7 @@ def test_a_killed_leader_is_given_up_and_its_recording_recovered(tmp_path: Path)
     np.testing.assert_array_equal(frames["sequence"], np.arange(saved.frames))
 
 
-def test_no_leader_is_explained(tmp_path: Path) -> None:
+def test_no_leader_is_explained(tmp_path):
     with Service(
         "follower",
         scene("demo"),
@@ -183,7 +181,7 @@ def test_no_leader_is_explained(tmp_path: Path) -> None:
     assert "Traceback" not in follower.stderr
 
 
-def test_a_follower_of_another_scene_is_refused_and_the_leader_waits_on(tmp_path: Path) -> None:
+def test_a_follower_of_another_scene_is_refused_and_the_leader_waits_on(tmp_path):
     with Service(
         "leader", scene("stream-only"), "--json-lines", "--port", 0, cwd=tmp_path
     ) as leader:
@@ -198,9 +196,7 @@ def test_a_follower_of_another_scene_is_refused_and_the_leader_waits_on(tmp_path
 
 
 @pytest.mark.parametrize("number", ENDING)
-def test_interrupting_the_demo_ends_both_and_reports(
-    tmp_path: Path, number: signal.Signals
-) -> None:
+def test_interrupting_the_demo_ends_both_and_reports(tmp_path, number):
     with Service("main", "demo", scene("stream-only"), "--verbose", cwd=tmp_path) as demo:
         demo.wait_for(lambda: "leader: follower connected" in demo.stderr)
         time.sleep(0.5)
@@ -210,7 +206,7 @@ def test_interrupting_the_demo_ends_both_and_reports(
     assert (tmp_path / "mmt-demo" / "report.html").exists()
 
 
-def test_a_demo_that_is_killed_leaves_a_whole_recording_and_no_service(tmp_path: Path) -> None:
+def test_a_demo_that_is_killed_leaves_a_whole_recording_and_no_service(tmp_path):
     with Service("main", "demo", scene("stream-only"), "--verbose", cwd=tmp_path) as demo:
         demo.wait_for(lambda: "leader: follower connected" in demo.stderr)
         services = psutil.Process(demo.process.pid).children()
@@ -223,7 +219,7 @@ def test_a_demo_that_is_killed_leaves_a_whole_recording_and_no_service(tmp_path:
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="no terminal is closed here")
-def test_a_hangup_that_is_ignored_as_under_nohup_stays_ignored(tmp_path: Path) -> None:
+def test_a_hangup_that_is_ignored_as_under_nohup_stays_ignored(tmp_path):
     with Service(
         *("leader", scene("stream-only"), "--json-lines", "--port", 0),
         cwd=tmp_path,
@@ -239,9 +235,7 @@ def test_a_hangup_that_is_ignored_as_under_nohup_stays_ignored(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("module", ["leader", "follower", "main"])
-def test_an_interruption_while_the_program_is_loaded_leaves_no_traceback(
-    tmp_path: Path, module: str
-) -> None:
+def test_an_interruption_while_the_program_is_loaded_leaves_no_traceback(tmp_path, module):
     (tmp_path / "sitecustomize.py").write_text(  # stands in for a person who is quick
         "import sys\n"
         "class Interrupt:\n"
@@ -258,9 +252,7 @@ def test_an_interruption_while_the_program_is_loaded_leaves_no_traceback(
     assert service.stdout == ""
 
 
-def test_an_interruption_while_the_interpreter_closes_changes_no_exit_code(
-    tmp_path: Path,
-) -> None:
+def test_an_interruption_while_the_interpreter_closes_changes_no_exit_code(tmp_path):
     (tmp_path / "sitecustomize.py").write_text(
         "import atexit, os, signal\natexit.register(os.kill, os.getpid(), signal.SIGINT)\n"
     )
@@ -270,7 +262,7 @@ def test_an_interruption_while_the_interpreter_closes_changes_no_exit_code(
     assert service.stderr == ""
 
 
-def test_a_second_leader_does_not_touch_the_recording_of_the_first(tmp_path: Path) -> None:
+def test_a_second_leader_does_not_touch_the_recording_of_the_first(tmp_path):
     with session(tmp_path, "stream-only", **RECORDED) as (leader, follower):
         leader.wait_for(lambda: streamed_s(leader) > 0.3)
         with Service(

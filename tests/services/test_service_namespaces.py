@@ -1,15 +1,13 @@
 """The two services on two networks and two clocks: the link against what the kernel does."""
 
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from network_namespaces import LEADER_ADDRESS, Namespaces, netem, relay, veth, within_follower
+from network_namespaces import LEADER_ADDRESS, netem, relay, veth, within_follower
 from service_processes import Service, scene
 
 DELAY_MS, JITTER_MS = 40.0, 10.0
@@ -25,7 +23,7 @@ class Ended:
     follower: dict[str, Any]
     late_ms: float
 
-    def offset_errors_ms(self) -> tuple[float, float]:
+    def offset_errors_ms(self):
         """By how much either side errs in the other's clock."""
         return (
             self.leader["clock"]["offset_ms"] - 1000.0 * AHEAD_S,
@@ -34,7 +32,7 @@ class Ended:
 
 
 @contextmanager
-def leading(made: Namespaces, folder: Path, duration_s: int, **variables: str) -> Iterator[Service]:
+def leading(made, folder, duration_s, **variables):
     with Service(
         *("leader", scene("stream-only"), "--json-lines", "--port", 0, "--duration", duration_s),
         cwd=folder,
@@ -44,7 +42,7 @@ def leading(made: Namespaces, folder: Path, duration_s: int, **variables: str) -
         yield leader
 
 
-def stream(made: Namespaces, folder: Path, duration_s: int = 3, **variables: str) -> Ended:
+def stream(made, folder, duration_s=3, **variables):
     """Run a session between the two namespaces."""
     variables = {"MMT_LINK__HOST": LEADER_ADDRESS, "MMT_LINK__OPEN": "true", **variables}
     with leading(made, folder, duration_s, **variables) as leader:
@@ -62,7 +60,7 @@ def stream(made: Namespaces, folder: Path, duration_s: int = 3, **variables: str
 
 
 @pytest.mark.parametrize("delayed", [netem, relay])
-def test_the_emulation_delays_as_a_network_below_tcp_does(tmp_path: Path, delayed: Any) -> None:
+def test_the_emulation_delays_as_a_network_below_tcp_does(tmp_path, delayed):
     """Medians alone: TCP's slow start and what it sends again lengthen the upper end."""
     emulation = {"MMT_NETWORK__DELAY_MS": "40", "MMT_NETWORK__JITTER_MS": "10"}
     with (
@@ -91,7 +89,7 @@ def test_the_emulation_delays_as_a_network_below_tcp_does(tmp_path: Path, delaye
         assert max(map(abs, session.offset_errors_ms())) < JITTER_MS / 2 + busy_ms
 
 
-def test_another_machines_clock_is_found(tmp_path: Path) -> None:
+def test_another_machines_clock_is_found(tmp_path):
     with veth() as made:
         ended = stream(made, tmp_path, duration_s=2)
     uncertainty_ms = max(side["clock"]["uncertainty_ms"] for side in (ended.leader, ended.follower))

@@ -2,8 +2,6 @@
 
 import asyncio
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
 
 import aiohttp
 import numpy as np
@@ -11,7 +9,7 @@ import pytest
 from frame_samples import made_frames
 from service_runs import MadeSource, Together, small_scene
 
-from mmt.core.arrays import RecordArray, Vector
+from mmt.core.arrays import RecordArray
 from mmt.core.frames import frame_dtype
 from mmt.session.files import read_session
 
@@ -24,7 +22,7 @@ class SteadySource(MadeSource):
     sequence: int = 0
     ended: bool = False
 
-    def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
+    def step(self, elapsed, now_ns, command_position_mm):
         if self.ended:
             self.finished = True
             return np.zeros(0, frame_dtype())
@@ -34,13 +32,13 @@ class SteadySource(MadeSource):
         return frames
 
 
-async def put(together: Together, **table: Any) -> None:
+async def put(together, **table):
     url = f"http://127.0.0.1:{together.leader.port}/network"
     async with aiohttp.ClientSession() as http, http.put(url, json=table) as response:
         assert response.status == 200
 
 
-async def test_a_network_that_changes_live_is_said_counted_and_recorded(tmp_path: Path) -> None:
+async def test_a_network_that_changes_live_is_said_counted_and_recorded(tmp_path):
     together = Together.of(small_scene(tmp_path, network={"delay_ms": 15}))
     source = SteadySource()
     await together.listen()
@@ -69,7 +67,7 @@ async def test_a_network_that_changes_live_is_said_counted_and_recorded(tmp_path
     assert leader.vibration["playout"]["age_ms"] > leader.vibration["playout"]["delay_ms"]
 
 
-async def test_the_recording_notes_how_the_clocks_stand(tmp_path: Path) -> None:
+async def test_the_recording_notes_how_the_clocks_stand(tmp_path):
     together = Together.of(small_scene(tmp_path))
     source = SteadySource()
     await together.listen()
@@ -88,7 +86,7 @@ async def test_the_recording_notes_how_the_clocks_stand(tmp_path: Path) -> None:
         assert summary.link["clock"]["jumps"] == 0
 
 
-async def test_an_outage_is_silence_on_a_link_that_stays_up(tmp_path: Path) -> None:
+async def test_an_outage_is_silence_on_a_link_that_stays_up(tmp_path):
     network = {"outage_s": 0.3, "outage_every_s": 0.6}
     together = Together.of(small_scene(tmp_path, network=network))
     source = SteadySource()
@@ -104,7 +102,7 @@ async def test_an_outage_is_silence_on_a_link_that_stays_up(tmp_path: Path) -> N
     assert 0 < leader.link["frames"] < source.sequence
 
 
-async def test_the_metrics_have_the_clocks_and_the_emulation(tmp_path: Path) -> None:
+async def test_the_metrics_have_the_clocks_and_the_emulation(tmp_path):
     together = Together.of(small_scene(tmp_path, network={"duplicate": 0.5}, metrics={}))
     source = SteadySource()
     await together.listen()
@@ -128,9 +126,7 @@ async def test_the_metrics_have_the_clocks_and_the_emulation(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("table", [{"network": None}, {"link": {"port": 0, "clock_hz": 0}}])
-async def test_what_is_left_out_is_not_in_the_summary(
-    tmp_path: Path, table: dict[str, Any]
-) -> None:
+async def test_what_is_left_out_is_not_in_the_summary(tmp_path, table):
     together = await Together.listening(small_scene(tmp_path, **table))
     followed = await together.follow(MadeSource([made_frames(0, 20)]))
     leader = await together.end()

@@ -4,17 +4,14 @@ import json
 import re
 import shutil
 import signal
-from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from service_processes import Service, follower_of, scene, session, streamed_s
 
-from mmt.session.data import RecordedSession
 from mmt.session.files import read_session, write_session
 
 DURATION_S = 12.0  # on a loaded machine the second follower takes seconds to start
@@ -33,12 +30,12 @@ class Run:
     second_leader: Service
     codes: tuple[int, int]
 
-    def recording(self) -> RecordedSession:
+    def recording(self):
         return read_session(self.directory / "session.mcap")
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
+def run(tmp_path_factory):
     directory = tmp_path_factory.mktemp("run")
     arguments = ("--record", "session.mcap", "--duration", DURATION_S)
     surface = {"MMT_SIMULATED__SURFACE": "plastic"}
@@ -57,7 +54,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
             yield Run(directory, leader, follower, second_follower, second_leader, codes)
 
 
-def test_both_end_well_and_say_how(run: Run) -> None:
+def test_both_end_well_and_say_how(run):
     assert run.codes == (0, 0), run.leader.stderr + run.follower.stderr
     assert run.leader.summary()["outcome"] == "completed"
     assert run.follower.summary()["outcome"] == "leader stopped (completed)"
@@ -69,7 +66,7 @@ def test_both_end_well_and_say_how(run: Run) -> None:
     assert run.leader.stderr.count("\n") == 1
 
 
-def test_every_frame_sent_is_received_and_recorded(run: Run) -> None:
+def test_every_frame_sent_is_received_and_recorded(run):
     sent = run.follower.summary()["link"]["frames"]
     link = run.leader.summary()["link"]
     assert sent >= DURATION_S * 1000
@@ -86,7 +83,7 @@ def test_every_frame_sent_is_received_and_recorded(run: Run) -> None:
     }
 
 
-def test_commands_come_down_and_are_followed(run: Run) -> None:
+def test_commands_come_down_and_are_followed(run):
     commands = run.leader.summary()["link"]["commands"]
     received = run.follower.summary()["link"]
     made_up = run.leader.summary()["ticks"]["missed"]  # share one command with a later tick
@@ -96,7 +93,7 @@ def test_commands_come_down_and_are_followed(run: Run) -> None:
     assert height_mm[0] > 0.0 > height_mm.min()
 
 
-def test_the_vibration_switches_to_the_model_at_the_start_criterion(run: Run) -> None:
+def test_the_vibration_switches_to_the_model_at_the_start_criterion(run):
     texture, vibration = run.leader.summary()["texture"], run.leader.summary()["vibration"]
     assert texture["samples"] >= 3  # a triangle
     assert 0.0 < texture["start_s"] < DURATION_S
@@ -108,10 +105,9 @@ def test_the_vibration_switches_to_the_model_at_the_start_criterion(run: Run) ->
     assert vibration["actuator"]["rms_m_s2"] > 0.1
 
 
-def test_the_recording_holds_scene_truth_models_and_events(run: Run) -> None:
+def test_the_recording_holds_scene_truth_models_and_events(run):
     recording = run.recording()
     assert recording.complete
-    assert recording.scene is not None
     assert recording.scene["session"]["duration_s"] == DURATION_S
     assert json.loads(recording.annotations)["surface"] == "plastic"
     start_s = run.leader.summary()["texture"]["start_s"]
@@ -123,7 +119,7 @@ def test_the_recording_holds_scene_truth_models_and_events(run: Run) -> None:
     assert f"start criterion met at {start_s:.1f} s" in sentences
 
 
-def test_live_status_is_a_line_five_times_a_second(run: Run) -> None:
+def test_live_status_is_a_line_five_times_a_second(run):
     statuses = run.leader.lines("status")
     times_s = [status["time_s"] for status in statuses]
     assert len(statuses) > 2 * DURATION_S
@@ -131,14 +127,14 @@ def test_live_status_is_a_line_five_times_a_second(run: Run) -> None:
     assert statuses[-1]["mode"] == "synthesized"
 
 
-def test_a_second_follower_is_refused_while_the_first_goes_on(run: Run) -> None:
+def test_a_second_follower_is_refused_while_the_first_goes_on(run):
     assert run.second_follower.end() == 1
     assert run.second_follower.stderr.count("another follower is connected") == 1
     assert "Traceback" not in run.second_follower.stderr
     assert sum("follower connected" in event for event in run.leader.events()) == 1
 
 
-def test_a_second_leader_on_the_port_leaves_the_recording_alone(run: Run) -> None:
+def test_a_second_leader_on_the_port_leaves_the_recording_alone(run):
     assert run.second_leader.end() == 1
     assert run.second_leader.stderr.count("cannot listen on 127.0.0.1 port") == 1
     assert "(Address already in use)" in run.second_leader.stderr
@@ -147,7 +143,7 @@ def test_a_second_leader_on_the_port_leaves_the_recording_alone(run: Run) -> Non
 
 
 @pytest.fixture(scope="module")
-def replayed(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
+def replayed(run, tmp_path_factory):
     """The first seconds of the session again, in the form for people."""
     directory = tmp_path_factory.mktemp("replayed")
     original = run.recording()
@@ -159,7 +155,6 @@ def replayed(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run
     with Service("leader", scene("demo"), *leader_arguments, cwd=directory) as leader:
         leader.wait_for(lambda: _ADDRESS.search(leader.stderr))
         address = _ADDRESS.search(leader.stderr)
-        assert address is not None
         with Service(
             "follower",
             scene("demo"),
@@ -174,12 +169,11 @@ def replayed(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run
             yield Run(directory, leader, follower, follower, leader, codes)
 
 
-def _summary(run: Run, name: str) -> dict[str, Any]:
-    content: dict[str, Any] = json.loads((run.directory / f"{name}.json").read_text())
-    return content
+def _summary(run, name):
+    return json.loads((run.directory / f"{name}.json").read_text())
 
 
-def test_a_replayed_session_arrives_as_it_was_recorded(run: Run, replayed: Run) -> None:
+def test_a_replayed_session_arrives_as_it_was_recorded(run, replayed):
     assert replayed.codes == (0, 0), replayed.leader.stderr + replayed.follower.stderr
     original, again = run.recording(), replayed.recording()
     assert again.annotations == original.annotations
@@ -190,20 +184,20 @@ def test_a_replayed_session_arrives_as_it_was_recorded(run: Run, replayed: Run) 
     assert _summary(replayed, "follower")["link"]["frames"] == REPLAYED
 
 
-def test_a_replay_takes_as_long_as_the_session_did(replayed: Run) -> None:
+def test_a_replay_takes_as_long_as_the_session_did(replayed):
     ticks = _summary(replayed, "follower")["ticks"]["ticks"]
     assert REPLAYED - 100 < ticks < 2 * REPLAYED
     np.testing.assert_array_equal(np.diff(replayed.recording().frames["time_ns"]), 1_000_000)
 
 
-def test_the_summary_is_a_few_lines_for_people(replayed: Run) -> None:
+def test_the_summary_is_a_few_lines_for_people(replayed):
     for name, service in (("leader", replayed.leader), ("follower", replayed.follower)):
         assert service.stdout.startswith(f"mmt-{name}  ")
         assert len(service.stdout.splitlines()) < 12
         assert "drift ppm" not in service.stdout
 
 
-def test_verbose_shows_every_counter(tmp_path: Path) -> None:
+def test_verbose_shows_every_counter(tmp_path):
     arguments = ("--duration", 0.3, "--verbose", "--model")
     model = Path(scene("demo")).parent / "models/plastic.npz"
     with Service("leader", scene("model-only"), *arguments, model, cwd=tmp_path) as leader:
@@ -214,7 +208,7 @@ def test_verbose_shows_every_counter(tmp_path: Path) -> None:
     assert "left out: link, network" in leader.stderr
 
 
-def test_a_scene_that_only_streams(tmp_path: Path) -> None:
+def test_a_scene_that_only_streams(tmp_path):
     with session(tmp_path, "stream-only", "--duration", 1) as (leader, follower):
         assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
     summary = leader.summary()
@@ -226,7 +220,7 @@ def test_a_scene_that_only_streams(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_scene_without_a_follower(tmp_path: Path) -> None:
+def test_a_scene_without_a_follower(tmp_path):
     arguments = ("--duration", 1, "--model", Path(scene("demo")).parent / "models/plastic.npz")
     with Service("leader", scene("model-only"), "--json-lines", *arguments, cwd=tmp_path) as leader:
         assert leader.end() == 0, leader.stderr
@@ -239,7 +233,7 @@ def test_a_scene_without_a_follower(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Service]:
+def demo(tmp_path_factory):
     """A demo that has ended, and the folder that it was started in."""
     directory = tmp_path_factory.mktemp("demo")
     with Service("main", "demo", "--duration", 1, "--json", "all.json", cwd=directory) as demo:
@@ -247,7 +241,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Service]:
     return directory, demo
 
 
-def test_the_demo_leaves_a_recording_and_a_report(demo: tuple[Path, Service]) -> None:
+def test_the_demo_leaves_a_recording_and_a_report(demo):
     directory, service = demo
     assert {path.name for path in directory.iterdir()} == {"mmt-demo", "all.json"}
     recording = read_session(directory / "mmt-demo" / "session.mcap")
@@ -262,9 +256,7 @@ def test_the_demo_leaves_a_recording_and_a_report(demo: tuple[Path, Service]) ->
     assert "drift ppm" not in service.stdout
 
 
-def test_a_second_demo_keeps_the_recording_of_the_first(
-    demo: tuple[Path, Service], tmp_path: Path
-) -> None:
+def test_a_second_demo_keeps_the_recording_of_the_first(demo, tmp_path):
     shutil.copytree(demo[0] / "mmt-demo", tmp_path / "mmt-demo")
     kept = tmp_path / "mmt-demo" / "session.mcap"
     before = kept.read_bytes()
@@ -280,7 +272,7 @@ def test_a_second_demo_keeps_the_recording_of_the_first(
     assert "session.mcap: it exists already; choose another name, or --force" in leader.stderr
 
 
-def test_a_token_lets_the_follower_in_and_is_written_nowhere(tmp_path: Path) -> None:
+def test_a_token_lets_the_follower_in_and_is_written_nowhere(tmp_path):
     token = "a secret of this test alone"
     recorded = {"MMT_RECORDING__FILE": "session.mcap", "MMT_LINK_TOKEN": token}
     with session(tmp_path, "stream-only", **recorded) as (leader, follower):
@@ -295,7 +287,7 @@ def test_a_token_lets_the_follower_in_and_is_written_nowhere(tmp_path: Path) -> 
     assert "token" not in read_session(tmp_path / "session.mcap").scene["link"]
 
 
-def test_both_services_log_one_session(tmp_path: Path) -> None:
+def test_both_services_log_one_session(tmp_path):
     arguments = ("--duration", 0.5, "--log", "leader.jsonl", "--log-level", "debug")
     with session(
         tmp_path,
@@ -324,6 +316,6 @@ def test_both_services_log_one_session(tmp_path: Path) -> None:
     assert (leader.stderr, follower.stderr) == ("", "")
 
 
-def _log(directory: Path) -> list[dict[str, Any]]:
+def _log(directory):
     text = (directory / "leader.jsonl").read_text(encoding="utf-8")
     return [json.loads(line) for line in text.splitlines()]

@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -11,7 +10,7 @@ from mmt_lab.soak.faults import plan_faults
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="processes are paused by signals")
-def test_the_services_hold_under_faults(tmp_path: Path) -> None:
+def test_the_services_hold_under_faults(tmp_path):
     figures = tmp_path / "soak.json"
     arguments = ["--duration", "14", "--every", "2", "--seed", "172", "--json", str(figures)]
     ended = subprocess.run(

@@ -1,7 +1,6 @@
 """A dead accelerometer, through both services: nothing starts, and everyone is told why."""
 
 import asyncio
-from pathlib import Path
 
 from monitor_browser import monitored, open_browser, until
 
@@ -13,7 +12,7 @@ from mmt.testing.simulation.offline import simulate_session
 THROUGHOUT = "the accelerometer gave one value throughout"
 
 
-async def test_a_dead_accelerometer_starts_no_model_and_is_named(tmp_path: Path) -> None:
+async def test_a_dead_accelerometer_starts_no_model_and_is_named(tmp_path):
     frames, _ = simulate_session(Scene(), "plastic", 6.0)
     frames = frames.copy()
     frames["acceleration_m_s2"] = 9.81

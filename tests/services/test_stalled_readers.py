@@ -12,9 +12,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 
 import pytest
 from service_processes import LONGEST_S, Service, scene
@@ -36,7 +34,7 @@ CONTROLLED = (
 
 
 @contextmanager
-def leader_heard_by(kind: str, cwd: Path) -> Iterator[tuple["subprocess.Popen[bytes]", int]]:
+def leader_heard_by(kind, cwd):
     """A leader, and the end of a pipe or a terminal where what it prints comes out."""
     if kind == "pipe":
         ours, theirs = os.pipe()
@@ -68,7 +66,7 @@ def leader_heard_by(kind: str, cwd: Path) -> Iterator[tuple["subprocess.Popen[by
             os.close(ours)
 
 
-def port_from(reader: int) -> int:
+def port_from(reader):
     """Read until a leader says where it listens."""
     text = ""
     while not (found := re.search(r'"port": (\d+)|ready after [^\n]*:(\d+)\r?\n', text)):
@@ -78,9 +76,7 @@ def port_from(reader: int) -> int:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("kind", ["pipe", "terminal"])
-def test_a_reader_that_stops_holds_up_neither_the_robot_nor_the_end(
-    kind: str, number: signal.Signals, tmp_path: Path
-) -> None:
+def test_a_reader_that_stops_holds_up_neither_the_robot_nor_the_end(kind, number, tmp_path):
     with leader_heard_by(kind, tmp_path) as (leader, reader):
         url = f"http://127.0.0.1:{port_from(reader)}"
         if kind == "terminal":
@@ -97,7 +93,7 @@ def test_a_reader_that_stops_holds_up_neither_the_robot_nor_the_end(
     assert_stopped_in_order(tmp_path, follower, at_least=1000)
 
 
-def assert_stopped_in_order(directory: Path, follower: Service, at_least: int) -> None:
+def assert_stopped_in_order(directory, follower, at_least):
     """Check that the leader's summary, its recording and the follower's last words are there."""
     assert follower.summary()["outcome"] == "leader stopped (stopped)"
     summary = json.loads((directory / "leader.json").read_text())
@@ -108,9 +104,7 @@ def assert_stopped_in_order(directory: Path, follower: Service, at_least: int) -
 
 
 @pytest.mark.parametrize("ends", ["closed", "interrupted"])
-def test_a_terminal_that_is_closed_ends_the_session_as_its_ctrl_c_does(
-    ends: str, tmp_path: Path
-) -> None:
+def test_a_terminal_that_is_closed_ends_the_session_as_its_ctrl_c_does(ends, tmp_path):
     with leader_heard_by("terminal", tmp_path) as (leader, terminal):
         url = f"http://127.0.0.1:{port_from(terminal)}"
         arguments = (scene("demo"), "--json-lines", "--leader", url)
@@ -127,7 +121,7 @@ def test_a_terminal_that_is_closed_ends_the_session_as_its_ctrl_c_does(
     assert_stopped_in_order(tmp_path, follower, at_least=1)
 
 
-def test_a_reader_that_goes_ends_no_session(tmp_path: Path) -> None:
+def test_a_reader_that_goes_ends_no_session(tmp_path):
     arguments = ("leader", scene("demo"), "--json-lines", "--port", 0, "--duration", 2)
     with Service(
         *(*arguments, "--json", "leader.json", "--log", "log"),
@@ -143,7 +137,7 @@ def test_a_reader_that_goes_ends_no_session(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "leader.json").read_text())["outcome"] == "completed"
 
 
-def test_a_demo_whose_terminal_is_stopped_ends_with_its_report(tmp_path: Path) -> None:
+def test_a_demo_whose_terminal_is_stopped_ends_with_its_report(tmp_path):
     ours, theirs = pty.openpty()
     demo = subprocess.Popen(
         [sys.executable, "-m", "mmt.cli.entry", "main", "demo", scene("stream-only")],

@@ -5,16 +5,12 @@ The frames go on when the leader has said what a test waits for, however long it
 
 import asyncio
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 from service_processes import Service
 from service_runs import Together, small_scene
 
-from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import InputError
-from mmt.leader.reports import LeaderSummary
 from mmt.leader.service import Leader
 from mmt.leader.surface_log import replayed_words
 from mmt.scene import Replay, Scene
@@ -38,13 +34,13 @@ class GatedSource:
 
     annotations = b""
 
-    def __init__(self, frames: RecordArray, gates: list[Gate], leader: Leader) -> None:
+    def __init__(self, frames, gates, leader):
         self._frames = frames
         self._gates = [*gates, (len(frames), lambda _: True)]
         self._leader = leader
         self._sent = 0
         self._waited_ticks = 0
-        self.modes: list[str] = []
+        self.modes = []
         """Which vibration was heard where each gate opened."""
         self.shut = False
         """Whether a gate never opened, so that the stream ended at it."""
@@ -53,10 +49,10 @@ class GatedSource:
     def finished(self) -> bool:
         return not self._gates
 
-    def start(self, start_time_ns: int) -> None:
+    def start(self, start_time_ns):
         self._start_ns = start_time_ns
 
-    def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
+    def step(self, elapsed, now_ns, command_position_mm):
         if self._gates and self._sent == self._gates[0][0]:
             self._waited_ticks += elapsed
             if self._gates[0][1](self._leader):
@@ -73,14 +69,14 @@ class GatedSource:
         block["time_ns"] += self._start_ns
         return block
 
-    def describe(self) -> str:
+    def describe(self):
         return "frames behind gates"
 
-    def close(self) -> None:
+    def close(self):
         pass
 
 
-def over_two_surfaces() -> RecordArray:
+def over_two_surfaces():
     course = SurfaceCourse(
         [get_surface("glass"), get_surface("sandpaper")],
         [CourseChange(6000, 1, in_contact=True), CourseChange(12_000, 0, in_contact=False)],
@@ -88,19 +84,17 @@ def over_two_surfaces() -> RecordArray:
     return simulate_session(Scene(), course, 17.0, 4)[0]
 
 
-def on(surface: int, mode: str) -> Callable[[Leader], bool]:
+def on(surface, mode):
     """Say whether the leader is on a surface and plays it so."""
 
-    def reached(leader: Leader) -> bool:
+    def reached(leader):
         surfaces = leader.log.surfaces
         return surfaces is not None and surfaces.current == surface and leader.status().mode == mode
 
     return reached
 
 
-async def led(
-    directory: Path, rendering: dict[str, Any], gates: list[Gate], **tables: dict[str, Any]
-) -> tuple[LeaderSummary, GatedSource, list[str]]:
+async def led(directory, rendering, gates, **tables):
     scene = small_scene(
         directory,
         simulated=None,
@@ -113,7 +107,7 @@ async def led(
     )
     together = await Together.listening(scene)
     source = GatedSource(over_two_surfaces(), gates, together.leader)
-    await together.follow(source)  # type: ignore[arg-type]
+    await together.follow(source)
     summary = await together.end()
     assert not source.shut, source.modes
     return summary, source, together.said
@@ -122,28 +116,26 @@ async def led(
 class SurfaceCommand:
     """Says by ``mmt surface`` what the tool is on, once the leader has found the third surface."""
 
-    def __init__(self, directory: Path, surface: str) -> None:
+    def __init__(self, directory, surface):
         self._directory, self._surface = directory, surface
-        self.service: Service | None = None
+        self.service = None
 
-    def __call__(self, leader: Leader) -> bool:
+    def __call__(self, leader):
         if self.service is None and on(3, "streamed")(leader):
             self.service = surface_command(self._directory, leader.port, self._surface)
         return self.service is not None and self.service.process.poll() is not None
 
 
-def surface_command(directory: Path, port: int | None, surface: str, **variables: str) -> Service:
+def surface_command(directory, port, surface, **variables):
     address = f"http://127.0.0.1:{port}"
     command = ("main", "surface", surface, "--leader", address)
     return Service(*command, cwd=directory, **variables)
 
 
-async def test_a_surface_that_a_person_names_is_rendered_at_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_surface_that_a_person_names_is_rendered_at_once(tmp_path, monkeypatch):
     monkeypatch.setenv("MMT_LINK_TOKEN", "0123456789abcdef")
     command = SurfaceCommand(tmp_path, "1")
-    gates: list[Gate] = [
+    gates = [
         (5500, on(1, "synthesized")),
         (7800, on(2, "streamed")),
         (11_500, on(2, "synthesized")),
@@ -151,7 +143,6 @@ async def test_a_surface_that_a_person_names_is_rendered_at_once(
         (16_500, on(1, "synthesized")),
     ]
     summary, _, told = await led(tmp_path, {}, gates, monitor={})
-    assert command.service is not None
     assert command.service.end() == 0, command.service.stderr
     assert command.service.stdout == "surface 1 again\n"
     assert any(sentence.startswith("surface 2, not known before") for sentence in told)
@@ -182,8 +173,8 @@ async def test_a_surface_that_a_person_names_is_rendered_at_once(
     assert powers[1] > 30 * powers[0]  # sandpaper's over glass's
 
 
-async def test_a_new_surface_is_rendered_as_the_scene_says(tmp_path: Path) -> None:
-    gates: list[Gate] = [
+async def test_a_new_surface_is_rendered_as_the_scene_says(tmp_path):
+    gates = [
         (5500, on(1, "synthesized")),
         (7800, on(2, "silent")),
         (11_500, on(2, "synthesized")),
@@ -205,14 +196,8 @@ async def test_a_new_surface_is_rendered_as_the_scene_says(tmp_path: Path) -> No
     ],
 )
 async def test_a_word_that_the_leader_cannot_take_is_refused(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    surface: str,
-    monitor: dict[str, Any] | None,
-    token: str,
-    code: int,
-    sentence: str,
-) -> None:
+    tmp_path, monkeypatch, surface, monitor, token, code, sentence
+):
     if token:
         monkeypatch.setenv("MMT_LINK_TOKEN", "0123456789abcdef")
     together = await Together.listening(small_scene(tmp_path, monitor=monitor))
@@ -232,15 +217,13 @@ async def test_a_word_that_the_leader_cannot_take_is_refused(
         ("127.0.0.1:1", 2, "allowed is http://HOST:PORT"),
     ],
 )
-def test_without_a_leader_the_address_is_to_be_checked(
-    address: str, code: int, sentence: str, tmp_path: Path
-) -> None:
+def test_without_a_leader_the_address_is_to_be_checked(address, code, sentence, tmp_path):
     with Service("main", "surface", "2", "--leader", address, cwd=tmp_path) as command:
         assert command.end() == code
     assert sentence in command.stderr
     assert "Traceback" not in command.stderr
 
 
-def test_one_saved_model_is_not_for_several_surfaces(tmp_path: Path) -> None:
+def test_one_saved_model_is_not_for_several_surfaces(tmp_path):
     with pytest.raises(InputError, match="keeps one for each surface"):
         small_scene(tmp_path, texture=TEXTURE, rendering={"model": "felt"})

@@ -1,7 +1,5 @@
 """A leader that learns a surface's touch-downs, and renders them at those of its own hand."""
 
-from pathlib import Path
-
 import numpy as np
 from service_runs import MadeSource, Together, small_scene
 
@@ -12,9 +10,7 @@ SAMPLES = 50 * K
 LEARNT_FRAMES = 8000
 
 
-async def test_a_leader_renders_what_it_has_learnt_where_its_hand_meets_the_surface(
-    tmp_path: Path,
-) -> None:
+async def test_a_leader_renders_what_it_has_learnt_where_its_hand_meets_the_surface(tmp_path):
     scene = small_scene(
         tmp_path,
         session={"acceleration_rate_hz": 1000 * K, "seed": 2, "duration_s": 60.0},
@@ -31,25 +27,25 @@ async def test_a_leader_renders_what_it_has_learnt_where_its_hand_meets_the_surf
     together = await Together.listening(scene)
     part = together.leader.parts.vibration
     assert part is not None
-    begun: list[tuple[int, np.ndarray]] = []
-    played: list[np.ndarray] = []
+    begun = []
+    played = []
     add = part.switch.touch_down
 
-    def touch_down(approach_speed_mm_s: float) -> None:
+    def touch_down(approach_speed_mm_s):
         add(approach_speed_mm_s)
         model = together.leader.parts.completing.rendered
         if model is not None and model.touch_down is not None and part.mode == "synthesized":
             at = sum(map(len, played))
             begun.append((at, model.touch_down.response(approach_speed_mm_s)))
 
-    part.switch.touch_down = touch_down  # type: ignore[method-assign]
+    part.switch.touch_down = touch_down
     write = part.actuator.write
 
-    def noted(vibration: np.ndarray) -> None:
+    def noted(vibration):
         played.append(vibration.copy())
         write(vibration)
 
-    part.actuator.write = noted  # type: ignore[method-assign]
+    part.actuator.write = noted
     await together.follow(MadeSource([*quick, *slow]))
     await together.end()
     output = np.concatenate(played)
@@ -64,6 +60,5 @@ async def test_a_leader_renders_what_it_has_learnt_where_its_hand_meets_the_surf
     history = mmt.build_model(session.frames, settings, scene.texture.update_period_s)
     time_s, data = session.models[-1]
     model = history.model_at(time_s)
-    assert model is not None
     assert model.touch_down is not None
     assert model.to_bytes() == data

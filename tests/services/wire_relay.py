@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import socket
-from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 _WAITING_BYTES = 4096
@@ -12,27 +11,26 @@ _WAITING_BYTES = 4096
 class Relay:
     """Passes bytes on while the wire is whole."""
 
-    def __init__(self, target: int) -> None:
+    def __init__(self, target):
         self._target = target
         self._whole = True
         self._flowing = asyncio.Event()
         self._flowing.set()
-        self.writers: list[asyncio.StreamWriter] = []
+        self.writers = []
         """Two for each connection."""
-        self._tasks: list[asyncio.Task[None]] = []
-        self._server: asyncio.Server | None = None
+        self._tasks = []
+        self._server = None
         self.port = 0
 
-    async def open(self) -> None:
+    async def open(self):
         """Listen on a free port; what waits here is little, as on a radio link."""
         listening = socket.create_server(("127.0.0.1", 0))
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _WAITING_BYTES)
         self._server = await asyncio.start_server(self._relay, sock=listening, limit=1024)
         self.port = listening.getsockname()[1]
 
-    async def close(self) -> None:
+    async def close(self):
         """Cut for good."""
-        assert self._server is not None
         self._server.close()
         self.cut()
         for task in self._tasks:
@@ -40,27 +38,27 @@ class Relay:
         await asyncio.gather(*self._tasks, return_exceptions=True)
         await self._server.wait_closed()
 
-    def drop(self) -> None:
+    def drop(self):
         """Drop every connection."""
         for writer in self.writers:
             writer.transport.abort()
         self.writers.clear()
 
-    def cut(self) -> None:
+    def cut(self):
         """Drop every connection and take no new one."""
         self._whole = False
         self.drop()
 
-    def mend(self) -> None:
+    def mend(self):
         """Take connections again, and let bytes flow."""
         self._whole = True
         self._flowing.set()
 
-    def fall_silent(self) -> None:
+    def fall_silent(self):
         """Hold every byte back; both ends believe that they are connected."""
         self._flowing.clear()
 
-    async def _relay(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _relay(self, reader, writer):
         try:
             if not self._whole:
                 raise ConnectionAbortedError
@@ -74,7 +72,7 @@ class Relay:
             asyncio.create_task(self._pump(far_reader, writer)),
         ]
 
-    async def _pump(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _pump(self, reader, writer):
         with contextlib.suppress(ConnectionError):
             while data := await reader.read(_WAITING_BYTES):
                 await self._flowing.wait()
@@ -84,7 +82,7 @@ class Relay:
 
 
 @asynccontextmanager
-async def relay(target: int) -> AsyncIterator[Relay]:
+async def relay(target):
     """Relay to a port of this machine."""
     made = Relay(target)
     await made.open()

@@ -1,22 +1,13 @@
 """Frames and sessions that the tests of this folder share."""
 
 import numpy as np
-import numpy.typing as npt
 
-from mmt.core.arrays import RecordArray
-from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, Channel, frame_dtype
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, frame_dtype
 
 START_NS = 12_345_678_901_234
 
 
-def made_frames(
-    count: int,
-    channels: tuple[Channel, ...] = CHANNELS,
-    *,
-    seed: int = 1,
-    steps: npt.ArrayLike | None = None,
-    samples_per_frame: int = 1,
-) -> RecordArray:
+def made_frames(count, channels=CHANNELS, *, seed=1, steps=None, samples_per_frame=1):
     """Frames with random values and jittered times; `steps` are the sequence's jumps."""
     rng = np.random.default_rng(seed)
     frames = np.zeros(count, dtype=frame_dtype(channels, samples_per_frame))

@@ -10,7 +10,6 @@ import zipfile
 import zlib
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -41,7 +40,7 @@ FEW_MB = 250.0
 TOLD = r"reading it may take .* GB of memory and .* s \(--reading-memory GB and --reading-time S al"
 
 
-def filled(path: Path) -> None:
+def filled(path):
     """Write a data set of 9.6 GB that has nothing stored but the value that fills it."""
     with h5py.File(path, "w", userblock_size=512) as file:
         shape = {"shape": (1, 1_200_000_000), "chunks": (1, 1 << 20)}
@@ -50,7 +49,7 @@ def filled(path: Path) -> None:
         file.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
 
 
-def zeros(path: Path) -> None:
+def zeros(path):
     """Write a MATLAB file of 300 MB of zeros, packed."""
     count = 300 * len(BLOCK) // 8
     parts = [struct.pack("<IIII", 6, 8, 6, 0), struct.pack("<IIii", 5, 8, count, 1)]
@@ -63,7 +62,7 @@ def zeros(path: Path) -> None:
     path.write_bytes(begin + struct.pack("<II", 15, len(packed)) + packed)
 
 
-def long_text(path: Path) -> None:
+def long_text(path):
     """Write a workbook with a text of 200 MB."""
     book = openpyxl.Workbook()
     book.active.append(["time_s", 1.0])
@@ -82,19 +81,19 @@ def long_text(path: Path) -> None:
                 member.write(rest)
 
 
-def run_lengths(path: Path) -> None:
+def run_lengths(path):
     """Write 30 million equal values."""
     bits = pa.Array.from_buffers(pa.bool_(), 30_000_000, [None, pa.py_buffer(bytes(3_750_000))])
     pq.write_table(pa.table({"time_s": bits}), path)
 
 
-def many_lines(path: Path) -> None:
+def many_lines(path):
     with gzip.open(path, "wb", compresslevel=1) as file:
         for _ in range(50):
             file.write(b"1,1\n" * (1 << 18))
 
 
-def peak_mb(who: int) -> float:
+def peak_mb(who):
     return resource.getrusage(who).ru_maxrss * 1024 / 1e6
 
 
@@ -150,7 +149,7 @@ def test_the_library_refuses_it_too(tmp_path):
         read_session(tmp_path / "filled.h5")
 
 
-def same(one: Any, other: Any) -> bool:
+def same(one, other):
     if isinstance(one, dict):
         return one.keys() == other.keys() and all(same(one[name], other[name]) for name in one)
     if isinstance(one, np.ndarray):
@@ -158,7 +157,7 @@ def same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-def workbook(path: Path, session: RecordedSession) -> None:
+def workbook(path, session):
     book = openpyxl.Workbook()
     book.create_sheet("another")
     for row in (["a text"], ["time_s", "force_z [mN]"], *session.frames["force_n"][:, :2].tolist()):
@@ -207,7 +206,7 @@ def refuse():
 
 
 @pytest.fixture
-def behaving(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def behaving(tmp_path, monkeypatch):
     """A file whose text is what its reader, a stranger's, does."""
     name = f"reader_{tmp_path.name}"
     (tmp_path / f"{name}.py").write_text(PLUGIN)

@@ -1,7 +1,5 @@
 """A package adds a format of session files by entry points."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from frame_samples import made_frames
@@ -33,12 +31,12 @@ def read_folder(path, wanted, options):
 
 
 @pytest.fixture
-def session() -> RecordedSession:
+def session():
     return RecordedSession(made_frames(0, 50))
 
 
 @pytest.fixture
-def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def package(tmp_path, monkeypatch):
     (tmp_path / "added_formats.py").write_text(MODULE)
     names = {
         "write.raw": "added_formats:write",
@@ -49,9 +47,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     install_package(tmp_path, monkeypatch, "added-formats", {GROUP: names})
 
 
-def test_a_format_of_another_package_is_written_and_read(
-    package: None, session: RecordedSession, tmp_path: Path
-) -> None:
+def test_a_format_of_another_package_is_written_and_read(package, session, tmp_path):
     export_session(session, tmp_path / "a.raw")
     assert np.array_equal(read_session(tmp_path / "a.raw").frames, session.frames)
     assert ".raw" in suffixes("write")
@@ -59,17 +55,13 @@ def test_a_format_of_another_package_is_written_and_read(
         read_session(tmp_path / "a.broken")
 
 
-def test_a_folder_is_told_by_a_file_in_it(
-    package: None, session: RecordedSession, tmp_path: Path
-) -> None:
+def test_a_folder_is_told_by_a_file_in_it(package, session, tmp_path):
     (tmp_path / "set").mkdir()
     np.save(tmp_path / "set" / "frames.npy", session.frames)
     assert np.array_equal(read_session(tmp_path / "set").frames, session.frames)
 
 
-def test_a_suffix_without_a_format_is_answered_with_those_there_are(
-    session: RecordedSession, tmp_path: Path
-) -> None:
+def test_a_suffix_without_a_format_is_answered_with_those_there_are(session, tmp_path):
     with pytest.raises(InputError, match=r"\.raw cannot be written; .* \.csv, \.h5, \.hdf5, "):
         export_session(session, tmp_path / "a.raw")
     with pytest.raises(InputError, match=r"\.raw cannot be read; .* \.bag, \.csv, .*\.xlsx"):

@@ -1,9 +1,5 @@
 """Listeners in a recording, and what is said of them."""
 
-from pathlib import Path
-from typing import Any
-
-import pytest
 from typer.testing import CliRunner
 
 from mmt.cli import sessions
@@ -13,7 +9,7 @@ from mmt.session.recorder import McapRecorder
 
 ANN = {"id": 1, "name": "[red]ann", "listened_s": 12.5, "lag_p50_ms": 21.0, "lag_p99_ms": 40.0}
 SENT = {"wholes": 1, "wholes_bytes": 4000, "changes": 5, "changes_bytes": 3000, "skipped": 2}
-EVENTS: list[dict[str, Any]] = [
+EVENTS = [
     {"kind": "listener joined", "listener": {"id": 1, "name": "[red]ann"}},
     {"kind": "listener joined", "listener": {"id": 2, "name": ""}},
     {"kind": "listener left", "listener": {**ANN, **SENT, "why": "it disconnected"}},
@@ -21,7 +17,7 @@ EVENTS: list[dict[str, Any]] = [
 ]
 
 
-def recorded(path: Path, events: list[dict[str, Any]]) -> Path:
+def recorded(path, events):
     recorder = McapRecorder(path, channels=("force",), scene={}, session_id="abc")
     for number, event in enumerate(events):
         recorder.record_event({"time_s": float(number), "event": "a sentence", **event})
@@ -29,14 +25,14 @@ def recorded(path: Path, events: list[dict[str, Any]]) -> Path:
     return path
 
 
-def shown(path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def shown(path, monkeypatch):
     console = Terminal(markup=False, emoji=False, width=200, record=True)
     monkeypatch.setattr(sessions, "output", console)
     assert CliRunner().invoke(sessions.app, ["info", str(path)]).exit_code == 0
     return console.export_text()
 
 
-def test_a_recording_has_who_listened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_recording_has_who_listened(tmp_path, monkeypatch):
     path = recorded(tmp_path / "shared.mcap", EVENTS)
     ann, stays = info(path).listeners
     assert ann == {**ANN, **SENT, "why": "it disconnected"}
@@ -51,9 +47,7 @@ def test_a_recording_has_who_listened(tmp_path: Path, monkeypatch: pytest.Monkey
     assert "listener 2" in text
 
 
-def test_without_listeners_nothing_is_said_of_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_listeners_nothing_is_said_of_them(tmp_path, monkeypatch):
     path = recorded(tmp_path / "alone.mcap", [])
     assert info(path).listeners == ()
     titles = [line.strip() for line in shown(path, monkeypatch).splitlines()]

@@ -1,8 +1,6 @@
 """Who moved the robot of a recording, by its events."""
 
 import json
-from pathlib import Path
-from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -16,7 +14,7 @@ from mmt.session.operators import ControlPeriod, control_periods, control_senten
 from mmt.session.stream import open_recording
 
 
-def event(time_s: float, control: object, operator: object = "ann") -> dict[str, Any]:
+def event(time_s, control, operator="ann"):
     return {"time_s": time_s, "event": "a sentence", "control": control, "operator": operator}
 
 
@@ -42,7 +40,7 @@ PERIODS = (
 )
 
 
-def test_every_moment_belongs_to_one_hand_or_to_none() -> None:
+def test_every_moment_belongs_to_one_hand_or_to_none():
     assert control_periods(HANDED, 6.0) == PERIODS
     assert control_sentence(PERIODS) == (
         "Hands that moved the robot: the leader's for 2.4 s, none for 0.4 s, listener ann for "
@@ -50,26 +48,26 @@ def test_every_moment_belongs_to_one_hand_or_to_none() -> None:
     )
 
 
-def test_a_recording_that_ends_while_control_is_away_ends_with_that_hand() -> None:
+def test_a_recording_that_ends_while_control_is_away_ends_with_that_hand():
     assert control_periods(HANDED[:3], 2.5)[-1] == ControlPeriod("given", "ann", 1.1, 2.5)
 
 
-def test_who_was_given_control_and_never_moved_is_no_operator() -> None:
+def test_who_was_given_control_and_never_moved_is_no_operator():
     periods = control_periods([event(1.0, "giving"), event(2.0, "ended"), event(2.1, "back")], 3.0)
     assert [period.state for period in periods] == ["own", "held", "own"]
 
 
 @pytest.mark.parametrize("events", [[], [event(1.0, "asked"), event(2.0, "refused")]])
-def test_without_a_hand_over_nothing_is_said(events: list[dict[str, Any]]) -> None:
+def test_without_a_hand_over_nothing_is_said(events):
     assert control_periods(events, 3.0) == ()
     assert control_sentence(()) == ""
 
 
-def test_malformed_events_make_no_impossible_period() -> None:
+def test_malformed_events_make_no_impossible_period():
     odd = [
         event(1.0, ["giving"]),
         event(float("nan"), "giving"),
-        event("soon", "giving"),  # type: ignore[arg-type] # as a file may have it
+        event("soon", "giving"),  # as a file may have it
         event(-5.0, "moves", "\x1b[31m"),
         event(99.0, "ended"),
     ]
@@ -78,13 +76,13 @@ def test_malformed_events_make_no_impossible_period() -> None:
     assert "\x1b" not in control_sentence(periods)
 
 
-def shown_by(*arguments: object) -> str:
+def shown_by(*arguments):
     result = CliRunner().invoke(app, list(map(str, arguments)))
     assert result.exit_code == 0, result.output
     return " ".join(result.output.split())
 
 
-def test_evaluation_and_info_say_who_operated_and_judge_all_strokes_alike(tmp_path: Path) -> None:
+def test_evaluation_and_info_say_who_operated_and_judge_all_strokes_alike(tmp_path):
     frames, truth = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=6.0)
     scene = {**mmt.Scene().dump(), "texture": {"order": 8}}
     given = {"link": {}, "simulated": {}, "hand": {}, "sharing": {}, "control": {}}

@@ -141,7 +141,7 @@ def test_a_write_error_is_reported_once_and_stops_nobody(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(SessionWriter, "flush", full)
-    reasons: list[str] = []
+    reasons = []
     frames = made_frames(100)
     recorder = McapRecorder(tmp_path / "run.mcap", channels=CHANNELS, on_error=reasons.append)
     recorder.record_frames(frames)

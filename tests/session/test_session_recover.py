@@ -284,7 +284,7 @@ def test_a_killed_recorder_loses_at_most_the_last_flush(tmp_path):
     np.testing.assert_array_equal(read_session(saved.path).frames, expected)
 
 
-def packed(source: Path, target: Path, compression: CompressionType, chunk_size: int) -> Path:
+def packed(source, target, compression, chunk_size):
     """Write a session anew, as another program would, with scene, chunks and compression."""
     with source.open("rb") as stream, target.open("wb") as out:
         reader, writer = make_reader(stream), Writer(out, chunk_size, compression)

@@ -18,7 +18,7 @@ from mmt.session.files import write_session
 from mmt.session.replay import ReplaySource
 
 if TYPE_CHECKING:
-    from mmt.follower.sources import FollowerSource
+    pass
 
 START_NS = 5_000_000_000
 TICK_NS = 1_000_000
@@ -181,7 +181,7 @@ def test_a_recording_of_another_rate_is_refused_with_what_to_write():
 
 
 def test_it_is_a_follower_source():
-    source: FollowerSource = ReplaySource(session_of(even_frames(2)), CHANNELS)
+    source = ReplaySource(session_of(even_frames(2)), CHANNELS)
     source.start(START_NS)
     assert len(source.step(1, START_NS, (0.0, 0.0, 0.0))) == 1
 

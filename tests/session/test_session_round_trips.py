@@ -21,7 +21,6 @@ pytestmark = pytest.mark.usefixtures("read_here")
 
 SCENE = {"session": {"name": "wäre"}}
 EVENTS = [{"time_s": 0.5, "event": "mark"}]
-BEGAN_NS = 1_765_000_000_123_456_789
 SUFFIXES = (".mcap", ".npz", ".csv", ".parquet", ".h5", ".mat", ".wav", "")
 
 

@@ -1,5 +1,4 @@
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from mmt.texture.signals.numbering import StreamNumbering
 
 
 @pytest.fixture(scope="module")
-def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def file(tmp_path_factory):
     """A session of 15 s in many chunks, with its scene and its truth."""
     path = tmp_path_factory.mktemp("stream") / "wood.mcap"
     frames, truth = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=15.0)
@@ -27,7 +26,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_stream_has_the_frames_of_the_file_in_their_order(file: Path) -> None:
+def test_a_stream_has_the_frames_of_the_file_in_their_order(file):
     stream, session = open_recording(file), read_session(file)
     assert isinstance(stream, IndexedSession)
     for _ in range(2):  # every reading begins anew
@@ -38,7 +37,7 @@ def test_a_stream_has_the_frames_of_the_file_in_their_order(file: Path) -> None:
     np.testing.assert_array_equal(in_memory(stream).frames, session.frames)
 
 
-def test_an_evaluation_of_a_stream_is_that_of_the_session_to_the_digit(file: Path) -> None:
+def test_an_evaluation_of_a_stream_is_that_of_the_session_to_the_digit(file):
     streamed = evaluate_session(open_recording(file)).as_dict()
     whole = evaluate_session(read_session(file)).as_dict()
     for figures in (streamed, whole):
@@ -50,9 +49,7 @@ def test_an_evaluation_of_a_stream_is_that_of_the_session_to_the_digit(file: Pat
     assert streamed == whole
 
 
-def test_what_is_not_in_order_or_no_whole_mcap_is_read_into_memory(
-    file: Path, tmp_path: Path
-) -> None:
+def test_what_is_not_in_order_or_no_whole_mcap_is_read_into_memory(file, tmp_path):
     frames = made_frames(0, 3000)
     write_session(tmp_path / "made.npz", frames)
     assert isinstance(open_recording(tmp_path / "made.npz"), RecordedSession)
@@ -72,7 +69,7 @@ def test_what_is_not_in_order_or_no_whole_mcap_is_read_into_memory(
     np.testing.assert_array_equal(session.frames, frames[:100])
 
 
-def test_a_damaged_chunk_is_said_where_it_is_met(file: Path, tmp_path: Path) -> None:
+def test_a_damaged_chunk_is_said_where_it_is_met(file, tmp_path):
     data = bytearray(file.read_bytes())
     data[len(data) // 2] ^= 0xFF
     damaged = tmp_path / "damaged.mcap"
@@ -83,9 +80,7 @@ def test_a_damaged_chunk_is_said_where_it_is_met(file: Path, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("parts", [[5, 400, 1, 2594], [1] * 50 + [2950], [3000], [1500, 0, 1500]])
 @pytest.mark.parametrize("order", ["even", "gap", "again"])
-def test_blocks_do_not_depend_on_the_parts_that_a_session_comes_in(
-    parts: list[int], order: str
-) -> None:
+def test_blocks_do_not_depend_on_the_parts_that_a_session_comes_in(parts, order):
     frames = made_frames(0, 3000)
     if order == "gap":
         frames["sequence"][1200:] += 700
@@ -98,7 +93,7 @@ def test_blocks_do_not_depend_on_the_parts_that_a_session_comes_in(
     assert [len(block) for block in stream_blocks([frames], 250)] == expected
 
 
-def whole_blocks(frames: np.ndarray, period: int) -> list[int]:
+def whole_blocks(frames, period):
     """Lengths of the blocks by the definition: full where the newest number is a period on."""
     numbers = frames["sequence"].astype(int).tolist()
     lengths, start, newest = [], 0, -1

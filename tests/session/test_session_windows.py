@@ -1,7 +1,5 @@
 """A window of a recording holds what the whole recording holds there."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -18,7 +16,6 @@ from mmt.session.mcap_writer import FRAMES_TOPIC, open_writer
 from mmt.session.messages import FRAME_BLOCK, FrameCodec, frame_schema
 from mmt.session.recorder import McapRecorder
 from mmt.session.stream import open_recording
-from mmt.session.windows import SessionWindows
 
 COUNT = 3000
 FRAMES = made_frames(COUNT, steps=np.where(np.arange(COUNT - 1) == 1200, 500, 1))
@@ -34,18 +31,18 @@ SESSION = RecordedSession(
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded(tmp_path_factory):
     path = tmp_path_factory.mktemp("session") / "run.mcap"
     export_session(SESSION, path)
     return path
 
 
 @pytest.fixture(scope="module")
-def windows(recorded: Path) -> SessionWindows:
+def windows(recorded):
     return open_windows(recorded)
 
 
-def test_a_whole_file_is_read_by_its_index(windows: SessionWindows) -> None:
+def test_a_whole_file_is_read_by_its_index(windows):
     assert not windows.in_memory
     assert windows.channels == CHANNELS
     assert windows.duration_s == pytest.approx(SECONDS, abs=0.03)
@@ -54,9 +51,7 @@ def test_a_whole_file_is_read_by_its_index(windows: SessionWindows) -> None:
 
 @given(begin=st.floats(-1, 4), length=st.floats(0, 4))
 @settings(max_examples=40)
-def test_a_window_holds_the_frames_and_outputs_of_its_time(
-    windows: SessionWindows, begin: float, length: float
-) -> None:
+def test_a_window_holds_the_frames_and_outputs_of_its_time(windows, begin, length):
     time_s = SESSION.time_s
     end = begin + length
     found = windows.window(begin, end)
@@ -74,7 +69,7 @@ def test_a_window_holds_the_frames_and_outputs_of_its_time(
     assert len(set(np.round(starts, 3)) ^ set(np.round(expected, 3))) <= 2
 
 
-def test_everything_in_one_window_is_the_session(recorded: Path, windows: SessionWindows) -> None:
+def test_everything_in_one_window_is_the_session(recorded, windows):
     found, whole = windows.window(-1.0, 1e6), read_session(recorded)
     np.testing.assert_array_equal(found.frames, whole.frames)
     assert [o.mode for o in found.outputs] == [o.mode for o in whole.outputs]
@@ -84,7 +79,7 @@ def test_everything_in_one_window_is_the_session(recorded: Path, windows: Sessio
     )
 
 
-def test_frames_that_came_late_stand_at_their_places(tmp_path: Path) -> None:
+def test_frames_that_came_late_stand_at_their_places(tmp_path):
     path, frames = tmp_path / "run.mcap", made_frames(100)
     clock_ns = iter(range(4_999_000_000, 6_000_000_000, 1_000_000))
     with McapRecorder(path, channels=CHANNELS, clock=lambda: next(clock_ns)) as recorder:
@@ -99,7 +94,7 @@ def test_frames_that_came_late_stand_at_their_places(tmp_path: Path) -> None:
     assert set(found.arrivals[:, 1]) <= set(frames["time_ns"])  # of live blocks alone
 
 
-def test_blocks_that_another_writer_has_numbered_otherwise_are_read(tmp_path: Path) -> None:
+def test_blocks_that_another_writer_has_numbered_otherwise_are_read(tmp_path):
     path, frames = tmp_path / "run.mcap", made_frames(100)
     codec = FrameCodec.of_channels(CHANNELS)
     with path.open("wb") as stream:
@@ -117,7 +112,7 @@ def test_blocks_that_another_writer_has_numbered_otherwise_are_read(tmp_path: Pa
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".csv"])
-def test_other_kinds_are_held_in_memory(tmp_path: Path, suffix: str) -> None:
+def test_other_kinds_are_held_in_memory(tmp_path, suffix):
     path = tmp_path / f"run{suffix}"
     export_session(SESSION, path)
     windows = open_windows(path)
@@ -125,7 +120,7 @@ def test_other_kinds_are_held_in_memory(tmp_path: Path, suffix: str) -> None:
     assert len(windows.window(0.0, 0.1).frames) == pytest.approx(100, abs=2)
 
 
-def test_a_file_that_was_cut_off_shows_what_it_holds(tmp_path: Path, recorded: Path) -> None:
+def test_a_file_that_was_cut_off_shows_what_it_holds(tmp_path, recorded):
     path = tmp_path / "cut.mcap"
     path.write_bytes(recorded.read_bytes()[: recorded.stat().st_size * 2 // 3])
     windows = open_windows(path)
@@ -134,9 +129,7 @@ def test_a_file_that_was_cut_off_shows_what_it_holds(tmp_path: Path, recorded: P
 
 
 @pytest.mark.parametrize("whole", [True, False])
-def test_times_of_a_recording_from_mid_session_count_from_its_first_frame(
-    tmp_path: Path, whole: bool
-) -> None:
+def test_times_of_a_recording_from_mid_session_count_from_its_first_frame(tmp_path, whole):
     path = tmp_path / "late.mcap"
     scene = {"control": {}}  # so that it is streamed with its events
     with McapRecorder(path, channels=CHANNELS, scene=scene, begins_s=100.0) as recorder:
@@ -157,7 +150,7 @@ def test_times_of_a_recording_from_mid_session_count_from_its_first_frame(
         assert [event["time_s"] for event in streamed.events] == [0.25, 0.5, 0.75]
 
 
-def test_a_damaged_chunk_is_a_gap(tmp_path: Path, recorded: Path) -> None:
+def test_a_damaged_chunk_is_a_gap(tmp_path, recorded):
     data = bytearray(recorded.read_bytes())
     data[len(data) // 3] ^= 0xFF
     path = tmp_path / "damaged.mcap"
@@ -168,7 +161,7 @@ def test_a_damaged_chunk_is_a_gap(tmp_path: Path, recorded: Path) -> None:
     assert np.isin(frames["sequence"], FRAMES["sequence"]).all()
 
 
-def test_what_cannot_be_shown_is_said(tmp_path: Path) -> None:
+def test_what_cannot_be_shown_is_said(tmp_path):
     with pytest.raises(InputError, match="No such file"):
         open_windows(tmp_path / "none.mcap")
     (tmp_path / "text.mcap").write_text("no recording")

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
-from mmt.texture.space import ISOTROPIC, InputSpace, TextureSamples
+from mmt.texture.space import ISOTROPIC, TextureSamples
 
 
-def scattered(count: int, directed: bool = False, seed: int = 0) -> FloatArray:
+def scattered(count, directed=False, seed=0):
     """Return normalised points (count, d) inside the space."""
     random = np.random.default_rng(seed)
     speed, force = random.uniform(0.07, 0.95, count), random.uniform(0.07, 0.95, count)
@@ -17,7 +16,7 @@ def scattered(count: int, directed: bool = False, seed: int = 0) -> FloatArray:
     return np.column_stack([speed * np.cos(heading), speed * np.sin(heading), force])
 
 
-def strokes_in(space: InputSpace, count: int, seed: int = 0) -> FloatArray:
+def strokes_in(space, count, seed=0):
     """Return inputs (count, d) inside the space, none of them at rest."""
     random = np.random.default_rng(seed)
     speed, heading = random.uniform(20, 290, count), random.uniform(-np.pi, np.pi, count)
@@ -25,7 +24,7 @@ def strokes_in(space: InputSpace, count: int, seed: int = 0) -> FloatArray:
     return space.from_motion(speed * np.cos(heading), speed * np.sin(heading), force)
 
 
-def fitted(inputs: FloatArray, space: InputSpace = ISOTROPIC, *, order: int = 8) -> TextureSamples:
+def fitted(inputs, space=ISOTROPIC, *, order=8):
     """Return samples with filters of their own at inputs (n, d)."""
     random = np.random.default_rng(order)
     reflection = random.uniform(-0.8, 0.8, (len(inputs), order))

@@ -1,16 +1,13 @@
 """Frames and aligned samples of steady strokes, for tests of what follows in the stream."""
 
 import numpy as np
-import numpy.typing as npt
 
-from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.frames import empty_frames
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.signals.filtering import StreamFilter
 
 
-def stroke_frames(vibration: FloatArray, gravity: float = 9.81) -> RecordArray:
+def stroke_frames(vibration, gravity=9.81):
     """Return frames of a stroke at 100 mm/s and 1 N with a vibration (n,) along z."""
     frames = empty_frames(len(vibration))
     frames["sequence"] = np.arange(len(vibration))
@@ -21,7 +18,7 @@ def stroke_frames(vibration: FloatArray, gravity: float = 9.81) -> RecordArray:
     return frames
 
 
-def aligned(vibration: FloatArray, first: int = 0, **channels: npt.ArrayLike) -> AlignedBlock:
+def aligned(vibration, first=0, **channels):
     """Return samples with a vibration (n, k, axes) and other channels: all 0 but those given."""
     count = len(vibration)
     index = first + np.arange(count)
@@ -40,7 +37,7 @@ def aligned(vibration: FloatArray, first: int = 0, **channels: npt.ArrayLike) ->
     )
 
 
-def judged(frames: RecordArray) -> tuple[AlignedBlock, SignalFaults]:
+def judged(frames):
     """Return the filtered samples of a stream, and its faults."""
     stream = StreamFilter()
     return stream.process(frames), stream.faults

@@ -3,7 +3,6 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from mmt.core.arrays import FloatArray
 from mmt.texture.field.covariance import coordinates
 from mmt.texture.surfaces.blocks import SurfaceBlock, spectrum_components
 from mmt.texture.surfaces.regression import MEANS
@@ -16,16 +15,8 @@ PEAKED = np.array([-1.2, 0.8])
 
 
 def make_blocks(
-    ar: FloatArray,
-    count: int,
-    seed: int,
-    *,
-    gain: float = 1.0,
-    low: tuple[float, float] = (0.1, 0.1),
-    high: tuple[float, float] = (0.9, 0.9),
-    first: int = 0,
-    heading: float = 0.0,
-) -> list[SurfaceBlock]:
+    ar, count, seed, *, gain=1.0, low=(0.1, 0.1), high=(0.9, 0.9), first=0, heading=0.0
+):
     """Draw blocks of an autoregressive process whose level follows a power law.
 
     Every fourth one begins another stroke, at normalised speed and force from `low` to `high`.

@@ -12,7 +12,6 @@ from scipy.spatial import Delaunay
 from mmt.core.errors import InputError
 from mmt.texture.interpolation.networks import LEVEL_ROOM
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.settings import Method
 from mmt.texture.space import ANISOTROPIC, ISOTROPIC, InputSpace, normalise_into
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
@@ -20,22 +19,22 @@ strokes = partial(strokes_in, ANISOTROPIC)
 fitted_at = partial(fitted, space=ANISOTROPIC)
 
 
-def everywhere(count: int) -> np.ndarray:
+def everywhere(count):
     """Return inputs (count, 3) within and beyond the space."""
     return np.random.default_rng(2).uniform([-400, -400, -0.5], [400, 400, 3.5], (count, 3))
 
 
-METHODS: tuple[Method, ...] = ("field", "published")
+METHODS = ("field", "published")
 
 
-def test_the_network_goes_through_its_samples() -> None:
+def test_the_network_goes_through_its_samples():
     samples = fitted_at(strokes(40))
     lsf, variance = TextureModel(samples, method="published").at(*samples.inputs.T)
     np.testing.assert_allclose(lsf, samples.lsf, atol=1e-9)
     np.testing.assert_allclose(variance, samples.variance, rtol=1e-7)
 
 
-def test_the_network_is_that_of_scipy_where_it_is_a_filter() -> None:
+def test_the_network_is_that_of_scipy_where_it_is_a_filter():
     texture = fitted_at(strokes(60), order=2)
     whole = RBFInterpolator(texture.points, np.column_stack([texture.variance, texture.lsf]))
     inputs = everywhere(2000)
@@ -50,7 +49,7 @@ def test_the_network_is_that_of_scipy_where_it_is_a_filter() -> None:
     np.testing.assert_allclose(variance[inside], expected[inside, 0], rtol=1e-6)
 
 
-def test_the_level_of_a_network_is_bounded_far_from_all_samples() -> None:
+def test_the_level_of_a_network_is_bounded_far_from_all_samples():
     samples = fitted_at(strokes(12) * 0.05 + 10.0)
     lsf, variance = TextureModel(samples, method="published").at(*everywhere(500).T)
     assert variance.max() <= LEVEL_ROOM * samples.variance.max() * (1 + 1e-9)
@@ -58,7 +57,7 @@ def test_the_level_of_a_network_is_bounded_far_from_all_samples() -> None:
     assert (lsf <= samples.lsf.max(axis=0) + 1e-12).all()
 
 
-def test_the_frequencies_of_a_field_are_scipys_between_its_vertices() -> None:
+def test_the_frequencies_of_a_field_are_scipys_between_its_vertices():
     model = TextureModel(fitted_at(strokes(60)))
     inputs = everywhere(2000)
     points = ANISOTROPIC.normalise(inputs)
@@ -81,9 +80,7 @@ def test_the_frequencies_of_a_field_are_scipys_between_its_vertices() -> None:
     ],
     ids="one repeated coincident one-heading coplanar at-rest outside circle".split(),  # noqa: SIM905
 )
-def test_degenerate_sample_sets_give_a_finite_stable_model(
-    inputs: list[list[float]], method: Method
-) -> None:
+def test_degenerate_sample_sets_give_a_finite_stable_model(inputs, method):
     model = TextureModel(fitted_at(np.array(inputs)), method=method)
     lsf, variance = model.at(*everywhere(1000).T)
     assert np.isfinite(variance).all()
@@ -93,7 +90,7 @@ def test_degenerate_sample_sets_give_a_finite_stable_model(
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(1, 30), st.integers(0, 2**32), st.sampled_from(METHODS))
-def test_any_samples_give_ordered_frequencies(count: int, seed: int, method: Method) -> None:
+def test_any_samples_give_ordered_frequencies(count, seed, method):
     samples = fitted_at(np.round(strokes(count, seed), 1))
     model = TextureModel(samples, method=method)
     lsf, variance = model.at(*everywhere(200).T)
@@ -103,7 +100,7 @@ def test_any_samples_give_ordered_frequencies(count: int, seed: int, method: Met
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("slowest_mm_s", [3.0, 10.0, 100.0])
-def test_a_hand_at_rest_or_without_force_feels_nothing(slowest_mm_s: float, method: Method) -> None:
+def test_a_hand_at_rest_or_without_force_feels_nothing(slowest_mm_s, method):
     inputs = strokes(80)
     inputs[:10, :2] *= slowest_mm_s / np.hypot(inputs[:10, :1], inputs[:10, 1:2])
     model = TextureModel(fitted_at(inputs), method=method)
@@ -113,20 +110,20 @@ def test_a_hand_at_rest_or_without_force_feels_nothing(slowest_mm_s: float, meth
         assert model.at(speed * np.cos(turn), speed * np.sin(turn), 0.0)[1].max() == 0.0
 
 
-def test_every_stroke_is_felt_however_slow_and_light() -> None:
+def test_every_stroke_is_felt_however_slow_and_light():
     model = TextureModel(fitted_at(strokes(30)))
     inputs = strokes(500, 3) * (0.1, 0.1, 0.1)
     assert model.at(*inputs.T)[1].min() > 0.0
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_samples_without_any_level_are_silence(method: Method) -> None:
+def test_samples_without_any_level_are_silence(method):
     samples = fitted_at(strokes(5))
     silent = replace(samples, power=np.zeros(5), variance=np.zeros(5))
     assert (TextureModel(silent, method=method).at(*everywhere(100).T)[1] == 0.0).all()
 
 
-def test_all_that_a_hand_can_reach_lies_inside() -> None:
+def test_all_that_a_hand_can_reach_lies_inside():
     model = TextureModel(fitted_at(strokes(3)))
     turn = np.linspace(0.0, 2 * np.pi, 1000)
     rim = ANISOTROPIC.from_motion(
@@ -138,7 +135,7 @@ def test_all_that_a_hand_can_reach_lies_inside() -> None:
     np.testing.assert_allclose(found, points, atol=1e-9)
 
 
-def test_a_velocity_beyond_the_largest_keeps_its_heading() -> None:
+def test_a_velocity_beyond_the_largest_keeps_its_heading():
     model = TextureModel(fitted_at(strokes(50)))
     for slow, fast in zip(model.at(180.0, 240.0, 1.0), model.at(1800.0, 2400.0, 1.0), strict=True):
         np.testing.assert_allclose(slow, fast, rtol=1e-9)
@@ -151,23 +148,21 @@ def test_a_velocity_beyond_the_largest_keeps_its_heading() -> None:
     st.tuples(*[st.floats(width=64)] * 3),
     st.sampled_from([ISOTROPIC, ANISOTROPIC]),
 )
-def test_one_moment_is_normalised_as_many_are(
-    moment: tuple[float, float, float], space: InputSpace
-) -> None:
+def test_one_moment_is_normalised_as_many_are(moment, space):
     inputs = np.array([moment[: space.dimensions]])
     point = np.empty(space.dimensions)
     normalise_into(*moment, 1 / space.maximum_speed_mm_s, 1 / space.maximum_force_n, point)
     np.testing.assert_allclose(point, space.normalise(inputs)[0], atol=1e-12)
 
 
-def test_a_motion_gives_the_inputs_of_either_space() -> None:
+def test_a_motion_gives_the_inputs_of_either_space():
     np.testing.assert_allclose(ISOTROPIC.from_motion(30.0, -40.0, 1.5), [[50.0, 1.5]])
     np.testing.assert_allclose(ANISOTROPIC.from_motion(30.0, -40.0, 1.5), [[30.0, -40.0, 1.5]])
     samples = fitted_at(np.array([[30.0, -40.0, 1.5]]))
     np.testing.assert_allclose(samples.speed_mm_s, [50.0])
 
 
-def test_rendering_follows_the_heading() -> None:
+def test_rendering_follows_the_heading():
     along, across = fitted_at(np.array([[150.0, 0.0, 1.5], [0.0, 150.0, 1.5]])).power
     model = TextureModel(
         fitted_at(np.array([[150.0, 0.0, 1.5], [0.0, 150.0, 1.5]])), method="published"
@@ -181,7 +176,7 @@ def test_rendering_follows_the_heading() -> None:
         assert np.mean(rendered**2) == pytest.approx(power, rel=0.1)
 
 
-def test_the_wrong_number_of_inputs_is_explained() -> None:
+def test_the_wrong_number_of_inputs_is_explained():
     model = TextureModel(fitted_at(strokes(3)))
     with pytest.raises(InputError, match="velocity_x_mm_s"):
         model.at(100.0)
@@ -198,4 +193,4 @@ def test_the_wrong_number_of_inputs_is_explained() -> None:
     with pytest.raises(InputError, match="maximum_force_n"):
         InputSpace("isotropic", 300.0, 0.0)
     with pytest.raises(InputError, match="method is 'spline', allowed are field, published"):
-        TextureModel(fitted_at(strokes(3)), method="spline")  # type: ignore[arg-type]
+        TextureModel(fitted_at(strokes(3)), method="spline")

@@ -20,18 +20,18 @@ from mmt.texture.signals.biquad import (
 RATE_HZ = 1000.0
 
 
-def taps(biquad: Biquad) -> tuple[np.ndarray, np.ndarray]:
+def taps(biquad):
     return np.array([biquad.b0, biquad.b1, biquad.b2]), np.array([1.0, biquad.a1, biquad.a2])
 
 
-def run(biquad: Biquad, samples: np.ndarray) -> np.ndarray:
+def run(biquad, samples):
     stepped = BiquadFilter(biquad)
     return np.array([stepped.step(value) for value in samples.tolist()])
 
 
 @given(share=st.floats(1e-4, 0.4999), rate_hz=st.sampled_from([100.0, 1000.0, 10_000.0]))
 @settings(max_examples=80, deadline=None)
-def test_designs_equal_scipys(share: float, rate_hz: float) -> None:
+def test_designs_equal_scipys(share, rate_hz):
     cutoff_hz = share * rate_hz
     oracle = scipy.signal.bessel(2, cutoff_hz, fs=rate_hz, norm="mag")
     np.testing.assert_allclose(taps(bessel_low_pass(cutoff_hz, rate_hz)), oracle, atol=1e-12)
@@ -41,7 +41,7 @@ def test_designs_equal_scipys(share: float, rate_hz: float) -> None:
 
 @given(share=st.floats(1e-4, 0.4999))
 @settings(max_examples=40, deadline=None)
-def test_gains_at_zero_and_at_the_cutoff(share: float) -> None:
+def test_gains_at_zero_and_at_the_cutoff(share):
     cutoff_hz = share * RATE_HZ
     for design, at_zero in ((bessel_low_pass, 1.0), (butterworth_high_pass, 0.0)):
         biquad = design(cutoff_hz, RATE_HZ)
@@ -61,7 +61,7 @@ def test_gains_at_zero_and_at_the_cutoff(share: float) -> None:
         Biquad(0.7, -0.4, 0.1, -1.1, 0.4, RATE_HZ),
     ],
 )
-def test_group_delay_equals_scipys(biquad: Biquad) -> None:
+def test_group_delay_equals_scipys(biquad):
     frequencies_hz = np.array([1.0, 7.5, 20.0, 60.0, 150.0, 333.0, 490.0])
     _, oracle = scipy.signal.group_delay(taps(biquad), w=frequencies_hz, fs=RATE_HZ)
     delays = [biquad.delay_samples(at_hz) for at_hz in frequencies_hz]
@@ -81,13 +81,13 @@ def test_group_delay_equals_scipys(biquad: Biquad) -> None:
         (10.0, math.inf),
     ],
 )
-def test_impossible_cutoffs_are_refused(cutoff_hz: float, rate_hz: float) -> None:
+def test_impossible_cutoffs_are_refused(cutoff_hz, rate_hz):
     for design in (bessel_low_pass, butterworth_high_pass):
         with pytest.raises(InputError, match="cutoff"):
             design(cutoff_hz, rate_hz)
 
 
-def test_settling_bounds_what_is_left_of_a_step() -> None:
+def test_settling_bounds_what_is_left_of_a_step():
     for biquad in (bessel_low_pass(20.0, RATE_HZ), butterworth_high_pass(10.0, RATE_HZ)):
         response = run(biquad, np.r_[0.0, np.ones(999)])[1:]
         left = np.abs(response - biquad.gain_at(np.zeros(1)))
@@ -99,13 +99,13 @@ def test_settling_bounds_what_is_left_of_a_step() -> None:
     assert Biquad(1.0, 0.0, 0.0, -0.9, 0.0, RATE_HZ).settling_samples(0.5) == 7
 
 
-def test_starts_in_the_steady_state() -> None:
+def test_starts_in_the_steady_state():
     constant = np.full(50, 9.81)
     np.testing.assert_array_equal(run(butterworth_high_pass(10.0, RATE_HZ), constant), 0.0)
     np.testing.assert_allclose(run(bessel_low_pass(20.0, RATE_HZ), constant), 9.81, rtol=1e-12)
 
 
-def test_equals_scipys_filter_started_in_steady_state() -> None:
+def test_equals_scipys_filter_started_in_steady_state():
     samples = 9.81 + np.random.default_rng(3).normal(size=400)
     for biquad in (bessel_low_pass(20.0, RATE_HZ), butterworth_high_pass(10.0, RATE_HZ)):
         b, a = taps(biquad)
@@ -114,13 +114,13 @@ def test_equals_scipys_filter_started_in_steady_state() -> None:
         np.testing.assert_allclose(run(biquad, samples), oracle, atol=1e-11)
 
 
-def test_silence_ends_in_exact_zeros_not_in_denormals() -> None:
+def test_silence_ends_in_exact_zeros_not_in_denormals():
     output = run(butterworth_high_pass(10.0, RATE_HZ), np.r_[0.0, 1.0, np.zeros(4000)])
     assert not np.any((output != 0.0) & (np.abs(output) < sys.float_info.min))
     np.testing.assert_array_equal(output[-1000:], 0.0)
 
 
-def test_huge_values_stay_finite_and_are_forgotten() -> None:
+def test_huge_values_stay_finite_and_are_forgotten():
     for design in (bessel_low_pass(20.0, RATE_HZ), butterworth_high_pass(10.0, RATE_HZ)):
         samples = np.r_[0.0, LARGEST, -LARGEST, np.zeros(12_000)]
         output = run(design, samples)
@@ -129,7 +129,7 @@ def test_huge_values_stay_finite_and_are_forgotten() -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e200])
-def test_what_is_no_measurement_repeats_the_previous_input(bad: float) -> None:
+def test_what_is_no_measurement_repeats_the_previous_input(bad):
     samples = np.array([1.0, 2.0, bad, bad, -1.0])
     held = np.array([1.0, 2.0, 2.0, 2.0, -1.0])
     biquad = butterworth_high_pass(10.0, RATE_HZ)
@@ -138,21 +138,21 @@ def test_what_is_no_measurement_repeats_the_previous_input(bad: float) -> None:
     np.testing.assert_array_equal(leading, np.r_[0.0, run(biquad, held)])
 
 
-def test_reset_forgets() -> None:
+def test_reset_forgets():
     stepped = BiquadFilter(butterworth_high_pass(10.0, RATE_HZ))
     fresh = [stepped.step(value) for value in (3.0, 1.0, -2.0)]
     stepped.reset()
     assert [stepped.step(value) for value in (3.0, 1.0, -2.0)] == fresh
 
 
-def test_single_precision_scalars_do_not_degrade_the_states() -> None:
+def test_single_precision_scalars_do_not_degrade_the_states():
     samples = np.random.default_rng(5).normal(size=50).astype(np.float32)
     stepped = BiquadFilter(bessel_low_pass(20.0, RATE_HZ))
     narrow = [stepped.step(value) for value in samples]
     np.testing.assert_array_equal(narrow, run(bessel_low_pass(20.0, RATE_HZ), samples))
 
 
-def test_a_step_is_far_cheaper_than_a_tick() -> None:
+def test_a_step_is_far_cheaper_than_a_tick():
     stepped = BiquadFilter(butterworth_high_pass(10.0, RATE_HZ))
     best_s = min(timeit.repeat(lambda: stepped.step(0.3), number=2000, repeat=5)) / 2000
     assert best_s < 20e-6  # a fiftieth of the 1 ms tick, even on a slow machine

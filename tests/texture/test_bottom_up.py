@@ -44,7 +44,7 @@ def variation(inputs):
 
 @given(seed=st.integers(0, 10_000), cells=st.integers(0, 25), limit_mm=st.floats(0.01, 4.0))
 @settings(max_examples=60, deadline=None)
-def test_straight_pieces_equal_the_naive_loop(seed: int, cells: int, limit_mm: float) -> None:
+def test_straight_pieces_equal_the_naive_loop(seed, cells, limit_mm):
     generator = np.random.default_rng(seed)
     steps = np.cumsum(generator.normal(size=(cells * CELL, 3)), axis=0)
     position_mm = 0.02 * np.cumsum(steps, axis=0)
@@ -57,15 +57,13 @@ def test_straight_pieces_equal_the_naive_loop(seed: int, cells: int, limit_mm: f
 
 @given(seed=st.integers(0, 10_000), cells=st.integers(0, 30), limit=st.floats(0.01, 0.9))
 @settings(max_examples=60, deadline=None)
-def test_pieces_of_a_steady_vector_equal_the_naive_loop(
-    seed: int, cells: int, limit: float
-) -> None:
+def test_pieces_of_a_steady_vector_equal_the_naive_loop(seed, cells, limit):
     generator = np.random.default_rng(seed)
     walk = np.cumsum(generator.normal(0.0, 0.05, (cells * CELL, 3)), axis=0)
     inputs = np.abs(walk[:, :1]) + 1.0, walk[:, 1:] + generator.normal(size=2)
     starts = generator.random(cells) < 0.1
 
-    def cost(a: int, d: int) -> float:
+    def cost(a, d):
         scalar, vector = (channels[a * CELL : d * CELL] for channels in inputs)
         deviation = np.sqrt(vector.var(axis=0).sum())
         return max(variation(scalar), deviation / np.linalg.norm(vector.mean(axis=0)))
@@ -83,9 +81,7 @@ def test_pieces_of_a_steady_vector_equal_the_naive_loop(
     longest_cells=st.integers(1, 12),
 )
 @settings(max_examples=60, deadline=None)
-def test_stationary_pieces_equal_the_naive_loop(
-    seed: int, cells: int, limit: float, longest_cells: int
-) -> None:
+def test_stationary_pieces_equal_the_naive_loop(seed, cells, limit, longest_cells):
     generator = np.random.default_rng(seed)
     walk = np.cumsum(generator.normal(size=(cells * CELL, 2)), axis=0)
     inputs = np.exp(0.05 * walk) * [100.0, 1.0]
@@ -97,7 +93,7 @@ def test_stationary_pieces_equal_the_naive_loop(
     np.testing.assert_array_equal(found, expected)
 
 
-def test_moments_equal_numpys() -> None:
+def test_moments_equal_numpys():
     inputs = np.random.default_rng(1).normal(5.0, 2.0, size=(7 * CELL, 2))
     moments = cell_moments(inputs)
     cells = inputs.reshape(7, CELL, 2)
@@ -105,14 +101,14 @@ def test_moments_equal_numpys() -> None:
     np.testing.assert_allclose(moments[:, :, 1], CELL * cells.var(axis=1))
 
 
-def test_the_callers_moments_are_left_alone() -> None:
+def test_the_callers_moments_are_left_alone():
     moments = cell_moments(np.random.default_rng(1).normal(5.0, 0.1, size=(7 * CELL, 2)))
     before = moments.copy()
     stationary_pieces(np.zeros(7, bool), moments, 1.0, 7)
     np.testing.assert_array_equal(moments, before)
 
 
-def test_a_corner_cuts_the_path_and_a_line_does_not() -> None:
+def test_a_corner_cuts_the_path_and_a_line_does_not():
     along = np.arange(20 * CELL) * 0.1
     line = np.stack([along, 2.0 * along, -along], axis=1)
     np.testing.assert_array_equal(
@@ -124,13 +120,13 @@ def test_a_corner_cuts_the_path_and_a_line_does_not() -> None:
     assert begins.tolist() == [0, 10]
 
 
-def test_a_path_that_turns_back_on_itself_is_not_straight() -> None:
+def test_a_path_that_turns_back_on_itself_is_not_straight():
     along = np.r_[np.arange(10 * CELL), np.arange(10 * CELL)[::-1]] * 0.1
     path = np.stack([along, 0.0 * along, 0.0 * along], axis=1)
     assert np.flatnonzero(straight_pieces(np.zeros(20, bool), path, 0.5)).tolist() == [0, 10]
 
 
-def test_a_glitch_does_not_spoil_its_neighbours() -> None:
+def test_a_glitch_does_not_spoil_its_neighbours():
     inputs = np.random.default_rng(2).normal(100.0, 5.0, size=(30 * CELL, 1))
     clean = stationary_pieces(np.zeros(30, bool), cell_moments(inputs), 0.2, 30)
     assert np.flatnonzero(clean).tolist() == [0]
@@ -140,7 +136,7 @@ def test_a_glitch_does_not_spoil_its_neighbours() -> None:
 
 
 @pytest.mark.parametrize("broken", [np.nan, np.inf])
-def test_what_is_no_number_is_never_joined(broken: float) -> None:
+def test_what_is_no_number_is_never_joined(broken):
     inputs = np.full((9 * CELL, 2), 3.0)
     inputs[4 * CELL, 1] = broken
     with np.errstate(invalid="ignore"):
@@ -152,7 +148,7 @@ def test_what_is_no_number_is_never_joined(broken: float) -> None:
     assert np.all(straight_pieces(np.zeros(9, bool), path, 0.2)[4:6])
 
 
-def test_no_cells_and_one_cell() -> None:
+def test_no_cells_and_one_cell():
     for cells in (0, 1):
         starts = np.zeros(cells, bool)
         assert straight_pieces(starts, np.zeros((cells * CELL, 3)), 1.0).tolist() == [True] * cells

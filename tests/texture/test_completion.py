@@ -9,7 +9,6 @@ from scipy.spatial import cKDTree
 
 from mmt.texture.completion.distance import (
     CELL_CENTRES,
-    Cells,
     CompletionMonitor,
     cell_distances,
     cells_of,
@@ -24,7 +23,7 @@ SPACES = pytest.mark.parametrize(
 )
 
 
-def test_boundary_points_alone_would_switch_without_data() -> None:
+def test_boundary_points_alone_would_switch_without_data():
     """Why they must not count: paper A's 20 boundary points sum to 6.76, below 7.5."""
     steps = np.arange(6) / 5
     boundary = {(a, b) for a in steps for b in (0.0, 1.0)} | {
@@ -34,7 +33,7 @@ def test_boundary_points_alone_would_switch_without_data() -> None:
 
 
 @SPACES
-def test_agrees_with_a_search_tree(cells: Cells, largest: list[float]) -> None:
+def test_agrees_with_a_search_tree(cells, largest):
     points = np.random.default_rng(2).random((50, len(largest))) * largest
     distances, _ = cKDTree(points).query(cells.centres, k=len(largest) + 1)
     np.testing.assert_allclose(cell_distances(points), distances.sum(axis=1))
@@ -43,7 +42,7 @@ def test_agrees_with_a_search_tree(cells: Cells, largest: list[float]) -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_missing_neighbours_count_as_the_diagonal(count: int) -> None:
+def test_missing_neighbours_count_as_the_diagonal(count):
     points = np.full((count, 2), 0.5)
     middle = cell_distances(points)[4]
     assert middle == pytest.approx((3 - count) * cells_of(2).farthest)
@@ -52,16 +51,14 @@ def test_missing_neighbours_count_as_the_diagonal(count: int) -> None:
 @SPACES
 @settings(max_examples=80, deadline=None)
 @given(shares=hnp.arrays(np.float64, (7, 3), elements=st.floats(0.0, 1.0)))
-def test_an_added_sample_never_raises_the_sum(
-    cells: Cells, largest: list[float], shares: np.ndarray
-) -> None:
+def test_an_added_sample_never_raises_the_sum(cells, largest, shares):
     points = shares[:, : len(largest)] * largest
     for count in range(len(points)):
         before = distance_sum(points[:count])
         assert distance_sum(np.vstack([points[:count], points[-1:]])) <= before + 1e-12
 
 
-def test_the_monitor_remembers_when_each_criterion_was_met() -> None:
+def test_the_monitor_remembers_when_each_criterion_was_met():
     monitor = CompletionMonitor(PUBLISHED)
     monitor.update(np.empty((0, 2)), 1.0)
     assert not monitor.started
@@ -85,7 +82,7 @@ def test_the_monitor_remembers_when_each_criterion_was_met() -> None:
 # --- velocity and force
 
 
-def strokes(count: int, seed: int = 0) -> np.ndarray:
+def strokes(count, seed=0):
     """Return normalised points (count, 3) of strokes in all directions."""
     generator = np.random.default_rng(seed)
     speed, heading = generator.uniform(0.05, 1, count), generator.uniform(-np.pi, np.pi, count)
@@ -93,7 +90,7 @@ def strokes(count: int, seed: int = 0) -> np.ndarray:
     return np.column_stack(columns)
 
 
-def test_the_settings_hold_the_derived_thresholds() -> None:
+def test_the_settings_hold_the_derived_thresholds():
     """Eq. (1), and the share of the samples with which it starts, in either space."""
     plane_stop = 9 * 3 * math.hypot(1 / 3, 1 / 3) / 3
     share = (plane_stop / 7.5) ** 2
@@ -106,7 +103,7 @@ def test_the_settings_hold_the_derived_thresholds() -> None:
     assert ModellingSettings(method="published", start_distance=9.0).distances == (9.0, 4.243)
 
 
-def test_every_cell_of_velocity_and_force_can_be_reached() -> None:
+def test_every_cell_of_velocity_and_force_can_be_reached():
     centres = reachable_centres()
     np.testing.assert_array_equal(centres, cells_of(3).centres)
     assert len(centres) == 27
@@ -119,7 +116,7 @@ def test_every_cell_of_velocity_and_force_can_be_reached() -> None:
         assert distances.max() < 1e-9
 
 
-def test_strokes_of_one_heading_never_complete_a_model_of_velocity() -> None:
+def test_strokes_of_one_heading_never_complete_a_model_of_velocity():
     generator = np.random.default_rng(3)
     many = np.column_stack(
         [generator.uniform(0, 1, 2000), np.zeros(2000), generator.uniform(0, 1, 2000)]

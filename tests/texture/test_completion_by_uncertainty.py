@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stream_samples import aligned
 
-from mmt.core.arrays import FloatArray
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.completion.distance import CompletionMonitor, cells_of
 from mmt.texture.completion.uncertainty import (
@@ -23,14 +22,14 @@ from mmt.texture.field.observations import BLOCK_VARIANCE
 from mmt.texture.field.posterior import LevelField
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.methods import method_of
-from mmt.texture.settings import START_SHARE, STOP_SHARE, Inputs, ModellingSettings
+from mmt.texture.settings import START_SHARE, STOP_SHARE, ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.space import ANISOTROPIC, ISOTROPIC, TextureSamples
 
 DIMENSIONS = pytest.mark.parametrize("dimensions", [2, 3])
 
 
-def strokes(count: int, dimensions: int, seed: int = 0, largest: float = 0.95) -> np.ndarray:
+def strokes(count, dimensions, seed=0, largest=0.95):
     random = np.random.default_rng(seed)
     speed, force = random.uniform(0.1, largest, (2, count))
     if dimensions == 2:
@@ -39,7 +38,7 @@ def strokes(count: int, dimensions: int, seed: int = 0, largest: float = 0.95) -
     return np.column_stack([speed * np.cos(heading), speed * np.sin(heading), force])
 
 
-def field_of(points: np.ndarray, extra: float = 0.0, at: np.ndarray | None = None) -> LevelField:
+def field_of(points, extra=0.0, at=None):
     """Return the field of 20 blocks at each point, and of so many more at another."""
     everything = points if at is None else np.vstack([points, at])
     counts = np.full(len(everything), 20.0)
@@ -49,7 +48,7 @@ def field_of(points: np.ndarray, extra: float = 0.0, at: np.ndarray | None = Non
     return LevelField(FieldCells.of_segments(everything, power, counts, BLOCK_VARIANCE))
 
 
-def model_of(points: np.ndarray, power: float = 1.0) -> TextureModel:
+def model_of(points, power=1.0):
     space = ISOTROPIC if points.shape[1] == 2 else ANISOTROPIC
     speed = np.hypot(*points[:, :-1].T) if points.shape[1] == 3 else points[:, 0]
     level = power * speed * points[:, -1] ** 0.7
@@ -60,9 +59,7 @@ def model_of(points: np.ndarray, power: float = 1.0) -> TextureModel:
     return TextureModel(samples)
 
 
-def motion(
-    seconds: float, speed_mm_s: float, force_n: float, heading: float = 0.0, *, valid: bool = True
-) -> AlignedBlock:
+def motion(seconds, speed_mm_s, force_n, heading=0.0, *, valid=True):
     count = round(1000 * seconds)
     return aligned(
         np.zeros((count, 1, 1)),
@@ -73,21 +70,21 @@ def motion(
     )
 
 
-def grid_of(dimensions: int) -> CompletionGrid:
+def grid_of(dimensions):
     return CompletionGrid(ISOTROPIC if dimensions == 2 else ANISOTROPIC)
 
 
-def density(dimensions: int) -> StrokingDensity:
+def density(dimensions):
     return StrokingDensity(grid_of(dimensions), ModellingSettings())
 
 
-def seconds_of(seen: StrokingDensity) -> FloatArray:
+def seconds_of(seen):
     """Return the seconds of stroking at each node, without those of the prior."""
     weights = seen.weights
     return weights * (PRIOR_S + seen.total_s) - PRIOR_S / len(weights)
 
 
-def share(field: LevelField, grid: CompletionGrid) -> float:
+def share(field, grid):
     return float(predict_gains(field, grid, np.full(len(grid), 1 / len(grid)))[0].mean())
 
 
@@ -181,7 +178,7 @@ def test_every_cell_has_strokes_and_each_stroke_its_cell(dimensions):
     assert middle[:, :-1].max() < (1 / 6 + 1e-9 if dimensions == 2 else 0.5)
 
 
-def criterion(inputs: Inputs = "isotropic") -> UncertaintyCriterion:
+def criterion(inputs="isotropic"):
     return UncertaintyCriterion(ModellingSettings(inputs=inputs))
 
 
@@ -203,7 +200,6 @@ def test_thresholds_are_met_as_samples_come_and_stay_met(inputs):
         judge.update(model_of(points[:count]), float(count))
         values.append(judge.progress.value)
     assert values[0] < START_SHARE < STOP_SHARE < values[-1]
-    assert judge.start_s is not None
     assert judge.stop_s is not None
     assert 1.0 < judge.start_s <= judge.stop_s
     judge.update(None, 1000.0)
@@ -215,7 +211,6 @@ def test_the_next_stroke_is_wanted_where_no_sample_lies_but_the_operator_moves(i
     judge, dimensions = criterion(inputs), 2 if inputs == "isotropic" else 3
     judge.update(model_of(strokes(30, dimensions, largest=0.3)), 1.0)
     advice = judge.progress.advice
-    assert advice is not None
     assert len(advice) == dimensions
     assert math.hypot(*advice[:-1]) > 120.0
     assert advice[-1] > 1.0
@@ -245,7 +240,7 @@ def test_an_operator_who_keeps_to_one_line_completes_it():
     assert not published.started
 
 
-def expected(points: np.ndarray) -> float:
+def expected(points):
     judge = criterion()
     judge.update(model_of(points), 1.0)
     return judge.progress.value
@@ -302,7 +297,7 @@ def test_the_published_sum_is_what_runs_where_it_is_asked_for():
         (0.9, 0.8, ""),
     ],
 )
-def test_a_fall_of_the_expected_share_has_a_reason(value: float, cells: float, words: str) -> None:
+def test_a_fall_of_the_expected_share_has_a_reason(value, cells, words):
     scale = ModellingSettings().scale
     before = Progress(scale, 0.8, (0.8,) * 9)
     why = Progress(scale, value, (cells,) * 9).why_less_than(before)

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stream_samples import stroke_frames
 
-from mmt.core.arrays import RecordArray
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.surface_changes import SurfaceStatement
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
@@ -19,11 +18,11 @@ from mmt.texture.surfaces.modeller import SurfaceModeller
 CAUSES = [field.name for field in fields(SignalFaults) if field.name.endswith("_s")]
 
 
-def stroke(samples: int, seed: int = 1) -> RecordArray:
+def stroke(samples, seed=1):
     return stroke_frames(np.random.default_rng(seed).standard_normal(samples))
 
 
-def test_only_causes_that_occurred_are_said_with_their_seconds() -> None:
+def test_only_causes_that_occurred_are_said_with_their_seconds():
     assert SignalFaults().sentence() == ""
     found = SignalFaults(held_s=0.4, saturated_s=0.1)
     assert found.sentence() == "the accelerometer held one value for 0.4 s, was saturated for 0.1 s"
@@ -41,7 +40,7 @@ def test_only_causes_that_occurred_are_said_with_their_seconds() -> None:
 
 @pytest.mark.parametrize("cause", CAUSES)
 @pytest.mark.parametrize("seconds", [1e-4, 0.9999, 99.96, 999.6, 123456.7])
-def test_each_cause_is_said_to_three_digits_at_any_size(cause: str, seconds: float) -> None:
+def test_each_cause_is_said_to_three_digits_at_any_size(cause, seconds):
     """A sentence that leaves a cause out, or rounds it to nothing, fails."""
     sentence = SignalFaults(**{cause: seconds}).sentence()
     said = [float(number) for number in re.findall(r"(\S+) s\b", sentence)]
@@ -49,7 +48,7 @@ def test_each_cause_is_said_to_three_digits_at_any_size(cause: str, seconds: flo
     assert not re.search(r"\de", sentence)
 
 
-def test_a_program_gets_the_seconds_and_the_sentence() -> None:
+def test_a_program_gets_the_seconds_and_the_sentence():
     found = SignalFaults(held_s=0.1 + 0.2, throughout=False)
     table = found.as_dict()
     assert table.pop("text") == found.sentence()
@@ -60,9 +59,7 @@ def test_a_program_gets_the_seconds_and_the_sentence() -> None:
     cause=st.sampled_from(["held_s", "saturated_s", "constant_s", "not_finite_s"]),
     parts_s=st.lists(st.floats(1e-3, 1.0), min_size=1, max_size=200),
 )
-def test_a_fault_is_told_when_it_begins_and_at_each_doubling(
-    cause: str, parts_s: list[float]
-) -> None:
+def test_a_fault_is_told_when_it_begins_and_at_each_doubling(cause, parts_s):
     """Never late by more than half of it, and in few sentences however long it lasts."""
     said, sentences = SignalFaults(), 0
     for total_s in np.cumsum(parts_s).tolist():
@@ -73,7 +70,7 @@ def test_a_fault_is_told_when_it_begins_and_at_each_doubling(
     assert sentences <= 1 + np.log2(sum(parts_s) / parts_s[0])
 
 
-def test_lost_frames_and_what_was_said_of_the_whole_time_are_not_told_again() -> None:
+def test_lost_frames_and_what_was_said_of_the_whole_time_are_not_told_again():
     assert not SignalFaults(missing_s=3.0).should_report(SignalFaults())
     dead = SignalFaults(constant_s=1.0, throughout=True)
     assert dead.should_report(SignalFaults())
@@ -81,7 +78,7 @@ def test_lost_frames_and_what_was_said_of_the_whole_time_are_not_told_again() ->
     assert SignalFaults(constant_s=9.0, held_s=0.1).should_report(dead)
 
 
-def test_an_update_says_what_was_no_measurement_so_far() -> None:
+def test_an_update_says_what_was_no_measurement_so_far():
     frames = stroke(6000)
     frames["acceleration_m_s2"][3000:3400, 2] = frames["acceleration_m_s2"][3000, 2]
     frames = np.delete(frames, slice(5000, 5100))
@@ -95,7 +92,7 @@ def test_an_update_says_what_was_no_measurement_so_far() -> None:
     assert updates[-1].faults.bridged_s == 0.0
 
 
-def test_a_dead_accelerometer_never_starts_and_says_why() -> None:
+def test_a_dead_accelerometer_never_starts_and_says_why():
     frames = stroke(4000)
     frames["acceleration_m_s2"][:, 2] = 9.81
     update = OnlineModeller(ModellingSettings()).update(frames)
@@ -105,7 +102,7 @@ def test_a_dead_accelerometer_never_starts_and_says_why() -> None:
     assert update.faults.sentence() == "the accelerometer gave one value throughout"
 
 
-def test_faults_are_of_the_whole_stream_where_surfaces_are_told_apart() -> None:
+def test_faults_are_of_the_whole_stream_where_surfaces_are_told_apart():
     """A model's own filter lacks the frames of other surfaces: those are not missing."""
     frames = stroke(6000)
     frames["acceleration_m_s2"][1000:1300, 2] = frames["acceleration_m_s2"][1000, 2]
@@ -116,7 +113,6 @@ def test_faults_are_of_the_whole_stream_where_surfaces_are_told_apart() -> None:
     modeller.state_surface(SurfaceStatement(4000, 1))
     updates = [modeller.update(part) for part in np.array_split(frames, 12)]
     last = updates[-1]
-    assert last is not None
     assert last.surface == 1
     assert last.faults == alone
     assert last.faults.missing_s == 0.0

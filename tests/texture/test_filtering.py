@@ -1,5 +1,4 @@
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +7,6 @@ import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
 from mmt.texture.settings import LONGEST_BRIDGED, ModellingSettings
@@ -23,14 +21,14 @@ WARM_UP = butterworth_high_pass(10.0, RATE_HZ).settling_samples(0.05)
 GRAVITY_M_S2 = 9.81
 
 
-def make_frames(count: int, first: int = 0) -> RecordArray:
+def make_frames(count, first=0):
     frames = empty_frames(count)
     frames["sequence"] = np.arange(first, first + count)
     frames["time_ns"] = 5_000 + frames["sequence"].astype(np.int64) * 1_000_000
     return frames
 
 
-def random_frames(count: int, seed: int = 1) -> RecordArray:
+def random_frames(count, seed=1):
     generator = np.random.default_rng(seed)
     frames = make_frames(count)
     frames["position_mm"] = np.cumsum(generator.normal(size=(count, 3)), axis=0)
@@ -39,7 +37,7 @@ def random_frames(count: int, seed: int = 1) -> RecordArray:
     return frames
 
 
-def in_blocks(stream: StreamFilter, frames: RecordArray, lengths: list[int]) -> AlignedBlock:
+def in_blocks(stream, frames, lengths):
     blocks, at = [], 0
     for length in lengths:
         blocks.append(stream.process(frames[at : at + length]))
@@ -48,7 +46,7 @@ def in_blocks(stream: StreamFilter, frames: RecordArray, lengths: list[int]) -> 
     return AlignedBlock.concatenate(blocks)
 
 
-def assert_identical(one: AlignedBlock, other: AlignedBlock) -> None:
+def assert_identical(one, other):
     for field in fields(AlignedBlock):
         left, right = getattr(one, field.name), getattr(other, field.name)
         assert left.dtype == right.dtype
@@ -56,7 +54,7 @@ def assert_identical(one: AlignedBlock, other: AlignedBlock) -> None:
 
 
 @st.composite
-def damaged_streams(draw: st.DrawFn) -> tuple[RecordArray, list[int]]:
+def damaged_streams(draw):
     """Frames with gaps, repeats, late ones and broken numbers, and a cut into blocks."""
     count = draw(st.integers(0, 260))
     frames = random_frames(count, seed=draw(st.integers(0, 50)))
@@ -76,9 +74,7 @@ def damaged_streams(draw: st.DrawFn) -> tuple[RecordArray, list[int]]:
 
 @given(damaged=damaged_streams(), axis=st.sampled_from(["x", "z", "dft321"]))
 @settings(max_examples=50, deadline=None)
-def test_partition_into_blocks_does_not_matter(
-    damaged: tuple[RecordArray, list[int]], axis: Any
-) -> None:
+def test_partition_into_blocks_does_not_matter(damaged, axis):
     frames, lengths = damaged
     whole = StreamFilter(ModellingSettings(axis=axis)).process(frames)
     assert_identical(in_blocks(StreamFilter(ModellingSettings(axis=axis)), frames, lengths), whole)
@@ -89,9 +85,7 @@ def test_partition_into_blocks_does_not_matter(
 
 @given(damaged=damaged_streams())
 @settings(max_examples=100, deadline=None)
-def test_gives_out_received_frames_only_and_finite_numbers(
-    damaged: tuple[RecordArray, list[int]],
-) -> None:
+def test_gives_out_received_frames_only_and_finite_numbers(damaged):
     frames, _ = damaged
     stream = StreamFilter()
     aligned = stream.process(frames)
@@ -110,7 +104,7 @@ def test_gives_out_received_frames_only_and_finite_numbers(
     assert (aligned.normal_force_n >= 0.0).all()
 
 
-def test_each_run_of_frames_loses_its_newest_ones_and_its_warm_up() -> None:
+def test_each_run_of_frames_loses_its_newest_ones_and_its_warm_up():
     stream = StreamFilter()
     first, second = random_frames(300), random_frames(200)
     first["sequence"] += 7
@@ -130,14 +124,14 @@ def test_each_run_of_frames_loses_its_newest_ones_and_its_warm_up() -> None:
     assert aligned.measured.all()
 
 
-def test_channels_equal_scipys_filters() -> None:
+def test_channels_equal_scipys_filters():
     frames = random_frames(500)
     stream = StreamFilter(ModellingSettings(normal="y", axis="x"))
     aligned = stream.process(frames)
     low = scipy.signal.bessel(2, 20.0, fs=RATE_HZ, norm="mag")
     high = scipy.signal.butter(2, 10.0, "highpass", fs=RATE_HZ)
 
-    def settled(taps: tuple[np.ndarray, np.ndarray], x: np.ndarray) -> np.ndarray:
+    def settled(taps, x):
         state = scipy.signal.lfilter_zi(*taps)[:, None] * x[:1]
         return scipy.signal.lfilter(*taps, x, axis=0, zi=state)[0]
 
@@ -154,7 +148,7 @@ def test_channels_equal_scipys_filters() -> None:
     np.testing.assert_allclose(aligned.vibration_m_s2[:, 0], vibration[:-delay], atol=1e-10)
 
 
-def lag_samples(channel: np.ndarray, truth: np.ndarray, index: np.ndarray) -> float:
+def lag_samples(channel, truth, index):
     """By how many samples a channel lags behind the truth: the correlation's vertex.
 
     The truth is known around the channel too, so that no shift loses samples at the ends.
@@ -166,7 +160,7 @@ def lag_samples(channel: np.ndarray, truth: np.ndarray, index: np.ndarray) -> fl
     return float(shifts[peak] + 0.5 * (below - above) / (below - 2.0 * top + above))
 
 
-def modulation(kind: str, time_s: np.ndarray) -> np.ndarray:
+def modulation(kind, time_s):
     if kind == "chirp":
         return scipy.signal.chirp(time_s, 0.3, time_s[-1], 5.0, phi=-90.0)
     phases = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, 12)
@@ -179,7 +173,7 @@ def modulation(kind: str, time_s: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", ["chirp", "tones"])
 @pytest.mark.parametrize("carrier_hz", [90.0, 240.0])
-def test_channels_belong_to_the_same_instant(kind: str, carrier_hz: float) -> None:
+def test_channels_belong_to_the_same_instant(kind, carrier_hz):
     frames = make_frames(8000)
     time_s = np.arange(8000) / RATE_HZ
     truth = 1.0 + 0.4 * modulation(kind, time_s)
@@ -204,18 +198,18 @@ def test_channels_belong_to_the_same_instant(kind: str, carrier_hz: float) -> No
     assert force == pytest.approx(10.82 - 11, abs=0.05)
 
 
-def test_speed_lies_in_the_tangential_plane_and_force_on_the_normal() -> None:
+def test_speed_lies_in_the_tangential_plane_and_force_on_the_normal():
     frames = make_frames(400)
     frames["position_mm"] = np.arange(400)[:, None] * np.array([0.03, 0.04, 0.12])
     frames["force_n"] = [1.0, 2.0, -3.0]
     expected = {"x": (np.hypot(40, 120), 1.0), "y": (np.hypot(30, 120), 2.0), "z": (50.0, 0.0)}
     for normal, (speed_mm_s, force_n) in expected.items():
-        aligned = StreamFilter(ModellingSettings(normal=normal)).process(frames)  # type: ignore[arg-type]
+        aligned = StreamFilter(ModellingSettings(normal=normal)).process(frames)
         np.testing.assert_allclose(aligned.speed_mm_s[-100:], speed_mm_s, rtol=1e-4)
         np.testing.assert_allclose(aligned.normal_force_n, force_n, rtol=1e-6)
 
 
-def test_motion_and_force_restart_behind_a_long_gap_as_if_new() -> None:
+def test_motion_and_force_restart_behind_a_long_gap_as_if_new():
     before, after = random_frames(300, seed=1), random_frames(300, seed=2)
     after["sequence"] += 300 + LONGEST_BRIDGED + 1
     after["position_mm"] += 500.0
@@ -230,9 +224,7 @@ def test_motion_and_force_restart_behind_a_long_gap_as_if_new() -> None:
 
 @pytest.mark.parametrize("gap", [6, 50, 3000])
 @pytest.mark.parametrize("broken", [False, True])
-def test_vibration_goes_on_behind_a_long_gap_where_it_would_have_been(
-    gap: int, *, broken: bool
-) -> None:
+def test_vibration_goes_on_behind_a_long_gap_where_it_would_have_been(gap, *, broken):
     frames = random_frames(6000, seed=gap)
     whole = StreamFilter().process(frames)
     damaged = np.delete(frames, np.s_[1000 : 1000 + gap])
@@ -246,7 +238,7 @@ def test_vibration_goes_on_behind_a_long_gap_where_it_would_have_been(
     assert np.sqrt(np.mean(error**2)) < 0.12  # of 1 m/s2 rms
 
 
-def test_an_offset_that_a_gap_has_changed_settles_first() -> None:
+def test_an_offset_that_a_gap_has_changed_settles_first():
     frames = random_frames(2000)
     frames["acceleration_m_s2"][1000:] += 30.0
     stream = StreamFilter()
@@ -256,7 +248,7 @@ def test_an_offset_that_a_gap_has_changed_settles_first() -> None:
     assert np.abs(behind.vibration_m_s2[behind.valid]).max() < 6.0
 
 
-def test_what_a_restart_leaves_is_small_when_samples_become_valid() -> None:
+def test_what_a_restart_leaves_is_small_when_samples_become_valid():
     frames = random_frames(1500)
     frames["position_mm"][:, 0] = 0.1 * np.arange(1500)
     frames["position_mm"][:, 1:] = 0.0
@@ -270,13 +262,13 @@ def test_what_a_restart_leaves_is_small_when_samples_become_valid() -> None:
     assert vibration_error.max() < 0.15  # of 1 m/s2 rms
 
 
-def test_a_late_or_repeated_frame_is_ignored() -> None:
+def test_a_late_or_repeated_frame_is_ignored():
     frames = random_frames(200)
     tangled = np.insert(frames, [50, 120, 120], frames[[49, 3, 119]])
     assert_identical(StreamFilter().process(tangled), StreamFilter().process(frames))
 
 
-def test_a_broken_number_in_an_unused_channel_does_no_harm() -> None:
+def test_a_broken_number_in_an_unused_channel_does_no_harm():
     frames = random_frames(400)
     expected = StreamFilter(ModellingSettings(axis="z")).process(frames)
     frames["acceleration_m_s2"][200, 0] = np.nan
@@ -285,20 +277,20 @@ def test_a_broken_number_in_an_unused_channel_does_no_harm() -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1, 11, 12])
-def test_few_frames(count: int) -> None:
+def test_few_frames(count):
     aligned = StreamFilter(ModellingSettings(axis="dft321")).process(random_frames(count))
     assert len(aligned) == max(0, count - 11)
     assert aligned.position_mm.shape == (len(aligned), 3)
     assert aligned.vibration_m_s2.shape == (len(aligned), 1, 3)
 
 
-def test_all_broken_gives_nothing() -> None:
+def test_all_broken_gives_nothing():
     frames = random_frames(300)
     frames["position_mm"] = np.nan
     assert len(StreamFilter().process(frames)) == 0
 
 
-def test_a_teleporting_position_is_bounded_and_passes() -> None:
+def test_a_teleporting_position_is_bounded_and_passes():
     frames = make_frames(1000)
     frames["position_mm"][500:, 0] = LARGEST_MEASUREMENT
     aligned = StreamFilter().process(frames)
@@ -306,7 +298,7 @@ def test_a_teleporting_position_is_bounded_and_passes() -> None:
     assert aligned.speed_mm_s[800:].max() < 1.0
 
 
-def test_slow_strokes_stay_steady_with_quantised_position_and_noisy_force() -> None:
+def test_slow_strokes_stay_steady_with_quantised_position_and_noisy_force():
     generator = np.random.default_rng(4)
     for direction in np.radians([0.0, 3.0, 45.0]):
         frames = make_frames(3000)
@@ -321,6 +313,6 @@ def test_slow_strokes_stay_steady_with_quantised_position_and_noisy_force() -> N
         assert kept.speed_mm_s.mean() == pytest.approx(20.0, rel=0.01)
 
 
-def test_frames_without_a_channel_are_refused() -> None:
+def test_frames_without_a_channel_are_refused():
     with pytest.raises(InputError, match="frames without force"):
         StreamFilter().process(empty_frames(3, ["position", "acceleration"]))

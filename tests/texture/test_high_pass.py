@@ -21,7 +21,7 @@ from mmt.texture.field.posterior import LevelField
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.methods import method_of
 from mmt.texture.segmentation.segments import Segment
-from mmt.texture.settings import Method, ModellingSettings
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ, butterworth_high_pass
 from mmt.texture.signals.high_pass import gain_without_high_pass, without_high_pass
 from mmt.texture.space import TextureSamples
@@ -97,7 +97,7 @@ def test_smoothed_fits_are_of_the_vibration_before_the_filter_and_measured_ones_
     low_hz = np.arange(10.0, 16.0)
     truth = lsf_spectrum(reflection_to_lsf(FLAT), np.ones(1), low_hz, 1000.0).mean()
     off_db = {}
-    methods: tuple[Method, ...] = ("published", "field")
+    methods = ("published", "field")
     for method in methods:
         by = method_of(ModellingSettings(method=method, order=8))
         fits = by.add(segments, itertools.count())

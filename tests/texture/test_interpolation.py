@@ -10,29 +10,29 @@ from hypothesis.extra import numpy as hnp
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
-from mmt.texture.interpolation.delaunay import Triangulation, locate, triangulate
+from mmt.texture.interpolation.delaunay import locate, triangulate
 
 DIMENSIONS = pytest.mark.parametrize("dimensions", [2, 3])
 START = np.array([0.37, 0.81, 0.2])
 
 
-def corners_of(dimensions: int) -> np.ndarray:
+def corners_of(dimensions):
     return np.array(list(product((0.0, 1.0), repeat=dimensions)))
 
 
-def cloud(seed: int, count: int, dimensions: int) -> np.ndarray:
+def cloud(seed, count, dimensions):
     inside = np.random.default_rng(seed).random((count, dimensions))
     return np.vstack([corners_of(dimensions), inside])
 
 
-def interpolated(mesh: Triangulation, values: np.ndarray, queries: np.ndarray) -> np.ndarray:
+def interpolated(mesh, values, queries):
     corners, weights = mesh.weights(queries)
     return np.einsum("kc,kcv->kv", weights, values[corners])
 
 
 @DIMENSIONS
 @pytest.mark.parametrize("count", [0, 1, 5, 400])
-def test_agrees_with_scipy(count: int, dimensions: int) -> None:
+def test_agrees_with_scipy(count, dimensions):
     points = cloud(3, count, dimensions)
     values = np.random.default_rng(4).standard_normal((len(points), 3))
     queries = np.random.default_rng(5).random((500, dimensions))
@@ -50,9 +50,7 @@ def test_agrees_with_scipy(count: int, dimensions: int) -> None:
     hnp.arrays(np.float64, (7, 3), elements=st.floats(0.0, 1.0, width=32)),
     hnp.arrays(np.float64, (20, 3), elements=st.floats(-1.0, 2.0, width=32)),
 )
-def test_weights_are_convex_and_reproduce_the_point(
-    dimensions: int, digits: int, points: np.ndarray, queries: np.ndarray
-) -> None:
+def test_weights_are_convex_and_reproduce_the_point(dimensions, digits, points, queries):
     points, queries = points[:, :dimensions], queries[:, :dimensions]
     vertices = np.vstack([corners_of(dimensions), np.round(points, digits)])
     mesh = triangulate(np.unique(vertices, axis=0))
@@ -63,7 +61,7 @@ def test_weights_are_convex_and_reproduce_the_point(
     np.testing.assert_allclose(found, np.clip(queries, 0, 1), atol=1e-6)
 
 
-def test_vertices_and_edges_are_found_exactly() -> None:
+def test_vertices_and_edges_are_found_exactly():
     mesh = triangulate(cloud(7, 30, 2))
     edge = np.column_stack([np.linspace(0, 1, 101), np.zeros(101)])
     for queries in (mesh.points, edge):
@@ -71,7 +69,7 @@ def test_vertices_and_edges_are_found_exactly() -> None:
         np.testing.assert_allclose(found, queries, atol=1e-12)
 
 
-def test_values_are_continuous_across_faces() -> None:
+def test_values_are_continuous_across_faces():
     mesh = triangulate(cloud(6, 60, 3))
     values = np.random.default_rng(7).standard_normal((len(mesh.points), 1))
     generator = np.random.default_rng(8)
@@ -90,7 +88,7 @@ def test_values_are_continuous_across_faces() -> None:
 
 @DIMENSIONS
 @pytest.mark.parametrize("start", [-5, 0, 10**6])
-def test_any_start_leads_to_the_simplex(start: int, dimensions: int) -> None:
+def test_any_start_leads_to_the_simplex(start, dimensions):
     mesh, point = triangulate(cloud(8, 200, dimensions)), START[:dimensions].copy()
     weights = np.empty(dimensions + 1)
     simplex = locate(mesh.points, mesh.triangles, start, point, weights)
@@ -99,7 +97,7 @@ def test_any_start_leads_to_the_simplex(start: int, dimensions: int) -> None:
 
 
 @pytest.mark.parametrize("side", [3, 5])
-def test_a_lattice_whose_tetrahedra_may_be_flat_is_covered(side: int) -> None:
+def test_a_lattice_whose_tetrahedra_may_be_flat_is_covered(side):
     ticks = np.linspace(0.0, 1.0, side)
     lattice = np.stack(np.meshgrid(ticks, ticks, ticks), axis=-1).reshape(-1, 3)
     mesh = triangulate(lattice)

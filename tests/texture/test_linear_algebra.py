@@ -6,7 +6,6 @@ import scipy.linalg
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.core.arrays import FloatArray
 from mmt.texture.linear_algebra import (
     cholesky,
     condition,
@@ -20,7 +19,7 @@ EPSILON = np.finfo(float).eps
 SIZES = [0, 1, 2, 7, 8, 9, 15, 16, 17, 64, 101, 230]
 
 
-def covariance(size: int, seed: int = 0, noise: float = 0.1) -> FloatArray:
+def covariance(size, seed=0, noise=0.1):
     """Return the covariance (n, n) of a smooth process at random points."""
     at = np.random.default_rng(seed).random((size, 2))
     apart = np.square(at[:, None] - at[None]).sum(axis=2)
@@ -28,7 +27,7 @@ def covariance(size: int, seed: int = 0, noise: float = 0.1) -> FloatArray:
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_the_factor_is_that_of_lapack(size: int) -> None:
+def test_the_factor_is_that_of_lapack(size):
     matrix = covariance(size)
     factor = cholesky(matrix)
     np.testing.assert_allclose(np.triu(factor).T, np.linalg.cholesky(matrix), atol=1e-13)
@@ -37,7 +36,7 @@ def test_the_factor_is_that_of_lapack(size: int) -> None:
 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("count", [0, 1, 5])
-def test_systems_are_solved_as_lapack_solves_them(size: int, count: int) -> None:
+def test_systems_are_solved_as_lapack_solves_them(size, count):
     matrix = covariance(size)
     right = np.random.default_rng(1).normal(size=(count, size))
     upper = np.linalg.cholesky(matrix).T
@@ -49,9 +48,7 @@ def test_systems_are_solved_as_lapack_solves_them(size: int, count: int) -> None
 
 
 @given(size=st.integers(1, 40), seed=st.integers(0, 99), logarithm=st.floats(-300.0, 300.0))
-def test_the_factor_has_the_errors_that_rounding_allows(
-    size: int, seed: int, logarithm: float
-) -> None:
+def test_the_factor_has_the_errors_that_rounding_allows(size, seed, logarithm):
     matrix = covariance(size, seed, noise=1e-13) * 10.0**logarithm  # nearly singular
     upper = np.triu(cholesky(matrix))
     error = np.abs(upper.T @ upper - matrix).max()
@@ -59,7 +56,7 @@ def test_the_factor_has_the_errors_that_rounding_allows(
 
 
 @given(size=st.integers(1, 40), seed=st.integers(0, 99), count=st.integers(1, 6))
-def test_a_row_is_solved_alike_alone_and_among_others(size: int, seed: int, count: int) -> None:
+def test_a_row_is_solved_alike_alone_and_among_others(size, seed, count):
     factor = cholesky(covariance(size, seed))
     rows = np.random.default_rng(seed).normal(size=(count, size))
     for solve in (solve_forward, solve_backward):
@@ -68,7 +65,7 @@ def test_a_row_is_solved_alike_alone_and_among_others(size: int, seed: int, coun
             np.testing.assert_array_equal(solve(factor, row), solved)
 
 
-def test_arguments_stay_as_they_were() -> None:
+def test_arguments_stay_as_they_were():
     matrix, rows = covariance(9), np.ones((2, 9))
     before = matrix.copy()
     factor = cholesky(matrix)
@@ -79,7 +76,7 @@ def test_arguments_stay_as_they_were() -> None:
 
 @pytest.mark.parametrize("size", [1, 8, 20])
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -1.0, 0.0])
-def test_what_is_not_positive_definite_has_no_factor(size: int, bad: float) -> None:
+def test_what_is_not_positive_definite_has_no_factor(size, bad):
     matrix = covariance(size)
     matrix[-1, -1] = bad
     with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):
@@ -91,9 +88,7 @@ def test_what_is_not_positive_definite_has_no_factor(size: int, bad: float) -> N
     seed=st.integers(0, 99),
     transposed=st.booleans(),
 )
-def test_a_product_is_that_of_numpy(
-    shape: tuple[int, int, int], seed: int, transposed: bool
-) -> None:
+def test_a_product_is_that_of_numpy(shape, seed, transposed):
     rows, inner, columns = shape
     rng = np.random.default_rng(seed)
     a, b = rng.normal(size=(rows, inner)), rng.normal(size=(inner, columns))
@@ -103,9 +98,7 @@ def test_a_product_is_that_of_numpy(
 
 
 @given(size=st.integers(0, 40), count=st.integers(0, 3), seed=st.integers(0, 99))
-def test_observations_say_what_the_inverse_of_their_covariance_says(
-    size: int, count: int, seed: int
-) -> None:
+def test_observations_say_what_the_inverse_of_their_covariance_says(size, count, seed):
     rng = np.random.default_rng(seed)
     priors = np.array([covariance(size, seed + each) for each in range(count)])
     priors = priors.reshape(count, size, size)
@@ -121,7 +114,7 @@ def test_observations_say_what_the_inverse_of_their_covariance_says(
     np.testing.assert_array_equal(log_evidence(priors, errors, rest), evidence)
 
 
-def test_a_prior_that_is_no_covariance_is_refused() -> None:
+def test_a_prior_that_is_no_covariance_is_refused():
     priors = np.array([covariance(9), -covariance(9)])
     with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):
         log_evidence(priors, np.full(9, 0.1), np.ones(9))

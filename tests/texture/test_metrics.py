@@ -139,7 +139,7 @@ def test_power_errors_with_zeros():
     assert power_error_db(np.ones((2, 3)), 1.0).shape == (2, 3)
 
 
-def test_the_expected_amplitude_is_the_mean_of_welch_over_realisations() -> None:
+def test_the_expected_amplitude_is_the_mean_of_welch_over_realisations():
     ar, variance = np.array([-1.6, 0.95]), 0.7
     density = ar_spectrum(ar[None], np.array([variance]), np.arange(501.0), 1000.0)
     expected = expected_amplitude(density)[0]
@@ -149,7 +149,7 @@ def test_the_expected_amplitude_is_the_mean_of_welch_over_realisations() -> None
     np.testing.assert_allclose(measured, expected, rtol=0.04)
 
 
-def test_the_expected_amplitude_of_white_noise_is_flat_and_keeps_its_power() -> None:
+def test_the_expected_amplitude_of_white_noise_is_flat_and_keeps_its_power():
     amplitude = expected_amplitude(np.full((2, 501), 0.01))
     np.testing.assert_allclose(amplitude[:, 1:-1], 0.1, rtol=1e-12)
     np.testing.assert_allclose(amplitude[:, [0, -1]], 0.1 / np.sqrt(2), rtol=1e-12)

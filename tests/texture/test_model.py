@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,34 +8,33 @@ from scipy.signal import welch
 
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import lsf_to_ar
-from mmt.texture.model.texture_model import TextureModel, TextureSamples
-from mmt.texture.settings import Method
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space import ISOTROPIC
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 FREQUENCIES_HZ = np.linspace(10, 490, 97)
 
 
-def make_samples(speed: list[float], force: list[float]) -> TextureSamples:
+def make_samples(speed, force):
     return fitted(np.column_stack([speed, force]))
 
 
-def scattered(count: int, order: int = 8) -> TextureSamples:
+def scattered(count, order=8):
     return fitted(strokes_in(ISOTROPIC, count, count), order=order)
 
 
-def published(samples: TextureSamples) -> TextureModel:
+def published(samples):
     return TextureModel(samples, method="published")
 
 
-def test_a_sample_is_reproduced_at_its_own_point() -> None:
+def test_a_sample_is_reproduced_at_its_own_point():
     samples = scattered(15)
     lsf, variance = published(samples).at(samples.speed_mm_s, samples.force_n)
     np.testing.assert_allclose(lsf, samples.lsf, atol=1e-10)
     np.testing.assert_allclose(variance, samples.variance, rtol=1e-9)
 
 
-def test_variance_and_frequencies_are_linear_between_samples() -> None:
+def test_variance_and_frequencies_are_linear_between_samples():
     samples = make_samples([100, 200], [1.5, 1.5])
     shares = np.linspace(0, 1, 11)
     lsf, variance = published(samples).at(100 + 100 * shares, np.full(11, 1.5))
@@ -46,14 +43,14 @@ def test_variance_and_frequencies_are_linear_between_samples() -> None:
 
 
 @pytest.mark.parametrize("method", ["field", "published"])
-def test_no_vibration_without_speed_or_force(method: Method) -> None:
+def test_no_vibration_without_speed_or_force(method):
     model = TextureModel(scattered(20), method=method)
     for speed, force in [(0.0, 1.0), (150.0, 0.0), (0.0, 0.0), (np.nan, 1.0), (-50.0, 1.0)]:
         _, variance = model.at(speed, force)
         assert variance[0] == 0.0
 
 
-def test_the_maximum_edges_copy_their_nearest_sample() -> None:
+def test_the_maximum_edges_copy_their_nearest_sample():
     samples = make_samples([150], [1.5])
     model = published(samples)
     lsf, variance = model.at([300.0, 300.0, 900.0], [3.0, 1.8, 70.0])
@@ -76,9 +73,7 @@ def test_the_maximum_edges_copy_their_nearest_sample() -> None:
     ],
     ids="one two collinear repeated coincident near corners outside on-edge".split(),  # noqa: SIM905
 )
-def test_degenerate_sample_sets_give_a_finite_stable_model(
-    speed: list[float], force: list[float]
-) -> None:
+def test_degenerate_sample_sets_give_a_finite_stable_model(speed, force):
     model = published(make_samples(speed, force))
     grid_speed, grid_force = np.meshgrid(np.linspace(0, 300, 31), np.linspace(0, 3, 31))
     lsf, variance = model.at(grid_speed.ravel(), grid_force.ravel())
@@ -87,13 +82,13 @@ def test_degenerate_sample_sets_give_a_finite_stable_model(
     assert (np.diff(lsf, axis=1, prepend=0.0, append=np.pi) > 0).all()
 
 
-def test_repeated_samples_become_one_vertex_with_their_mean() -> None:
+def test_repeated_samples_become_one_vertex_with_their_mean():
     samples = make_samples([120.0, 120.0], [1.2, 1.2])
     lsf, _ = published(samples).at(120.0, 1.2)
     np.testing.assert_allclose(lsf[0], samples.lsf.mean(axis=0), atol=1e-12)
 
 
-def test_spectrum_is_the_filters() -> None:
+def test_spectrum_is_the_filters():
     model = TextureModel(scattered(9))
     lsf, variance = model.at(130.0, 1.1)
     ar = np.concatenate([[1.0], lsf_to_ar(lsf)[0]])
@@ -105,7 +100,7 @@ def test_spectrum_is_the_filters() -> None:
     )
 
 
-def test_the_model_cannot_be_changed() -> None:
+def test_the_model_cannot_be_changed():
     samples = scattered(5)
     model = published(samples)
     for array in (model.samples.lsf, model.points):
@@ -116,7 +111,7 @@ def test_the_model_cannot_be_changed() -> None:
     np.testing.assert_array_equal(model.at(100.0, 1.0)[0], before)
 
 
-def test_a_bad_file_is_explained(tmp_path: Path) -> None:
+def test_a_bad_file_is_explained(tmp_path):
     path = tmp_path / "model.npz"
     with pytest.raises(InputError, match="No such file"):
         TextureModel.load(path)
@@ -135,7 +130,7 @@ def test_a_bad_file_is_explained(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("apart", [1e-15, 1e-12, 1e-9])
-def test_samples_beside_each_other_are_one_vertex_wherever_they_lie(apart: float) -> None:
+def test_samples_beside_each_other_are_one_vertex_wherever_they_lie(apart):
     centres = (np.round(np.random.default_rng(2).uniform(0.1, 0.9, (20, 2)) * 1e6) + 0.5) / 1e6
     around = 0.5 * apart * np.array([(-1, 0), (1, 0), (0, 1), (0, -1)])
     points = (centres[:, None, :] + around).reshape(-1, 2)
@@ -147,7 +142,7 @@ def test_samples_beside_each_other_are_one_vertex_wherever_they_lie(apart: float
 
 
 @pytest.mark.parametrize("inside", [1e-16, 1e-12, 1e-9, 1e-7])
-def test_samples_beside_an_edge_lie_on_it(inside: float) -> None:
+def test_samples_beside_an_edge_lie_on_it(inside):
     near = 1.0 - inside
     model = published(
         make_samples([300 * near, 300 * near, 100.0, 0.0], [3 * near, 1.1, 3 * near, 3 * inside])
@@ -168,9 +163,7 @@ def test_samples_beside_an_edge_lie_on_it(inside: float) -> None:
     st.sampled_from([1, 7, 10, 100]),
     st.integers(0, 2**32),
 )
-def test_the_output_does_not_depend_on_the_block_size(
-    blocks: list[int], renewal: int, seed: int
-) -> None:
+def test_the_output_does_not_depend_on_the_block_size(blocks, renewal, seed):
     model = TextureModel(scattered(12))
     count = sum(blocks)
     generator = np.random.default_rng(1)
@@ -188,7 +181,7 @@ def test_the_output_does_not_depend_on_the_block_size(
     np.testing.assert_array_equal(whole, joined)
 
 
-def test_the_rendered_spectrum_is_the_models() -> None:
+def test_the_rendered_spectrum_is_the_models():
     model = TextureModel(scattered(12))
     count = 120_000
     output = Synthesizer(model, seed=3, limit_m_s2=1e6).render(
@@ -201,7 +194,7 @@ def test_the_rendered_spectrum_is_the_models() -> None:
     assert np.sqrt(np.mean(error_db**2)) < 0.6
 
 
-def test_silent_at_rest_and_exactly_so_soon_after() -> None:
+def test_silent_at_rest_and_exactly_so_soon_after():
     synthesizer = Synthesizer(TextureModel(scattered(12)), seed=1)
     synthesizer.render(np.full(500, 150.0), np.full(500, 1.5))
     after = synthesizer.render(np.zeros(400), np.full(400, 1.5))
@@ -211,7 +204,7 @@ def test_silent_at_rest_and_exactly_so_soon_after() -> None:
     assert (synthesizer.render(np.full(300, 150.0), np.zeros(300))[250:] == 0.0).all()
 
 
-def test_without_a_model_it_is_silent() -> None:
+def test_without_a_model_it_is_silent():
     synthesizer = Synthesizer(seed=1)
     assert (synthesizer.render(np.full(50, 150.0), np.full(50, 1.5)) == 0.0).all()
     synthesizer.model = TextureModel(scattered(12))
@@ -220,7 +213,7 @@ def test_without_a_model_it_is_silent() -> None:
     assert (synthesizer.render(np.full(400, 150.0), np.full(400, 1.5))[-100:] == 0.0).all()
 
 
-def test_bounded_while_filters_and_models_are_swapped() -> None:
+def test_bounded_while_filters_and_models_are_swapped():
     generator = np.random.default_rng(9)
     models = [stiff(9), published(scattered(9, order=3))]
     synthesizer = Synthesizer(models[0], seed=2, limit_m_s2=40.0)
@@ -231,7 +224,7 @@ def test_bounded_while_filters_and_models_are_swapped() -> None:
         assert np.abs(output).max() <= 40.0
 
 
-def test_bad_inputs_are_silence() -> None:
+def test_bad_inputs_are_silence():
     synthesizer = Synthesizer(TextureModel(scattered(12)), seed=1)
     bad = np.array([np.nan, -5.0, -np.inf] * 10)
     assert (synthesizer.render(bad, np.full(30, 1.0)) == 0.0).all()

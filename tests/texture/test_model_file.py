@@ -15,19 +15,19 @@ from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import lsf_to_ar
 from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.model.texture_model import TextureModel, load_model
-from mmt.texture.space import ANISOTROPIC, ISOTROPIC, InputSpace, TextureSamples
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC
 from mmt.texture.touch_down.transient import Law, Transient
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "model-file.md"
 
 
-def make_samples(space: InputSpace, count: int) -> TextureSamples:
+def make_samples(space, count):
     return fitted(strokes_in(space, count, 1), space, order=6)
 
 
 @pytest.mark.parametrize("method", ["field", "published"])
 @pytest.mark.parametrize("space", [ISOTROPIC, ANISOTROPIC], ids=lambda space: space.name)
-def test_a_loaded_model_is_the_saved_one_to_the_bit(space, method) -> None:
+def test_a_loaded_model_is_the_saved_one_to_the_bit(space, method):
     model = TextureModel(make_samples(space, 40), method=method)
     again = TextureModel.from_bytes(model.to_bytes())
     assert (again.method, again.space) == (method, space)
@@ -38,13 +38,13 @@ def test_a_loaded_model_is_the_saved_one_to_the_bit(space, method) -> None:
 
 
 @pytest.mark.parametrize("name", ["oak", "felt"])
-def test_the_pages_code_gives_a_published_models_own_values(name, monkeypatch, tmp_path) -> None:
+def test_the_pages_code_gives_a_published_models_own_values(name, monkeypatch, tmp_path):
     """Where the network's frequencies are valid as they are, and its level within bounds."""
     path = tmp_path / "model.npz"
     model = TextureModel(load_model(name).samples, method="published")
     model.save(path)
     monkeypatch.setattr(sys, "argv", ["read.py", str(path)])
-    names: dict[str, object] = {"print": lambda *values: None}
+    names = {"print": lambda *values: None}
     for block in re.findall(r"^```python\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL):
         assert "mmt" not in block
         exec(compile(block, str(PAGE), "exec"), names)
@@ -64,7 +64,7 @@ def test_the_pages_code_gives_a_published_models_own_values(name, monkeypatch, t
     np.testing.assert_allclose(names["filter_of"](lsf[0])[1:], lsf_to_ar(lsf[:1])[0], atol=1e-12)
 
 
-def changed(data: bytes, **arrays) -> bytes:
+def changed(data, **arrays):
     """Return a file with some of its arrays replaced, None: removed."""
     with np.load(io.BytesIO(data)) as file:
         content = {name: file[name] for name in file.files} | arrays
@@ -88,9 +88,7 @@ def changed(data: bytes, **arrays) -> bytes:
     ],
 )
 @pytest.mark.parametrize("version", [2, 3, 6])
-def test_a_file_of_parts_is_read_as_the_method_that_comes_nearest(
-    space, parts, method, version
-) -> None:
+def test_a_file_of_parts_is_read_as_the_method_that_comes_nearest(space, parts, method, version):
     model = TextureModel(make_samples(space, 30), method=method)
     arrays = {name: np.array(value) for name, value in parts.items()}
     arrays |= {"trend_exponents": np.ones(2), "network_kernel": np.array(["linear", "cubic"])}
@@ -100,7 +98,7 @@ def test_a_file_of_parts_is_read_as_the_method_that_comes_nearest(
     assert again.to_bytes() == model.to_bytes()
 
 
-def test_blocks_of_a_file_are_used_with_smoothed_spectra_alone() -> None:
+def test_blocks_of_a_file_are_used_with_smoothed_spectra_alone():
     samples = make_samples(ISOTROPIC, 30)
     cells = FieldCells.from_blocks(samples.points, samples.power, np.arange(30))
     data = TextureModel(samples, field=cells).to_bytes()
@@ -110,7 +108,7 @@ def test_blocks_of_a_file_are_used_with_smoothed_spectra_alone() -> None:
         assert (TextureModel.from_bytes(older).field is not None) == used
 
 
-def test_a_model_of_version_1_is_read() -> None:
+def test_a_model_of_version_1_is_read():
     samples = make_samples(ISOTROPIC, 3)
     model = TextureModel(samples, method="published")
     older = changed(
@@ -132,13 +130,13 @@ def test_a_model_of_version_1_is_read() -> None:
         ({"format_version": 3}, "'interpolate' is missing"),
     ],
 )
-def test_a_file_without_a_method_is_explained(arrays, message) -> None:
+def test_a_file_without_a_method_is_explained(arrays, message):
     data = TextureModel(make_samples(ANISOTROPIC, 5)).to_bytes()
     with pytest.raises(InputError, match=message):
         TextureModel.from_bytes(changed(data, **arrays))
 
 
-def filed() -> bytes:
+def filed():
     """A model with all that a file can hold."""
     count = np.full(12, 400.0)
     samples = replace(
@@ -150,7 +148,7 @@ def filed() -> bytes:
     return TextureModel(samples, field=cells, touch_down=transient).to_bytes()
 
 
-def test_a_model_with_all_that_a_file_can_hold_comes_back() -> None:
+def test_a_model_with_all_that_a_file_can_hold_comes_back():
     model = TextureModel.from_bytes(filed())
     assert model.to_bytes() == filed()
     samples = model.samples
@@ -160,7 +158,7 @@ def test_a_model_with_all_that_a_file_can_hold_comes_back() -> None:
     assert samples.noise_power == 0.01
 
 
-def test_blocks_of_version_6_are_gathered_by_place_and_raised_by_what_is_felt() -> None:
+def test_blocks_of_version_6_are_gathered_by_place_and_raised_by_what_is_felt():
     log, felt = np.log(2.0), 2.0 + FELT_POWER
     parts = {"interpolate": "power", "interpolator": "delaunay", "shape": "smoothed"}
     older = {
@@ -170,7 +168,6 @@ def test_blocks_of_version_6_are_gathered_by_place_and_raised_by_what_is_felt() 
     }
     data = changed(filed(), format_version=6, method=None, field_moment_blocks=None, **older)
     field = TextureModel.from_bytes(data).field
-    assert field is not None
     assert (field.moment_blocks, field.keys[:, 3].tolist()) == (1, list(range(6)))
     np.testing.assert_array_equal(field.keys[:, :3], NUMBERS["field_cells"][:, :3])
     raised = [4.0, 4.0 * felt, 4.0 * np.log(felt), 4.0 * np.log(felt) ** 2]
@@ -190,7 +187,7 @@ def test_blocks_of_version_6_are_gathered_by_place_and_raised_by_what_is_felt() 
         ({"format_version": 0}, "version is 0"),
     ],
 )
-def test_what_does_not_fit_in_a_file_is_explained(arrays, message) -> None:
+def test_what_does_not_fit_in_a_file_is_explained(arrays, message):
     with pytest.raises(InputError, match=message):
         TextureModel.from_bytes(changed(filed(), **arrays))
 
@@ -200,7 +197,7 @@ with np.load(io.BytesIO(filed())) as _file:
 
 
 @pytest.mark.parametrize("name", NUMBERS)
-def test_an_array_of_another_kind_or_shape_is_refused(name) -> None:
+def test_an_array_of_another_kind_or_shape_is_refused(name):
     array = NUMBERS[name]
     for other in (array.astype(complex), array.astype(str), array > 0):
         with pytest.raises(InputError, match=f"({name}|lsf) is of .*: real numbers are needed"):
@@ -210,7 +207,7 @@ def test_an_array_of_another_kind_or_shape_is_refused(name) -> None:
 
 
 @pytest.mark.parametrize("name", NUMBERS)
-def test_a_number_that_is_none_is_refused_and_single_precision_is_read(name) -> None:
+def test_a_number_that_is_none_is_refused_and_single_precision_is_read(name):
     array = NUMBERS[name].astype(np.float64)
     for value in (np.nan, np.inf, -np.inf):
         wrong = array.copy()
@@ -223,7 +220,7 @@ def test_a_number_that_is_none_is_refused_and_single_precision_is_read(name) -> 
 
 
 @pytest.mark.parametrize("name", ["format_version", "field_cells", "field_moment_blocks"])
-def test_a_fraction_of_what_is_counted_is_refused(name) -> None:
+def test_a_fraction_of_what_is_counted_is_refused(name):
     wrong = NUMBERS[name] + 0.5
     with pytest.raises(InputError, match=r"must be whole numbers|format version is 7\.5"):
         TextureModel.from_bytes(changed(filed(), **{name: wrong}))

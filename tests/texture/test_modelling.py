@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import mmt.texture.online.modeller
-from mmt.core.arrays import RecordArray
 from mmt.core.frames import empty_frames
 from mmt.scene import Hand, Scene
 from mmt.testing.simulation.offline import simulate_session
@@ -16,31 +15,28 @@ from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import build, stream_blocks
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.updates import ModelUpdate
 from mmt.texture.segmentation.segments import SampleRange
-from mmt.texture.settings import Method, ModellingSettings
+from mmt.texture.settings import ModellingSettings
 
 FREQUENCIES_HZ = np.linspace(10, 490, 121)
 
 
 @pytest.fixture(scope="module")
-def frames() -> RecordArray:
+def frames():
     return simulate_session(Scene(), "plastic", 12.0, 1)[0]
 
 
-def feed(modeller: OnlineModeller, frames: RecordArray, block: int = 1000) -> list[ModelUpdate]:
+def feed(modeller, frames, block=1000):
     return [
         modeller.update(frames[start : start + block]) for start in range(0, len(frames), block)
     ]
 
 
-def test_it_models_a_known_surface_until_both_criteria_are_met(frames: RecordArray) -> None:
+def test_it_models_a_known_surface_until_both_criteria_are_met(frames):
     modeller = OnlineModeller()
     updates = feed(modeller, frames)
     assert [u.started for u in updates] == sorted(u.started for u in updates)
     assert updates[-1].stopped
-    assert modeller.completion.start_s is not None
-    assert modeller.completion.stop_s is not None
     assert modeller.completion.start_s < modeller.completion.stop_s <= 12.0
     assert modeller.model is not None
     expected = get_surface("plastic").spectrum(150.0, 1.5, FREQUENCIES_HZ).ravel()
@@ -50,7 +46,7 @@ def test_it_models_a_known_surface_until_both_criteria_are_met(frames: RecordArr
     assert np.sqrt(np.mean(error_db**2)) < 3.0
 
 
-def test_no_stretch_enters_twice(frames: RecordArray) -> None:
+def test_no_stretch_enters_twice(frames):
     modeller = OnlineModeller()
     feed(modeller, frames)
     ranges = sorted(modeller.fits)
@@ -58,16 +54,15 @@ def test_no_stretch_enters_twice(frames: RecordArray) -> None:
     assert all(a[1] <= b[0] for a, b in itertools.pairwise(ranges))
 
 
-def test_an_order_of_its_own(frames: RecordArray) -> None:
+def test_an_order_of_its_own(frames):
     for order in (1, 7, 64):
         modeller = OnlineModeller(ModellingSettings(order=order))
         updates = feed(modeller, frames)
         assert updates[-1].order == order
-        assert modeller.model is not None
         assert modeller.model.order == order
 
 
-def test_missing_and_broken_frames_are_not_modelled(frames: RecordArray) -> None:
+def test_missing_and_broken_frames_are_not_modelled(frames):
     hurt = frames[:9000].copy()
     hurt["acceleration_m_s2"][2000:2300] = np.nan
     hurt["force_n"][4000] = np.inf
@@ -76,7 +71,6 @@ def test_missing_and_broken_frames_are_not_modelled(frames: RecordArray) -> None
     keep[6000:6100] = False
     modeller = OnlineModeller()
     feed(modeller, hurt[keep])
-    assert modeller.model is not None
     assert np.isfinite(modeller.model.vertices).all()
     bad = [(2000, 2300), (6000, 6100)]  # single ones are bridged
     for start, stop in modeller.fits:
@@ -84,7 +78,7 @@ def test_missing_and_broken_frames_are_not_modelled(frames: RecordArray) -> None
 
 
 @pytest.mark.parametrize("value", [0.0, 9.81])
-def test_without_contact_or_motion_there_is_no_model(value: float) -> None:
+def test_without_contact_or_motion_there_is_no_model(value):
     still = empty_frames(3000)
     still["sequence"] = np.arange(3000)
     still["acceleration_m_s2"] = value
@@ -95,25 +89,22 @@ def test_without_contact_or_motion_there_is_no_model(value: float) -> None:
     assert not update.started
 
 
-def test_a_surface_that_is_not_felt_gives_a_silent_model(frames: RecordArray) -> None:
+def test_a_surface_that_is_not_felt_gives_a_silent_model(frames):
     silent = frames.copy()
     noise = np.random.default_rng(1).normal(0.0, 1e-3, silent["acceleration_m_s2"].shape)
     silent["acceleration_m_s2"] = 9.81 + noise
     update = feed(OnlineModeller(), silent)[-1]
-    assert update.model is not None
     assert update.stopped
     assert update.model.level_db(150.0, 1.5)[0][0] < -30.0
 
 
-def test_an_empty_block_changes_nothing() -> None:
+def test_an_empty_block_changes_nothing():
     update = OnlineModeller().update(empty_frames(0))
     assert update.samples == 0
     assert update.time_s == 0.0
 
 
-def test_a_model_that_is_never_complete_stays_small_and_spread(
-    frames: RecordArray, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_model_that_is_never_complete_stays_small_and_spread(frames, monkeypatch):
     settings = ModellingSettings(method="published", start_distance=0.1, stop_distance=0.1)
     whole = OnlineModeller(settings)
     feed(whole, frames)
@@ -124,18 +115,16 @@ def test_a_model_that_is_never_complete_stays_small_and_spread(
     assert max(update.samples for update in updates) == 15
     assert sum(update.removed for update in updates) >= len(whole.fits) - 15
     assert closest(small) > closest(whole)
-    assert whole.model is not None
     assert small.completion.progress.value < distance_sum(whole.model.points[-15:])
 
 
-def closest(modeller: OnlineModeller) -> float:
-    assert modeller.model is not None
+def closest(modeller):
     points = modeller.model.points
     distances = np.linalg.norm(points[:, None] - points[None], axis=-1)
     return float(distances[~np.eye(len(points), dtype=bool)].min())
 
 
-def test_of_two_samples_at_one_point_the_older_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_two_samples_at_one_point_the_older_leaves(monkeypatch):
     monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 4)
     to_and_fro = empty_frames(12_000)
     to_and_fro["sequence"] = np.arange(12_000)
@@ -150,13 +139,12 @@ def test_of_two_samples_at_one_point_the_older_leaves(monkeypatch: pytest.Monkey
     assert sorted(stops)[1] > 6000
 
 
-def test_strokes_in_all_directions_give_a_model_of_velocity() -> None:
+def test_strokes_in_all_directions_give_a_model_of_velocity():
     scene = Scene(hand=Hand(headings="all"))
     frames, _ = simulate_session(scene, "oak", 20.0, 1)
     modeller = OnlineModeller(ModellingSettings(inputs="anisotropic"))
     updates = feed(modeller, frames)
     assert modeller.completion.start_s is not None, "20 s are enough to start"
-    assert modeller.model is not None
     samples = modeller.model.samples
     assert samples.space.directed
     assert samples.inputs.shape == (updates[-1].samples, 3)
@@ -166,30 +154,27 @@ def test_strokes_in_all_directions_give_a_model_of_velocity() -> None:
     assert modeller.model.at(100.0, 100.0, 1.5)[1].min() > 0.0
 
 
-def test_a_network_is_modelled_from_update_to_update(frames: RecordArray) -> None:
+def test_a_network_is_modelled_from_update_to_update(frames):
     modeller = OnlineModeller(ModellingSettings(method="published", inputs="anisotropic"))
     for update in feed(modeller, frames):
-        assert update.model is not None
         assert update.model.interpolant.is_network
         _, variance = update.model.at([0.0, 150.0, 300.0], 0.0, [1.0, 1.5, 3.0])
         assert variance[0] == 0.0
         assert (variance[1:] > 0.0).all()
     expected = get_surface("plastic").power(150.0, 1.5)[0]
-    lsf, variance = modeller.model.at(150.0, 0.0, 1.5)  # type: ignore[union-attr]
+    lsf, variance = modeller.model.at(150.0, 0.0, 1.5)
     power = output_power(variance, lsf_to_reflection(lsf))[0]
     assert 0.5 < power / expected < 2.0
 
 
-def models_alive() -> int:
+def models_alive():
     gc.collect()
     # by type: to ask a weak proxy of another test for its class may fail
     return sum(type(each) is TextureModel for each in gc.get_objects())
 
 
 @pytest.mark.parametrize("method", ["field", "published"])
-def test_a_history_makes_a_model_when_it_is_asked_for_as_the_live_leader_had_it(
-    frames: RecordArray, method: Method
-) -> None:
+def test_a_history_makes_a_model_when_it_is_asked_for_as_the_live_leader_had_it(frames, method):
     blocks = list(stream_blocks([frames], 1000))
     before = models_alive()
     settings = ModellingSettings(method=method)
@@ -211,9 +196,7 @@ def test_a_history_makes_a_model_when_it_is_asked_for_as_the_live_leader_had_it(
 
 
 @pytest.mark.parametrize("method", ["field", "published"])
-def test_what_is_held_out_is_in_no_model_and_all_else_is(
-    frames: RecordArray, method: Method
-) -> None:
+def test_what_is_held_out_is_in_no_model_and_all_else_is(frames, method):
     blocks, settings = list(stream_blocks([frames], 1000)), ModellingSettings(method=method)
     history = build(blocks, settings)
     nothing = history.log.without([])
@@ -224,8 +207,6 @@ def test_what_is_held_out_is_in_no_model_and_all_else_is(
     whole = history.model(last)
     held_out = [segment.span for segment in history.finished[2:5]]
     left = history.log.without(held_out).model(last)
-    assert whole is not None
-    assert left is not None
     kept = {sample.tobytes() for sample in left.samples.lsf}
     assert len(whole.samples) - 3 == len(left.samples)
     assert kept < {sample.tobytes() for sample in whole.samples.lsf}

@@ -8,14 +8,14 @@ from mmt.texture.autoregression.forms import reflection_to_ar
 from mmt.texture.autoregression.moving_average import all_pole
 
 
-def random_filter(seed: int, poles: int, zeros: int) -> tuple[np.ndarray, np.ndarray]:
+def random_filter(seed, poles, zeros):
     generator = np.random.default_rng(seed)
     ar = reflection_to_ar(generator.uniform(-0.9, 0.9, poles))
     ma = np.append(1.0, reflection_to_ar(generator.uniform(-0.7, 0.7, zeros))) if zeros else [1.0]
     return ar, generator.uniform(0.1, 10.0) * np.asarray(ma)
 
 
-def test_poles_alone_stay_what_they_are() -> None:
+def test_poles_alone_stay_what_they_are():
     filters = [random_filter(seed, 6, 0) for seed in range(5)]
     ar = np.array([a for a, _ in filters])
     found = all_pole(ar, np.ones((5, 1)), np.arange(1.0, 6.0))
@@ -25,7 +25,7 @@ def test_poles_alone_stay_what_they_are() -> None:
 
 
 @pytest.mark.parametrize("zeros", [2, 4])
-def test_the_spectrum_is_near_that_with_zeros(zeros: int) -> None:
+def test_the_spectrum_is_near_that_with_zeros(zeros):
     filters = [random_filter(seed, 6, zeros) for seed in range(8)]
     ar, ma = (np.array([pair[end] for pair in filters]) for end in (0, 1))
     found = all_pole(ar, ma, np.full(8, 2.0))
@@ -40,14 +40,14 @@ def test_the_spectrum_is_near_that_with_zeros(zeros: int) -> None:
     assert found.reflection.shape[1] > 6
 
 
-def test_a_zero_on_the_unit_circle_is_as_near_as_64_poles_come() -> None:
+def test_a_zero_on_the_unit_circle_is_as_near_as_64_poles_come():
     found = all_pole(np.array([[0.5]]), np.array([[1.0, 0.0, 1.0]]), np.ones(1))
     assert found.reflection.shape == (1, 64)
     assert 0.1 < found.error_db[0] < 3.0
     assert (np.abs(found.reflection) < 1.0).all()
 
 
-def test_all_filters_get_one_order() -> None:
+def test_all_filters_get_one_order():
     plain, hard = random_filter(1, 4, 2), random_filter(2, 4, 2)
     ar = np.array([plain[0], hard[0]])
     together = all_pole(ar, np.array([[1.0, 0, 0], hard[1]]), np.ones(2))
@@ -55,7 +55,7 @@ def test_all_filters_get_one_order() -> None:
     assert together.reflection.shape[1] == alone.reflection.shape[1]
 
 
-def test_power_is_kept() -> None:
+def test_power_is_kept():
     ar, ma = random_filter(3, 5, 3)
     found = all_pole(ar[None], ma[None], np.full(1, 4.0))
     power = found.variance / np.prod(1.0 - found.reflection**2, axis=1)

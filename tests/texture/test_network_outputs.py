@@ -17,13 +17,13 @@ ANY = st.floats(allow_nan=True, allow_infinity=True)
 NEAR = st.floats(-1.0, 5.0)
 
 
-def bounds(count: int, gap: float, low: float = 0.0, high: float = np.pi):
+def bounds(count, gap, low=0.0, high=np.pi):
     """Return the widest bounds, each a gap apart."""
     steps = gap * np.arange(count)
     return low + gap + steps, high - gap * count + steps
 
 
-def valid(lsf, gap: float, lowest=None, highest=None) -> np.ndarray:
+def valid(lsf, gap, lowest=None, highest=None):
     moved = np.array(lsf, dtype=float)
     if lowest is None:
         lowest, highest = bounds(len(moved), gap)

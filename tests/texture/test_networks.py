@@ -10,7 +10,7 @@ from mmt.texture.interpolation.network_solving import RadialBasisNetwork
 from mmt_methods.selection.published import NetworkNeighbours
 
 
-def scattered(count: int, dimensions: int, outputs: int = 4, seed: int = 0):
+def scattered(count, dimensions, outputs=4, seed=0):
     generator = np.random.default_rng(seed)
     points = generator.random((count, dimensions))
     return points, np.sin(3.0 * points @ generator.standard_normal((dimensions, outputs)))

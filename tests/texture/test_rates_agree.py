@@ -1,7 +1,6 @@
 """A model of another rate is resampled and a recording of one refused: no pitch is changed."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,15 +14,13 @@ from mmt.scene.files import scene_from_tables
 from mmt.texture.model.texture_model import TextureModel
 
 
-def model_of(rate_hz: float) -> TextureModel:
+def model_of(rate_hz):
     shipped = mmt.load_model("oak")
     return TextureModel(shipped.samples, method="published", rate_hz=rate_hz)
 
 
 @pytest.mark.parametrize("rate_hz", [500.0, 2000.0])
-async def test_every_way_into_a_session_resamples_a_model_of_another_rate(
-    rate_hz: float, tmp_path: Path
-) -> None:
+async def test_every_way_into_a_session_resamples_a_model_of_another_rate(rate_hz, tmp_path):
     model = model_of(rate_hz)
     file = tmp_path / "other.npz"
     model.save(file)
@@ -37,11 +34,10 @@ async def test_every_way_into_a_session_resamples_a_model_of_another_rate(
             "rendering": {"model": str(file)},
         }
     )
-    told: list[str] = []
+    told = []
     session = Session(scene, told.append)
     saved, shared = SynthesizingPart.build(session), SynthesizingPart.build(session)
     assert saved is not None
-    assert shared is not None
     shared.synthesizer.model = None
     ModelOutput(session, synthesizing=saved).begin()
     await ModelOutput(session, synthesizing=shared).use_shared(model, None)
@@ -55,7 +51,7 @@ async def test_every_way_into_a_session_resamples_a_model_of_another_rate(
         assert np.sqrt(np.mean((10.0 * np.log10(played / wanted)) ** 2)) < 2.0
 
 
-def test_frames_stamped_at_another_rate_are_refused() -> None:
+def test_frames_stamped_at_another_rate_are_refused():
     frames, truth = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=3.0)
     mmt.build_model(frames)
     slow = frames.copy()

@@ -1,13 +1,10 @@
 """Raw frames, fed to the stream filter and the modeller: the right result, or an error."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import SEQUENCES
 from mmt.scene import Scene
@@ -22,23 +19,22 @@ SETTINGS = ModellingSettings(order=6)
 
 
 @pytest.fixture(scope="module")
-def stroked() -> RecordArray:
+def stroked():
     return simulate_session(Scene(), surface="wood", duration_s=5.0)[0]
 
 
-def modelled(frames: RecordArray, period: int = 1000) -> OnlineModeller:
+def modelled(frames, period=1000):
     modeller = OnlineModeller(SETTINGS)
     for start in range(0, len(frames), period):
         modeller.update(frames[start : start + period])
     return modeller
 
 
-def contents(modeller: OnlineModeller) -> bytes:
-    assert modeller.model is not None
+def contents(modeller):
     return modeller.model.to_bytes()
 
 
-def test_numbers_that_wrap_give_the_same_model(stroked: RecordArray) -> None:
+def test_numbers_that_wrap_give_the_same_model(stroked):
     wrapped = stroked.copy()
     wrapped["sequence"] = (stroked["sequence"].astype(np.int64) - 2000) % SEQUENCES
     # 2^32 is no multiple of the grid of segments: as if the session had begun there
@@ -48,7 +44,7 @@ def test_numbers_that_wrap_give_the_same_model(stroked: RecordArray) -> None:
 
 
 @pytest.mark.parametrize("period", [1000, 700])
-def test_a_sequence_that_starts_again_is_modelled_on(stroked: RecordArray, period: int) -> None:
+def test_a_sequence_that_starts_again_is_modelled_on(stroked, period):
     again = stroked.copy()
     again["time_ns"] += 10_000_000_000
     both = np.concatenate([stroked, again])
@@ -58,13 +54,12 @@ def test_a_sequence_that_starts_again_is_modelled_on(stroked: RecordArray, perio
     assert len(modeller.fits) >= 2 * len(modelled(stroked, period).fits) - 2
     if period == 1000:
         offline = build_model(both, SETTINGS).updates[-1].model
-        assert offline is not None
         assert contents(modeller) == offline.to_bytes()
 
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32), st.sampled_from(["shuffled", "reversed", "equal", "any"]))
-def test_times_in_any_order_give_the_same_model(seed: int, kind: str) -> None:
+def test_times_in_any_order_give_the_same_model(seed, kind):
     random = np.random.default_rng(seed)
     frames = STILL.copy()
     times = {
@@ -79,7 +74,7 @@ def test_times_in_any_order_give_the_same_model(seed: int, kind: str) -> None:
         np.testing.assert_array_equal(getattr(ours, name), getattr(expected, name))
 
 
-def lossy() -> RecordArray:
+def lossy():
     frames = simulate_session(Scene(), surface="wood", duration_s=1.0)[0]
     return frames[np.random.default_rng(0).random(len(frames)) > 0.02]
 
@@ -93,9 +88,7 @@ STILL = lossy()
     st.sampled_from(["position_mm", "force_n", "acceleration_m_s2"]),
     st.sampled_from([np.nan, np.inf, -np.inf, -2.0 * LARGEST_MEASUREMENT, 1e30]),
 )
-def test_a_frame_that_is_no_measurement_counts_as_missing(
-    seed: int, channel: str, value: float
-) -> None:
+def test_a_frame_that_is_no_measurement_counts_as_missing(seed, channel, value):
     broken = np.random.default_rng(seed).random(len(STILL)) < 0.02
     broken[0] = broken[-1] = False
     frames = STILL.copy()
@@ -116,7 +109,7 @@ def test_a_frame_that_is_no_measurement_counts_as_missing(
         *(("longest_bridged_samples", n) for n in (-1, 2.5, np.nan, 11, True)),
     ],
 )
-def test_what_a_filter_cannot_be_made_of_is_refused(name: str, value: Any) -> None:
+def test_what_a_filter_cannot_be_made_of_is_refused(name, value):
     with pytest.raises(InputError, match=f"^{name} is .*, allowed is "):
         StreamFilter(ModellingSettings(**{name: value}))
 
@@ -124,20 +117,20 @@ def test_what_a_filter_cannot_be_made_of_is_refused(name: str, value: Any) -> No
 @pytest.mark.parametrize(
     "frames", [None, [1, 2], "frames", np.zeros((5, 3)), STILL[0], STILL[:10].reshape(2, 5)]
 )
-def test_what_are_no_frames_is_refused(frames: Any) -> None:
+def test_what_are_no_frames_is_refused(frames):
     for take in (StreamFilter().process, OnlineModeller(SETTINGS).update, build_model):
         with pytest.raises(InputError, match=r"a structured array \(n,\) is needed"):
             take(frames)
 
 
 @pytest.mark.parametrize("given_settings", ["published", {"order": 6}, 6])
-def test_what_are_no_settings_is_refused(given_settings: Any) -> None:
+def test_what_are_no_settings_is_refused(given_settings):
     for make in (OnlineModeller, lambda given: build_model(STILL, given)):
         with pytest.raises(InputError, match=r"settings is .*, allowed is ModellingSettings"):
             make(given_settings)
 
 
 @pytest.mark.parametrize("period_s", [np.nan, 0, -1.0, np.inf, "1", None])
-def test_a_period_of_no_length_is_refused(period_s: Any) -> None:
+def test_a_period_of_no_length_is_refused(period_s):
     with pytest.raises(InputError, match=r"update_s is .*, allowed is a finite number above 0"):
         build_model(STILL, update_s=period_s)

@@ -81,7 +81,6 @@ def test_only_the_power_within_the_band_goes_down_in_samples_and_blocks():
     left = other.samples.power / 3.0
     assert left[0] > 0.9
     assert left[1] < 0.1
-    assert other.field is not None
     np.testing.assert_allclose(other.field.sums[:, 1], cells.sums[:, 1] * left, rtol=1e-12)
     np.testing.assert_allclose(other.field.sums[:, 2], cells.sums[:, 2] + np.log(left), rtol=1e-9)
     assert other.samples.noise_power == pytest.approx(0.01)

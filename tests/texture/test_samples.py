@@ -15,12 +15,12 @@ PLANE = TextureSamples.isotropic(SPEED, FORCE, LSF, POWER, POWER)
 SPACE = replace(PLANE, inputs=np.column_stack([-SPEED, SPEED, FORCE]), space=ANISOTROPIC)
 
 
-def orders(count: int) -> np.ndarray:
+def orders(count):
     return np.tile(np.linspace(0.01, 3.14, count), (3, 1))
 
 
 @pytest.mark.parametrize("samples", [PLANE, SPACE], ids=["plane", "space"])
-def test_samples_within_bounds_pass_and_tell_their_inputs(samples: TextureSamples) -> None:
+def test_samples_within_bounds_pass_and_tell_their_inputs(samples):
     some = np.array([1e-9, 1.0, LARGEST_POWER])
     for changes in (
         {},
@@ -65,7 +65,7 @@ NEGATIVE = np.array([1.0, -1e-9, 1.0])
         ({"lsf": LSF - 2.5 + np.pi}, "lsf must ascend"),
     ],
 )
-def test_samples_that_cannot_be_are_explained(changes: dict, words: str) -> None:
+def test_samples_that_cannot_be_are_explained(changes, words):
     with pytest.raises(InputError, match=words):
         replace(PLANE, **changes).check()
     with pytest.raises(InputError, match=r"velocity_x_mm_s must be finite, at most 1e\+300$"):
@@ -75,7 +75,7 @@ def test_samples_that_cannot_be_are_explained(changes: dict, words: str) -> None
             TextureSamples.isotropic(*given, LSF, POWER, POWER)
 
 
-def test_a_frozen_copy_is_of_its_own() -> None:
+def test_a_frozen_copy_is_of_its_own():
     inputs, counts = np.column_stack([SPEED, FORCE]), np.ones(3, np.int64)
     given = TextureSamples.isotropic(SPEED, FORCE, LSF, 0.5 * POWER, POWER)
     frozen = replace(given, counts=counts, noise_power=0.5).frozen()

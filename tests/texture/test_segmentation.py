@@ -9,23 +9,16 @@ from stream_samples import aligned
 
 from mmt.texture.segmentation.bottom_up import CELL
 from mmt.texture.segmentation.segmenter import OnlineSegmenter, segment
-from mmt.texture.segmentation.segments import SampleRange, Segment
-from mmt.texture.settings import Inputs, ModellingSettings
+from mmt.texture.segmentation.segments import SampleRange
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.dft321 import dft321
 
 RATE_HZ = 1000.0
-INPUTS: dict[bool, Inputs] = {False: "isotropic", True: "anisotropic"}
+INPUTS = {False: "isotropic", True: "anisotropic"}
 
 
-def make_block(
-    speed_mm_s: np.ndarray,
-    force_n: np.ndarray | float = 1.0,
-    heading_rad: np.ndarray | float = 0.3,
-    *,
-    first: int = 0,
-    axes: int = 1,
-) -> AlignedBlock:
+def make_block(speed_mm_s, force_n=1.0, heading_rad=0.3, *, first=0, axes=1):
     count = len(speed_mm_s)
     heading_rad = np.broadcast_to(heading_rad, count)
     direction = np.stack([np.cos(heading_rad), np.sin(heading_rad), np.zeros(count)], axis=1)
@@ -40,18 +33,18 @@ def make_block(
     )
 
 
-def ranges(segments: list[Segment]) -> list[tuple[int, int]]:
+def ranges(segments):
     return [(found.start, found.stop) for found in segments]
 
 
 class Model:
     """Keep what the changes say, and complain about any that cannot be."""
 
-    def __init__(self) -> None:
-        self.live: dict[SampleRange, Segment] = {}
-        self.removed: list[Segment] = []
+    def __init__(self):
+        self.live = {}
+        self.removed = []
 
-    def apply(self, segmenter: OnlineSegmenter, block: AlignedBlock) -> None:
+    def apply(self, segmenter, block):
         change = segmenter.update(block)
         for key in change.removed:
             gone = self.live.pop(key)
@@ -64,14 +57,14 @@ class Model:
         assert all(a.stop <= b.start for a, b in pairwise(ordered))
 
 
-def online(block: AlignedBlock, period: int, **arguments: object) -> Model:
-    model, segmenter = Model(), OnlineSegmenter(**arguments)  # type: ignore[arg-type]
+def online(block, period, **arguments):
+    model, segmenter = Model(), OnlineSegmenter(**arguments)
     for start in range(0, len(block), period):
         model.apply(segmenter, block[start : start + period])
     return model
 
 
-def test_one_steady_stroke_is_one_segment() -> None:
+def test_one_steady_stroke_is_one_segment():
     block = make_block(np.full(500, 80.0), 1.5)
     (found,) = segment(block)
     # Whole cells with both neighbours usable.
@@ -82,7 +75,7 @@ def test_one_steady_stroke_is_one_segment() -> None:
     np.testing.assert_array_equal(found.vibration_m_s2, block.vibration_m_s2[10:490, 0, 0])
 
 
-def test_the_vibration_is_a_copy() -> None:
+def test_the_vibration_is_a_copy():
     block = make_block(np.full(500, 80.0))
     (found,) = segment(block)
     before = found.vibration_m_s2.copy()
@@ -90,7 +83,7 @@ def test_the_vibration_is_a_copy() -> None:
     np.testing.assert_array_equal(found.vibration_m_s2, before)
 
 
-def test_three_axes_are_reduced_over_the_segment() -> None:
+def test_three_axes_are_reduced_over_the_segment():
     block = make_block(np.full(500, 80.0), axes=3)
     (found,) = segment(block)
     np.testing.assert_allclose(found.vibration_m_s2, dft321(block.vibration_m_s2[10:490, 0]))
@@ -98,13 +91,13 @@ def test_three_axes_are_reduced_over_the_segment() -> None:
 
 @pytest.mark.parametrize("inputs", INPUTS.values())
 @pytest.mark.parametrize("channel", ["speed", "force"])
-def test_a_step_in_speed_or_force_cuts_there(channel: str, inputs: Inputs) -> None:
+def test_a_step_in_speed_or_force_cuts_there(channel, inputs):
     step = np.r_[np.full(400, 1.0), np.full(400, 1.8)]
     block = make_block(80.0 * step) if channel == "speed" else make_block(0 * step + 80.0, step)
     assert ranges(segment(block, ModellingSettings(inputs=inputs))) == [(10, 400), (400, 790)]
 
 
-def test_a_corner_cuts_the_stroke() -> None:
+def test_a_corner_cuts_the_stroke():
     heading_rad = np.r_[np.zeros(400), np.full(400, 1.0)]
     found = segment(make_block(np.full(800, 100.0), heading_rad=heading_rad))
     assert [len(one.vibration_m_s2) for one in found] == [390, 390]
@@ -112,7 +105,7 @@ def test_a_corner_cuts_the_stroke() -> None:
 
 
 @pytest.mark.parametrize("by_heading", [False, True])
-def test_only_by_heading_a_slow_turn_cuts_the_stroke(by_heading: bool) -> None:
+def test_only_by_heading_a_slow_turn_cuts_the_stroke(by_heading):
     heading_rad = np.linspace(0.0, 0.9, 900)
     block = make_block(np.full(900, 100.0), heading_rad=heading_rad)
     found = segment(block, ModellingSettings(straightness_mm=50.0, inputs=INPUTS[by_heading]))
@@ -127,7 +120,7 @@ def test_only_by_heading_a_slow_turn_cuts_the_stroke(by_heading: bool) -> None:
 
 
 @pytest.mark.parametrize("period", [170, 1000])
-def test_by_heading_online_and_offline_find_much_the_same(period: int) -> None:
+def test_by_heading_online_and_offline_find_much_the_same(period):
     generator = np.random.default_rng(4)
     heading_rad = np.repeat(generator.uniform(-np.pi, np.pi, 12), 500)
     block = make_block(np.full(6000, 90.0), heading_rad=heading_rad)
@@ -142,7 +135,7 @@ def test_by_heading_online_and_offline_find_much_the_same(period: int) -> None:
     assert (covered[0] == covered[1]).mean() > 0.9
 
 
-def test_straightness_is_the_settings() -> None:
+def test_straightness_is_the_settings():
     heading_rad = np.linspace(0.0, 1.2, 800)  # an arc of 67 mm radius
     block = make_block(np.full(800, 100.0), heading_rad=heading_rad)
     for straightness_mm in (0.3, 1.0, 3.0):
@@ -154,7 +147,7 @@ def test_straightness_is_the_settings() -> None:
     assert len(segment(block, ModellingSettings(straightness_mm=20.0))) == 1
 
 
-def test_slow_light_and_invalid_samples_are_left_out_with_a_guard() -> None:
+def test_slow_light_and_invalid_samples_are_left_out_with_a_guard():
     block = make_block(np.full(2000, 80.0))
     block.speed_mm_s[500:520] = 9.9
     block.normal_force_n[1005] = 0.09
@@ -162,13 +155,13 @@ def test_slow_light_and_invalid_samples_are_left_out_with_a_guard() -> None:
     assert ranges(segment(block)) == [(10, 490), (530, 990), (1020, 1490), (1520, 1990)]
 
 
-def test_a_missing_sample_ends_the_stretch() -> None:
+def test_a_missing_sample_ends_the_stretch():
     block = make_block(np.full(1000, 80.0))
     joined = AlignedBlock.concatenate([block[:503], block[504:]])
     assert ranges(segment(joined)) == [(10, 490), (520, 990)]
 
 
-def test_too_short_is_dropped_and_too_long_is_split() -> None:
+def test_too_short_is_dropped_and_too_long_is_split():
     assert segment(make_block(np.full(135, 80.0))) == []
     assert ranges(segment(make_block(np.full(140, 80.0)))) == [(10, 130)]
     lengths = [b - a for a, b in ranges(segment(make_block(np.full(6000, 80.0))))]
@@ -176,7 +169,7 @@ def test_too_short_is_dropped_and_too_long_is_split() -> None:
     assert sum(lengths) == 5980
 
 
-def test_every_segment_keeps_the_limits() -> None:
+def test_every_segment_keeps_the_limits():
     generator = np.random.default_rng(8)
     walk = np.cumsum(generator.normal(size=(20_000, 2)), axis=0)
     block = make_block(60.0 * np.exp(0.01 * walk[:, 0]), np.exp(0.01 * walk[:, 1]))
@@ -192,7 +185,7 @@ def test_every_segment_keeps_the_limits() -> None:
         assert part.normal_force_n.min() >= limits.least_force_n
 
 
-def test_the_result_does_not_depend_on_where_the_data_begins() -> None:
+def test_the_result_does_not_depend_on_where_the_data_begins():
     generator = np.random.default_rng(3)
     walk = np.cumsum(generator.normal(size=6000))
     speed_mm_s = 80.0 * np.exp(0.02 * walk)
@@ -204,7 +197,7 @@ def test_the_result_does_not_depend_on_where_the_data_begins() -> None:
 
 
 @pytest.mark.parametrize("period", [250, 333, 1000])
-def test_a_stroke_across_a_windows_edge_is_not_cut(period: int) -> None:
+def test_a_stroke_across_a_windows_edge_is_not_cut(period):
     for offset in range(0, period, 30):
         speed_mm_s = np.r_[np.zeros(period + offset), np.full(600, 90.0), np.zeros(700)]
         block = make_block(speed_mm_s)
@@ -215,7 +208,7 @@ def test_a_stroke_across_a_windows_edge_is_not_cut(period: int) -> None:
         assert len(found.vibration_m_s2) == found.stop - found.start
 
 
-def test_a_stroke_in_progress_is_handed_out_and_replaced() -> None:
+def test_a_stroke_in_progress_is_handed_out_and_replaced():
     block = make_block(np.full(900, 90.0))
     segmenter = OnlineSegmenter()
     first = segmenter.update(block[:400])
@@ -235,7 +228,7 @@ def test_a_stroke_in_progress_is_handed_out_and_replaced() -> None:
     assert segmenter.update(make_block(np.full(900, 90.0), first=1000)).removed == []
 
 
-def test_an_unchanged_provisional_segment_is_not_handed_out_again() -> None:
+def test_an_unchanged_provisional_segment_is_not_handed_out_again():
     block = make_block(np.full(900, 90.0))
     segmenter = OnlineSegmenter()
     segmenter.update(block[:400])
@@ -244,7 +237,7 @@ def test_an_unchanged_provisional_segment_is_not_handed_out_again() -> None:
         assert (change.added, change.removed) == ([], [])
 
 
-def test_overlap_says_how_long_segments_stay_provisional() -> None:
+def test_overlap_says_how_long_segments_stay_provisional():
     speed_mm_s = np.r_[np.full(300, 30.0), np.full(300, 50.0), np.full(300, 90.0)]
     expected = [(10, 300), (300, 600), (600, 890)]
     for overlap_samples, final in ((0, 1), (200, 1), (310, 0), (2000, 0)):
@@ -254,7 +247,7 @@ def test_overlap_says_how_long_segments_stay_provisional() -> None:
         assert [found.final for found in change.added] == [True] * final + [False] * (3 - final)
 
 
-def test_a_gap_between_updates_makes_the_segment_final() -> None:
+def test_a_gap_between_updates_makes_the_segment_final():
     block = make_block(np.full(1200, 90.0))
     segmenter = OnlineSegmenter()
     model = Model()
@@ -263,7 +256,7 @@ def test_a_gap_between_updates_makes_the_segment_final() -> None:
     assert list(model.live) == [(10, 390), (420, 1190)]
 
 
-def test_memory_stays_bounded_in_an_endless_stroke() -> None:
+def test_memory_stays_bounded_in_an_endless_stroke():
     segmenter = OnlineSegmenter()
     model = Model()
     wobble = 80.0 * (1.0 + 0.02 * np.sin(np.arange(30_000) / 70.0))
@@ -274,7 +267,7 @@ def test_memory_stays_bounded_in_an_endless_stroke() -> None:
 
 
 @st.composite
-def random_strokes(draw: st.DrawFn) -> tuple[AlignedBlock, list[int]]:
+def random_strokes(draw):
     """Strokes, rests, bends and gaps, and a cut into updates of any length."""
     generator = np.random.default_rng(draw(st.integers(0, 10_000)))
     speed, force, heading = [], [], []
@@ -295,9 +288,7 @@ def random_strokes(draw: st.DrawFn) -> tuple[AlignedBlock, list[int]]:
 
 @given(strokes=random_strokes(), overlap_samples=st.sampled_from([0, 55, 200, 1500]))
 @settings(max_examples=120, deadline=None)
-def test_never_two_segments_for_one_sample(
-    strokes: tuple[AlignedBlock, list[int]], overlap_samples: int
-) -> None:
+def test_never_two_segments_for_one_sample(strokes, overlap_samples):
     block, lengths = strokes
     model, at = Model(), 0
     segmenter = OnlineSegmenter(ModellingSettings(overlap_samples=overlap_samples))
@@ -313,7 +304,7 @@ def test_never_two_segments_for_one_sample(
         assert 120 <= len(part) <= 1000
 
 
-def test_what_holds_no_segment() -> None:
+def test_what_holds_no_segment():
     steady = make_block(np.full(600, 80.0))
     for nothing in (
         AlignedBlock.empty(),
@@ -330,7 +321,7 @@ def test_what_holds_no_segment() -> None:
         assert segmenter.update(nothing[:0]) == ([], [])
 
 
-def test_a_teleporting_position_ends_a_segment() -> None:
+def test_a_teleporting_position_ends_a_segment():
     block = make_block(np.full(800, 80.0))
     position_mm, speed_mm_s = block.position_mm.copy(), block.speed_mm_s.copy()
     position_mm[400:] += 1e6
@@ -339,7 +330,7 @@ def test_a_teleporting_position_ends_a_segment() -> None:
     assert found == [(10, 400), (420, 790)]
 
 
-def test_samples_at_the_thresholds_count_and_five_cells_are_enough_for_three() -> None:
+def test_samples_at_the_thresholds_count_and_five_cells_are_enough_for_three():
     least = ModellingSettings(shortest_samples=3 * CELL, longest_samples=100)
     block = make_block(np.full(5 * CELL, least.least_speed_mm_s), least.least_force_n)
     assert ranges(segment(block, least)) == [(CELL, 4 * CELL)]

@@ -1,7 +1,6 @@
 """Online segmentation against one pass with everything known, on strokes as hands make them."""
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +10,13 @@ import scipy.signal
 from mmt.core.frames import empty_frames
 from mmt.texture.segmentation.segmenter import OnlineSegmenter, segment
 from mmt.texture.segmentation.segments import SampleRange
-from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.filtering import StreamFilter
 
 RATE_HZ = 1000.0
 RECORDED = Path(__file__).parents[2] / "../shared/data/bilateral_1dof"
 
 
-def wander(generator: np.random.Generator, count: int, corner_hz: float) -> np.ndarray:
+def wander(generator, count, corner_hz):
     """Noise of unit deviation that changes no faster than a hand."""
     pole = np.exp(-2.0 * np.pi * corner_hz / RATE_HZ)
     poles = np.poly([pole, pole])
@@ -26,9 +24,7 @@ def wander(generator: np.random.Generator, count: int, corner_hz: float) -> np.n
     return raw / raw.std()
 
 
-def as_measured(
-    generator: np.random.Generator, speed_mm_s: np.ndarray, force_n: np.ndarray, heading: np.ndarray
-) -> AlignedBlock:
+def as_measured(generator, speed_mm_s, force_n, heading):
     """Encoders of 0.03 mm, 5 mN of force noise, filtered as online."""
     count = len(speed_mm_s)
     frames = empty_frames(count)
@@ -42,7 +38,7 @@ def as_measured(
     return StreamFilter().process(frames)
 
 
-def strokes(seed: int, count: int) -> AlignedBlock:
+def strokes(seed, count):
     """Straight strokes to and fro at random speed and force, now and then a rest."""
     generator = np.random.default_rng(seed)
     speed, force, heading, direction = [], [], [], 0.0
@@ -67,7 +63,7 @@ def strokes(seed: int, count: int) -> AlignedBlock:
     )
 
 
-def circles(seed: int, count: int, radius_mm: float = 60.0) -> AlignedBlock:
+def circles(seed, count, radius_mm=60.0):
     """One movement without a stop, always bending, speed and force changing all the time."""
     generator = np.random.default_rng(seed)
     speed_mm_s = 140.0 * np.exp(0.4 * wander(generator, count, 0.3))
@@ -76,7 +72,7 @@ def circles(seed: int, count: int, radius_mm: float = 60.0) -> AlignedBlock:
     return as_measured(generator, speed_mm_s, force_n, heading)
 
 
-def run_online(block: AlignedBlock, period: int) -> list[SampleRange]:
+def run_online(block, period):
     segmenter, live = OnlineSegmenter(), set()
     for start in range(0, len(block), period):
         change = segmenter.update(block[start : start + period])
@@ -85,7 +81,7 @@ def run_online(block: AlignedBlock, period: int) -> list[SampleRange]:
     return sorted(live)
 
 
-def share_near(ours: list[SampleRange], others: list[SampleRange]) -> float:
+def share_near(ours, others):
     """Return the share of our boundaries that have one of the others within 10 samples."""
     mine, theirs = np.unique(ours), np.unique(others)
     return float((np.abs(mine[:, None] - theirs).min(axis=1) <= 10).mean())
@@ -95,9 +91,7 @@ def share_near(ours: list[SampleRange], others: list[SampleRange]) -> float:
 @pytest.mark.parametrize(
     ("movement", "least_there", "least_back"), [(strokes, 0.97, 0.97), (circles, 0.9, 0.8)]
 )
-def test_movements_are_cut_online_as_offline(
-    movement: Callable[[int, int], AlignedBlock], least_there: float, least_back: float, period: int
-) -> None:
+def test_movements_are_cut_online_as_offline(movement, least_there, least_back, period):
     """Without a stop, provisional segments that later cuts make too short to be replaced stay."""
     there, back = [], []
     for seed in range(5):
@@ -113,7 +107,7 @@ def test_movements_are_cut_online_as_offline(
 
 @pytest.mark.skipif(not RECORDED.is_dir(), reason="recorded teleoperation is not here")
 @pytest.mark.parametrize("run", ["question1a_free_motion", "question1e_free_motion"])
-def test_a_persons_strokes_are_found_online_as_offline(run: str) -> None:
+def test_a_persons_strokes_are_found_online_as_offline(run):
     with np.load(RECORDED / f"{run}.npz") as recorded:
         angle_rad = recorded["follower_position_rad"][::2].astype(float)
         arm_mm = 1000.0 * float(recorded["arm_length_m"])
@@ -132,7 +126,7 @@ def test_a_persons_strokes_are_found_online_as_offline(run: str) -> None:
 
 
 @pytest.mark.parametrize("speed_mm_s", [20.0, 250.0])
-def test_sensor_noise_does_not_break_a_steady_stroke(speed_mm_s: float) -> None:
+def test_sensor_noise_does_not_break_a_steady_stroke(speed_mm_s):
     generator = np.random.default_rng(1)
     count = 900
     block = as_measured(
@@ -144,13 +138,13 @@ def test_sensor_noise_does_not_break_a_steady_stroke(speed_mm_s: float) -> None:
     assert found.force_n == pytest.approx(0.2, rel=0.01)
 
 
-def test_most_of_what_is_steady_is_found() -> None:
+def test_most_of_what_is_steady_is_found():
     block = strokes(11, 30_000)
     covered = sum(found.stop - found.start for found in segment(block))
     assert covered > 0.65 * len(block)
 
 
-def test_an_update_takes_a_small_part_of_its_period() -> None:
+def test_an_update_takes_a_small_part_of_its_period():
     block = strokes(0, 12_000)
     segmenter = OnlineSegmenter()
     durations_s = []

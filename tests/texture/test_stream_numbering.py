@@ -4,12 +4,11 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.core.arrays import RecordArray
 from mmt.core.frames import SEQUENCES, empty_frames
 from mmt.texture.signals.numbering import StreamNumbering
 
 
-def frames_of(first: int, count: int, time_ms: int = 0) -> RecordArray:
+def frames_of(first, count, time_ms=0):
     frames = empty_frames(count)
     frames["sequence"] = (first + np.arange(count)) % SEQUENCES
     frames["time_ns"] = (time_ms + np.arange(count)) * 1_000_000
@@ -17,7 +16,7 @@ def frames_of(first: int, count: int, time_ms: int = 0) -> RecordArray:
 
 
 @given(st.integers(0, SEQUENCES - 1), st.lists(st.integers(1, 400), min_size=1, max_size=8))
-def test_numbers_go_on_where_they_wrap_whatever_the_parts(first: int, parts: list[int]) -> None:
+def test_numbers_go_on_where_they_wrap_whatever_the_parts(first, parts):
     frames, numbering = frames_of(first, sum(parts)), StreamNumbering()
     pieces = np.split(frames, np.cumsum(parts)[:-1])
     numbers = np.concatenate([numbering.number(part)["sequence"] for part in pieces])
@@ -25,9 +24,7 @@ def test_numbers_go_on_where_they_wrap_whatever_the_parts(first: int, parts: lis
 
 
 @given(st.integers(0, 5000), st.integers(0, 5000), st.booleans(), st.integers(1, 4000))
-def test_a_sender_that_starts_anew_goes_on_behind_a_gap(
-    first: int, again: int, own_clock: bool, part: int
-) -> None:
+def test_a_sender_that_starts_anew_goes_on_behind_a_gap(first, again, own_clock, part):
     before = frames_of(first, 3000, time_ms=10)
     after = frames_of(again, 3000, time_ms=10 if own_clock else 3500)
     if again > first and (own_clock or again >= first + 3000):
@@ -41,7 +38,7 @@ def test_a_sender_that_starts_anew_goes_on_behind_a_gap(
     assert numbers[3000] % 1000 == 0
 
 
-def test_late_and_repeated_frames_keep_their_numbers() -> None:
+def test_late_and_repeated_frames_keep_their_numbers():
     frames = frames_of(100, 2000)
     tangled = np.insert(frames, [1, 50, 1200, 1200], frames[[0, 49, 300, 1199]])
     assert StreamNumbering().number(tangled) is tangled

@@ -1,20 +1,17 @@
 """A model for each surface from one stream: which frames each is made of, and when."""
 
-from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from mmt.core.arrays import RecordArray
 from mmt.scene import Hand, Scene
 from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.surface_changes import SurfaceChange, SurfaceStatement, surface_statements
-from mmt.texture.online.updates import ModelUpdate
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.surfaces import modeller as modelling
@@ -25,8 +22,8 @@ SETTINGS = ModellingSettings(method="published", order=10, surfaces=SurfaceSetti
 Changes = dict[int, list[SurfaceChange]]
 
 
-def change(kind: str, before: int, surface: int, from_sample: int, at: int) -> SurfaceChange:
-    return SurfaceChange(kind, before, surface, from_sample, at, 20.0)  # type: ignore[arg-type]
+def change(kind, before, surface, from_sample, at):
+    return SurfaceChange(kind, before, surface, from_sample, at, 20.0)
 
 
 class ScriptedTracker:
@@ -34,12 +31,12 @@ class ScriptedTracker:
 
     script: Changes = {}  # noqa: RUF012 - set by `scripted` for each test
 
-    def __init__(self, *_: object) -> None:
+    def __init__(self, *_):
         self.surface = 1
         self.surfaces = {1}
         self.faults = SignalFaults()
 
-    def update(self, frames: RecordArray) -> list[SurfaceChange]:
+    def update(self, frames):
         found = self.script.get(int(frames["sequence"][-1]) + 1, [])
         for one in found:
             self.surface = one.surface
@@ -50,8 +47,8 @@ class ScriptedTracker:
 
 
 @pytest.fixture
-def scripted(monkeypatch: pytest.MonkeyPatch) -> Callable[[Changes], SurfaceModeller]:
-    def make(script: Changes) -> SurfaceModeller:
+def scripted(monkeypatch):
+    def make(script):
         monkeypatch.setattr(ScriptedTracker, "script", script)
         monkeypatch.setattr(modelling, "SurfaceTracker", ScriptedTracker)
         return SurfaceModeller(SETTINGS, 1000)
@@ -60,20 +57,18 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> Callable[[Changes], SurfaceMode
 
 
 @pytest.fixture(scope="module")
-def frames() -> RecordArray:
+def frames():
     return simulate_session(Scene(), "sandpaper", 12.0, 4)[0]
 
 
-def updates(
-    modeller: SurfaceModeller, frames: RecordArray, look: int = 100
-) -> Iterator[ModelUpdate]:
+def updates(modeller, frames, look=100):
     for start in range(0, len(frames), look):
         update = modeller.update(frames[start : start + look])
         if update is not None:
             yield update
 
 
-def alone(*stays: RecordArray) -> OnlineModeller:
+def alone(*stays):
     """A model of these frames and no others, with an update for each part."""
     modeller = OnlineModeller(replace(SETTINGS, surfaces=None))
     for stay in stays:
@@ -81,9 +76,7 @@ def alone(*stays: RecordArray) -> OnlineModeller:
     return modeller
 
 
-def test_each_model_is_made_of_the_frames_of_its_surface_alone(
-    scripted: Callable[[Changes], SurfaceModeller], frames: RecordArray
-) -> None:
+def test_each_model_is_made_of_the_frames_of_its_surface_alone(scripted, frames):
     modeller = scripted(
         {4300: [change("new", 1, 2, 4050, 4300)], 8600: [change("recalled", 2, 1, 8250, 8600)]}
     )
@@ -98,19 +91,15 @@ def test_each_model_is_made_of_the_frames_of_its_surface_alone(
     first.remove_after(4050)
     for part in (frames[8250:8600], frames[8600:9600], frames[9600:10_600], frames[10_600:11_600]):
         first.update(part)
-    assert first.model is not None
     np.testing.assert_array_equal(models[1].samples.power, first.model.samples.power)
     cuts = [4050, 4300, 5300, 6300, 7300, 8250]
     second = alone(*(frames[a:b] for a, b in pairwise(cuts)))
     second.remove_after(8250)
-    assert second.model is not None
     np.testing.assert_array_equal(models[2].samples.power, second.model.samples.power)
     np.testing.assert_array_equal(models[2].samples.inputs, second.model.samples.inputs)
 
 
-def test_what_was_left_is_told_as_it_is_without_the_frames_of_the_next(
-    scripted: Callable[[Changes], SurfaceModeller], frames: RecordArray
-) -> None:
+def test_what_was_left_is_told_as_it_is_without_the_frames_of_the_next(scripted, frames):
     modeller = scripted({6000: [change("new", 1, 2, 3000, 6000)]})
     *_, update = updates(modeller, frames[:6000])
     (left,) = update.left
@@ -121,9 +110,7 @@ def test_what_was_left_is_told_as_it_is_without_the_frames_of_the_next(
     assert left.distance > update.distance  # three seconds against the next three
 
 
-def test_a_surface_that_turns_out_to_be_a_known_one_hands_over_its_frames(
-    scripted: Callable[[Changes], SurfaceModeller], frames: RecordArray
-) -> None:
+def test_a_surface_that_turns_out_to_be_a_known_one_hands_over_its_frames(scripted, frames):
     modeller = scripted(
         {
             3200: [change("new", 1, 2, 3000, 3200)],
@@ -139,9 +126,7 @@ def test_a_surface_that_turns_out_to_be_a_known_one_hands_over_its_frames(
     assert identified.samples > len(before.fits) + 3  # three seconds of strokes at once
 
 
-def test_two_changes_in_one_look_behind_leave_each_surface_its_own(
-    scripted: Callable[[Changes], SurfaceModeller], frames: RecordArray
-) -> None:
+def test_two_changes_in_one_look_behind_leave_each_surface_its_own(scripted, frames):
     """As when updates cannot keep up, and everything that waits comes at once."""
     script = {
         5000: [change("new", 1, 2, 4800, 5000)],
@@ -161,11 +146,7 @@ def test_two_changes_in_one_look_behind_leave_each_surface_its_own(
         )
 
 
-def test_a_model_that_is_complete_stays_as_it_is_until_the_end(
-    scripted: Callable[[Changes], SurfaceModeller],
-    frames: RecordArray,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_model_that_is_complete_stays_as_it_is_until_the_end(scripted, frames, monkeypatch):
     monkeypatch.setattr(
         "test_surface_modelling.SETTINGS", replace(SETTINGS, start_distance=20.0, stop_distance=9.0)
     )
@@ -189,11 +170,11 @@ OVER_TWO = SurfaceCourse(
 
 
 @pytest.fixture(scope="module")
-def over_two() -> RecordArray:
+def over_two():
     return simulate_session(Scene(), OVER_TWO, 17.0, 4)[0]
 
 
-def test_each_change_opens_a_model_of_the_frames_of_one_surface(over_two: RecordArray) -> None:
+def test_each_change_opens_a_model_of_the_frames_of_one_surface(over_two):
     under = OVER_TWO.places_by_frame(over_two["force_n"][:, 2].astype(float))
     edges = (np.flatnonzero(np.diff(under)) + 1).tolist()
     modeller = SurfaceModeller(SETTINGS, 1000)
@@ -206,7 +187,7 @@ def test_each_change_opens_a_model_of_the_frames_of_one_surface(over_two: Record
     assert powers[2] > 100 * max(powers[1], powers[3])
 
 
-def test_a_person_says_that_the_new_surface_is_one_met_before(over_two: RecordArray) -> None:
+def test_a_person_says_that_the_new_surface_is_one_met_before(over_two):
     """What a model gets does not depend on how frames come, nor on when it was said."""
     powers = []
     for look in (50, 170, 1000):
@@ -222,7 +203,7 @@ def test_a_person_says_that_the_new_surface_is_one_met_before(over_two: RecordAr
         assert powers[-1].max() < 0.01 * modeller.models()[2].samples.power.mean()
 
 
-def test_what_a_person_says_is_found_again_in_the_events(over_two: RecordArray) -> None:
+def test_what_a_person_says_is_found_again_in_the_events(over_two):
     modeller = SurfaceModeller(SETTINGS, 1000)
     modeller.state_surface(SurfaceStatement(13_500, 1))
     found = [c for u in updates(modeller, over_two) for c in u.changes]
@@ -231,12 +212,12 @@ def test_what_a_person_says_is_found_again_in_the_events(over_two: RecordArray) 
     assert list(surface_changes(over_two, SETTINGS, said)) == found
 
 
-def tracked(frames: RecordArray, *said: SurfaceStatement) -> list[tuple[str, int, int, int]]:
+def tracked(frames, *said):
     changes = surface_changes(frames, SETTINGS, said)
     return [(c.kind, c.before, c.surface, c.from_sample) for c in changes]
 
 
-def test_a_word_long_after_a_change_is_a_change_of_its_own(frames: RecordArray) -> None:
+def test_a_word_long_after_a_change_is_a_change_of_its_own(frames):
     words = [
         SurfaceStatement(2000, 2),
         SurfaceStatement(4000, 1),
@@ -250,7 +231,7 @@ def test_a_word_long_after_a_change_is_a_change_of_its_own(frames: RecordArray) 
     ]
 
 
-def test_a_word_is_about_the_surface_since_the_detected_change(over_two: RecordArray) -> None:
+def test_a_word_is_about_the_surface_since_the_detected_change(over_two):
     first, second = tracked(over_two)
     (found, *_) = surface_changes(over_two, SETTINGS)
     in_time = SurfaceStatement(found.at_sample + 200, 1)  # the filters delay what is found
@@ -265,7 +246,7 @@ def test_a_word_is_about_the_surface_since_the_detected_change(over_two: RecordA
     assert second[0] == "new"
 
 
-def test_the_surface_left_longest_ago_is_dropped(frames: RecordArray) -> None:
+def test_the_surface_left_longest_ago_is_dropped(frames):
     settings = replace(SETTINGS, surfaces=SurfaceSettings(most=2))
     modeller = SurfaceModeller(settings, 1000)
     for sample, surface in ((3000, 2), (6000, 1), (9000, 3)):
@@ -274,7 +255,7 @@ def test_the_surface_left_longest_ago_is_dropped(frames: RecordArray) -> None:
     assert sorted(modeller.models()) == [1, 3]
 
 
-def test_strokes_at_other_headings_are_not_another_surface() -> None:
+def test_strokes_at_other_headings_are_not_another_surface():
     """Corduroy's vibration depends on the heading; that of glass is another one altogether."""
     course = SurfaceCourse(
         [get_surface("corduroy"), get_surface("glass")],

@@ -10,35 +10,31 @@ from scipy.stats import multivariate_t
 from stream_samples import aligned
 from surface_samples import BLOCK, PEAKED, SMOOTH, make_blocks
 
-from mmt.core.arrays import FloatArray
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.surfaces.blocks import (
     AUDIBLE,
-    SurfaceBlock,
     SurfaceBlockCutter,
     spectrum_components,
 )
 from mmt.texture.surfaces.regression import LARGEST, SurfaceRegression, features
 
 
-def stream(
-    count: int, *, speed: float = 100.0, force: float = 1.0, first: int = 0, rms: float = 1.0
-) -> AlignedBlock:
+def stream(count, *, speed=100.0, force=1.0, first=0, rms=1.0):
     """Return aligned samples of a steady stroke."""
     vibration = rms * np.random.default_rng(first).standard_normal((count, 1, 1))
     motion = {"velocity_mm_s": [0.0, speed], "speed_mm_s": speed, "normal_force_n": force}
     return aligned(vibration, first, **motion)
 
 
-def cutter() -> SurfaceBlockCutter:
+def cutter():
     return SurfaceBlockCutter(ModellingSettings())
 
 
 # --- blocks
 
 
-def test_the_cut_into_updates_does_not_matter() -> None:
+def test_the_cut_into_updates_does_not_matter():
     samples = AlignedBlock.concatenate(
         [
             stream(400, force=0.0, rms=0.1),
@@ -56,7 +52,7 @@ def test_the_cut_into_updates_does_not_matter() -> None:
         assert (one.touchdown, one.contact_start) == (other.touchdown, other.contact_start)
 
 
-def test_the_next_contact_is_a_touchdown() -> None:
+def test_the_next_contact_is_a_touchdown():
     parts = cutter()
     first = parts.cut(stream(200))
     assert [b.touchdown for b in first] == [True] + [False] * (len(first) - 1)
@@ -66,40 +62,40 @@ def test_the_next_contact_is_a_touchdown() -> None:
     assert {block.contact_start for block in again} == {310}
 
 
-def test_what_is_but_noise_of_the_sensor_is_in_no_block() -> None:
+def test_what_is_but_noise_of_the_sensor_is_in_no_block():
     parts = cutter()
     parts.cut(stream(500, force=0.0, rms=0.1))
     assert parts.cut(stream(500, first=500, rms=0.1 * np.sqrt(0.5 * AUDIBLE))) == []
     assert len(parts.cut(stream(500, first=1000, rms=0.1 * np.sqrt(2.0 * AUDIBLE)))) > 5
 
 
-def test_a_louder_block_differs_in_its_level_alone() -> None:
+def test_a_louder_block_differs_in_its_level_alone():
     vibration = np.random.default_rng(2).standard_normal((4, BLOCK, 1))
     apart = spectrum_components(2.0 * vibration) - spectrum_components(vibration)
     np.testing.assert_allclose(apart[:, 0], np.log(4.0))
     np.testing.assert_allclose(apart[:, 1:], 0.0, atol=1e-12)
 
 
-def test_silence_has_a_finite_spectrum() -> None:
+def test_silence_has_a_finite_spectrum():
     assert np.isfinite(spectrum_components(np.zeros((1, BLOCK, 1)))).all()
 
 
 # --- what is expected of blocks
 
 
-def arrays(blocks: list[SurfaceBlock], *, directed: bool = False) -> tuple[FloatArray, FloatArray]:
+def arrays(blocks, *, directed=False):
     strokes = np.array([block.stroke for block in blocks])
     return features(strokes, directed=directed), np.array([block.values for block in blocks])
 
 
-def learned(blocks: list[SurfaceBlock]) -> SurfaceRegression:
+def learned(blocks):
     surface = SurfaceRegression(directed=False)
     for start in range(0, len(blocks), 10):
         surface.learn(*arrays(blocks[start : start + 10]))
     return surface
 
 
-def test_the_density_is_that_of_the_conjugate_model() -> None:
+def test_the_density_is_that_of_the_conjugate_model():
     """By an independent oracle: Student's density of all blocks of a component at once."""
     rows, values = arrays(make_blocks(SMOOTH, 6, 1))
     values = 0.1 * values  # within the bounds of single blocks
@@ -116,7 +112,7 @@ def test_the_density_is_that_of_the_conjugate_model() -> None:
     assert surface.log_densities(rows, values).sum() == pytest.approx(expected)
 
 
-def test_learned_blocks_tell_as_much_as_those_before_in_the_same_row() -> None:
+def test_learned_blocks_tell_as_much_as_those_before_in_the_same_row():
     """The chain rule: blocks may be learned, or come before the others in one call."""
     rows, values = arrays(make_blocks(SMOOTH, 30, 1))
     surface = SurfaceRegression(directed=False)
@@ -125,7 +121,7 @@ def test_learned_blocks_tell_as_much_as_those_before_in_the_same_row() -> None:
     np.testing.assert_allclose(surface.log_densities(rows[20:], values[20:]), together)
 
 
-def test_own_blocks_are_likelier_than_those_of_another_surface() -> None:
+def test_own_blocks_are_likelier_than_those_of_another_surface():
     surface = learned(make_blocks(SMOOTH, 300, 3))
     own = surface.log_densities(*arrays(make_blocks(SMOOTH, 30, 4))).sum()
     assert own > surface.log_densities(*arrays(make_blocks(PEAKED, 30, 5))).sum() + 50.0
@@ -135,7 +131,7 @@ def test_own_blocks_are_likelier_than_those_of_another_surface() -> None:
     )
 
 
-def test_a_surface_is_known_where_it_was_touched_and_less_far_from_there() -> None:
+def test_a_surface_is_known_where_it_was_touched_and_less_far_from_there():
     surface = learned(make_blocks(SMOOTH, 60, 3, low=(0.3, 0.3), high=(0.5, 0.5)))
     near, far = (
         surface.innovations(*arrays(make_blocks(SMOOTH, 1, 9, low=at, high=at))).deviation[0, 0]
@@ -147,10 +143,10 @@ def test_a_surface_is_known_where_it_was_touched_and_less_far_from_there() -> No
 
 @settings(max_examples=20)
 @given(st.floats(min_value=1.0, max_value=1e8))
-def test_a_knock_tells_and_teaches_no_more_than_a_bounded_block(size: float) -> None:
+def test_a_knock_tells_and_teaches_no_more_than_a_bounded_block(size):
     at = {"low": (0.4, 0.4), "high": (0.4, 0.4)}
-    blocks = make_blocks(SMOOTH, 40, 3, **at)  # type: ignore[arg-type]
-    (block,) = make_blocks(SMOOTH, 1, 4, **at)  # type: ignore[arg-type]
+    blocks = make_blocks(SMOOTH, 40, 3, **at)
+    (block,) = make_blocks(SMOOTH, 1, 4, **at)
     knock = replace(block, values=block.values + size)
     surface = learned(blocks)
     plain, knocked = (float(surface.log_densities(*arrays([b])).sum()) for b in (block, knock))
@@ -161,7 +157,7 @@ def test_a_knock_tells_and_teaches_no_more_than_a_bounded_block(size: float) -> 
     assert np.abs(after.innovation - before.innovation).max() < 0.5 * LARGEST
 
 
-def test_the_heading_counts_only_if_it_is_to() -> None:
+def test_the_heading_counts_only_if_it_is_to():
     strokes = np.array([[-1.0, -1.0, heading] for heading in (0.0, 1.5, 3.0)])
     assert np.ptp(features(strokes, directed=False), axis=0).max() == 0.0
     assert np.ptp(features(strokes, directed=True), axis=0).max() > 0.5
@@ -169,7 +165,7 @@ def test_the_heading_counts_only_if_it_is_to() -> None:
 
 @settings(max_examples=30)
 @given(st.sampled_from([0.0, 1e-6, 1.0, 30.0, 1e6]), st.integers(1, 40))
-def test_densities_are_finite_whatever_was_learned(scale: float, count: int) -> None:
+def test_densities_are_finite_whatever_was_learned(scale, count):
     random = np.random.default_rng(count)
     blocks = [
         replace(block, values=scale * random.standard_normal(6))

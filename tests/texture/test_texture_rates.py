@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from test_filtering import WARM_UP, assert_identical, in_blocks
 
 import mmt
-from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import frame_dtype, samples_per_frame
 from mmt.texture.autoregression.burg import burg
@@ -20,7 +19,7 @@ from mmt.texture.signals.bridging import fill
 from mmt.texture.signals.filtering import StreamFilter
 
 
-def stroked(acceleration: np.ndarray) -> RecordArray:
+def stroked(acceleration):
     """Frames of a stroke at 100 mm/s and 1 N, with acceleration (n, k, 3)."""
     count, per_frame, _ = acceleration.shape
     frames = np.zeros(count, frame_dtype(samples_per_frame=per_frame))
@@ -32,7 +31,7 @@ def stroked(acceleration: np.ndarray) -> RecordArray:
     return frames
 
 
-def textured(count: int, per_frame: int, seed: int = 0) -> np.ndarray:
+def textured(count, per_frame, seed=0):
     """Acceleration (n, k, 3) of a texture with its power at 100 to 400 Hz, and gravity."""
     random = np.random.default_rng(seed)
     band = scipy.signal.butter(2, [100, 400], "bandpass", fs=1000.0 * per_frame, output="sos")
@@ -41,12 +40,12 @@ def textured(count: int, per_frame: int, seed: int = 0) -> np.ndarray:
     return (scipy.signal.sosfilt(band, white, axis=0) + gravity).reshape(count, per_frame, 3)
 
 
-def several(per_frame: int, **kept: object) -> ModellingSettings:
-    return ModellingSettings(samples_per_frame=per_frame, **kept)  # type: ignore[arg-type]
+def several(per_frame, **kept):
+    return ModellingSettings(samples_per_frame=per_frame, **kept)
 
 
 @st.composite
-def spoilt_streams(draw: st.DrawFn) -> tuple[RecordArray, list[int]]:
+def spoilt_streams(draw):
     """Streams with runs that are held, a rail, broken numbers and missing frames; and a cut."""
     per_frame = draw(st.sampled_from([1, 2, 10]))
     count = draw(st.integers(1, 600))
@@ -66,7 +65,7 @@ def spoilt_streams(draw: st.DrawFn) -> tuple[RecordArray, list[int]]:
 
 @given(spoilt=spoilt_streams(), axis=st.sampled_from(["z", "dft321"]))
 @settings(max_examples=40, deadline=None)
-def test_the_cut_into_blocks_does_not_matter(spoilt: tuple[RecordArray, list[int]], axis) -> None:
+def test_the_cut_into_blocks_does_not_matter(spoilt, axis):
     frames, lengths = spoilt
     kept = several(samples_per_frame(frames.dtype), axis=axis)
     stream = StreamFilter(kept)
@@ -78,7 +77,7 @@ def test_the_cut_into_blocks_does_not_matter(spoilt: tuple[RecordArray, list[int
 
 
 @pytest.mark.parametrize("per_frame", [2, 5, 10])
-def test_the_vibration_is_filtered_at_its_own_rate_and_meets_the_motion(per_frame: int) -> None:
+def test_the_vibration_is_filtered_at_its_own_rate_and_meets_the_motion(per_frame):
     acceleration = textured(800, per_frame)
     stream = StreamFilter(several(per_frame, axis="z"))
     aligned = stream.process(stroked(acceleration))
@@ -95,7 +94,7 @@ def test_the_vibration_is_filtered_at_its_own_rate_and_meets_the_motion(per_fram
     assert not aligned.valid[:WARM_UP].any()
 
 
-def test_a_frame_is_measured_if_all_its_samples_are() -> None:
+def test_a_frame_is_measured_if_all_its_samples_are():
     acceleration = textured(1500, 10)
     acceleration.reshape(-1, 3)[10_003:10_058] = acceleration.reshape(-1, 3)[10_003]  # 5.5 ms
     stream = StreamFilter(several(10))
@@ -105,7 +104,7 @@ def test_a_frame_is_measured_if_all_its_samples_are() -> None:
     assert stream.faults.held_s == pytest.approx(0.006)
 
 
-def test_a_gap_is_filled_better_than_by_a_line() -> None:
+def test_a_gap_is_filled_better_than_by_a_line():
     errors = []
     for seed in range(20):
         whole = textured(300, 10, seed).reshape(-1, 3)[:, 2:].copy()
@@ -122,7 +121,7 @@ def test_a_gap_is_filled_better_than_by_a_line() -> None:
 
 
 @pytest.mark.parametrize("per_frame", [2, 10])
-def test_a_texture_has_the_same_level_and_spectrum_at_any_rate(per_frame: int) -> None:
+def test_a_texture_has_the_same_level_and_spectrum_at_any_rate(per_frame):
     frames, _ = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=8.0)
     finer = scipy.signal.resample_poly(
         frames["acceleration_m_s2"].astype(float), per_frame, 1, axis=0
@@ -136,8 +135,6 @@ def test_a_texture_has_the_same_level_and_spectrum_at_any_rate(per_frame: int) -
     usual, found = build_model(frames), build_model(wide)
     assert [u.samples for u in found.updates] == [u.samples for u in usual.updates]
     one, other = usual.updates[-1].model, found.updates[-1].model
-    assert one is not None
-    assert other is not None
     assert other.rate_hz == 1000.0 * per_frame
     np.testing.assert_array_equal(other.samples.inputs, one.samples.inputs)
     apart_db = other.level_db(100.0, 1.0)[0] - one.level_db(100.0, 1.0)[0]
@@ -148,7 +145,7 @@ def test_a_texture_has_the_same_level_and_spectrum_at_any_rate(per_frame: int) -
     assert found.start_s == usual.start_s
 
 
-def test_frames_of_another_number_of_samples_are_refused() -> None:
+def test_frames_of_another_number_of_samples_are_refused():
     with pytest.raises(InputError, match="2 samples of the acceleration, the settings say"):
         StreamFilter().process(stroked(textured(20, 2)))
 
@@ -158,7 +155,7 @@ def test_frames_of_another_number_of_samples_are_refused() -> None:
     st.integers(0, 99),
 )
 @settings(max_examples=20, deadline=None)
-def test_resonances_close_to_zero_keep_their_filter_at_the_largest_order(lines, seed: int) -> None:
+def test_resonances_close_to_zero_keep_their_filter_at_the_largest_order(lines, seed):
     made = np.zeros(4000)
     for number, (line, width) in enumerate(lines):
         pole = np.exp((-np.pi * width + 2j * np.pi * line) / 1e4)

@@ -5,11 +5,10 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Final
 
 import pytest
 
-UPDATE: Final = """
+UPDATE = """
 import json, os
 from pathlib import Path
 import mmt, sys
@@ -38,7 +37,7 @@ print(json.dumps([after[0] - before[0], after[1] - before[1], after[2]]))
 @pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="needs Linux's schedstat")
 @pytest.mark.parametrize("method", ["field", "published"])
 @pytest.mark.parametrize("inputs", ["isotropic", "anisotropic"])
-def test_an_update_uses_no_threads_of_blas(method: str, inputs: str) -> None:
+def test_an_update_uses_no_threads_of_blas(method, inputs):
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "4"}
     result = subprocess.run(
         [sys.executable, "-c", UPDATE, method, inputs],

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from mmt.texture.tridiagonal import rotated, shifted_solutions, shifted_squares, tridiagonal
 
 
-def matrices(kind: str, size: int, seed: int) -> np.ndarray:
+def matrices(kind, size, seed):
     random = np.random.default_rng(seed)
     if kind == "nothing":
         return np.zeros((size, size))
@@ -25,7 +25,7 @@ def matrices(kind: str, size: int, seed: int) -> np.ndarray:
     seed=st.integers(0, 999),
     scale=st.sampled_from([1e-120, 1e-6, 1.0, 1e6, 1e120]),
 )
-def test_shifted_systems_have_the_solutions_of_numpy(kind, size, seed, scale) -> None:
+def test_shifted_systems_have_the_solutions_of_numpy(kind, size, seed, scale):
     matrix = matrices(kind, size, seed)
     random = np.random.default_rng(seed)
     shifts = max(np.abs(matrix).max(), 1.0) * 10.0 ** random.uniform(-4.0, 1.0, 5)
@@ -45,7 +45,7 @@ def test_shifted_systems_have_the_solutions_of_numpy(kind, size, seed, scale) ->
 
 
 @given(size=st.integers(1, 40), seed=st.integers(0, 999))
-def test_rows_are_rotated(size, seed) -> None:
+def test_rows_are_rotated(size, seed):
     matrix, random = matrices("full", size, seed), np.random.default_rng(seed)
     sides = random.normal(size=(size, 3))
     reduced = tridiagonal(matrix)

@@ -7,14 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stream_samples import judged, stroke_frames
 
-from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.faults import SignalFaults
 from mmt.texture.signals.filtering import StreamFilter
 
 
-def texture(count: int, seed: int, amplitude: FloatArray | float = 1.0) -> FloatArray:
+def texture(count, seed, amplitude=1.0):
     """Return an autoregressive vibration with random resonances, rms 1 times an amplitude."""
     generator = np.random.default_rng(seed)
     radii, angles = generator.uniform(0.3, 0.97, 3), generator.uniform(0.15, 3.0, 3)
@@ -27,7 +25,7 @@ def texture(count: int, seed: int, amplitude: FloatArray | float = 1.0) -> Float
 
 @pytest.mark.parametrize("noise", [0.0, 0.06])
 @pytest.mark.parametrize("step", [0.0, 0.002, 0.02])
-def test_a_held_value_is_found_and_nothing_else(noise: float, step: float) -> None:
+def test_a_held_value_is_found_and_nothing_else(noise, step):
     """One in thirty may be missed: a value that lies where the vibration rests may be silence."""
     found = []
     for seed in range(30):
@@ -50,9 +48,7 @@ def test_a_held_value_is_found_and_nothing_else(noise: float, step: float) -> No
 
 @given(seed=st.integers(0, 10_000), length=st.integers(150, 600))
 @settings(max_examples=40, deadline=None)
-def test_a_vibration_that_decays_is_silence_and_a_value_held_beside_it_is_not(
-    seed: int, length: int
-) -> None:
+def test_a_vibration_that_decays_is_silence_and_a_value_held_beside_it_is_not(seed, length):
     amplitude = np.ones(12_000)
     for start in range(2000, 12_000, 2000):
         amplitude[start : start + length] = 0.0
@@ -70,9 +66,7 @@ def test_a_vibration_that_decays_is_silence_and_a_value_held_beside_it_is_not(
 
 
 @pytest.mark.parametrize("silent_value", [0.0, 0.4])
-def test_silence_into_which_a_vibration_sinks_within_some_samples_is_measured(
-    silent_value: float,
-) -> None:
+def test_silence_into_which_a_vibration_sinks_within_some_samples_is_measured(silent_value):
     place = np.arange(12_000) % 2000
     envelope = np.sqrt((np.abs(place - 1750.0) / 250.0 - 0.8).clip(0.0, 0.2) * 5.0)
     silent = envelope == 0.0
@@ -84,7 +78,7 @@ def test_silence_into_which_a_vibration_sinks_within_some_samples_is_measured(
     assert np.median(held) == 0
 
 
-def test_a_vibration_that_stops_at_once_at_its_mean_is_mostly_held() -> None:
+def test_a_vibration_that_stops_at_once_at_its_mean_is_mostly_held():
     found = []
     for seed in range(40):
         x = texture(6000, seed)
@@ -93,7 +87,7 @@ def test_a_vibration_that_stops_at_once_at_its_mean_is_mostly_held() -> None:
     assert np.mean(found) > 0.6
 
 
-def test_a_coarse_converter_at_rest_is_not_held() -> None:
+def test_a_coarse_converter_at_rest_is_not_held():
     held = []
     amplitude = np.where((np.arange(9000) // 1000) % 2 == 1, 1.0, 0.0)
     for seed in range(60):
@@ -109,16 +103,14 @@ def test_a_coarse_converter_at_rest_is_not_held() -> None:
 
 
 @pytest.mark.parametrize("repeats", [2, 4, 8])
-def test_a_slow_sensor_that_repeats_its_values_is_used_once_that_is_known(repeats: int) -> None:
+def test_a_slow_sensor_that_repeats_its_values_is_used_once_that_is_known(repeats):
     x = np.repeat(texture(8000 // repeats, 3), repeats)
     aligned, faults = judged(stroke_frames(x))
     assert aligned.measured[200:].all()
     assert faults.saturated_s == 0
 
 
-def clipped(
-    seed: int, limit: float, sides: str, step: float
-) -> tuple[BoolArray, AlignedBlock, SignalFaults]:
+def clipped(seed, limit, sides, step):
     """Return which samples of a clipped texture are at a rail, and what was found of them."""
     x = texture(12_000, seed)
     low, high = -np.inf if sides == "upper" else -limit, np.inf if sides == "lower" else limit
@@ -141,14 +133,14 @@ SIDES = ["both", "upper", "lower"]
     step=st.sampled_from([0.0, 0.005]),
 )
 @settings(max_examples=40, deadline=None)
-def test_samples_at_the_rail_are_found(seed: int, limit: float, sides: str, step: float) -> None:
+def test_samples_at_the_rail_are_found(seed, limit, sides, step):
     at_rail, aligned, faults = clipped(seed, limit, sides, step)
     assert not aligned.valid[4000:][at_rail[4000:]].any()
     assert aligned.measured[4000:][~at_rail[4000:]].mean() > 0.98
     assert faults.saturated_s > 0.5 * np.count_nonzero(at_rail) / 1000
 
 
-def test_a_rail_at_twice_the_rms_is_found_as_well() -> None:
+def test_a_rail_at_twice_the_rms_is_found_as_well():
     """Of 60 sessions one may want more than 4 s: it may reach the rail a few times a second."""
     found = []
     for seed in range(60):
@@ -162,14 +154,14 @@ def test_a_rail_at_twice_the_rms_is_found_as_well() -> None:
 
 @given(seed=st.integers(0, 10_000), step=st.sampled_from([0.0, 0.005, 0.05]))
 @settings(max_examples=40, deadline=None)
-def test_a_vibration_within_the_range_has_no_rail(seed: int, step: float) -> None:
+def test_a_vibration_within_the_range_has_no_rail(seed, step):
     x = texture(12_000, seed)
     _, faults = judged(stroke_frames(step * np.round(x / step) if step else x))
     assert faults.saturated_s == faults.constant_s == 0
     assert faults.held_s <= 0.024  # at the crest of a slow wave that a coarse converter reads
 
 
-def test_a_rail_that_a_sample_exceeds_was_none() -> None:
+def test_a_rail_that_a_sample_exceeds_was_none():
     x = texture(8000, 1)
     x[3000:3500] = x[3000:3500].clip(-0.8, 0.8)
     aligned, faults = judged(stroke_frames(x))
@@ -177,7 +169,7 @@ def test_a_rail_that_a_sample_exceeds_was_none() -> None:
     assert aligned.measured[3600:].all()
 
 
-def test_a_channel_that_is_constant_throughout_has_no_measurement() -> None:
+def test_a_channel_that_is_constant_throughout_has_no_measurement():
     for gravity in (0.0, 9.81):
         aligned, faults = judged(stroke_frames(np.zeros(3000), gravity))
         assert not aligned.valid.any()
@@ -186,7 +178,7 @@ def test_a_channel_that_is_constant_throughout_has_no_measurement() -> None:
         assert faults.throughout
 
 
-def test_one_axis_that_changes_is_a_measurement_of_three() -> None:
+def test_one_axis_that_changes_is_a_measurement_of_three():
     frames = stroke_frames(texture(1000, 1))
     stream = StreamFilter(ModellingSettings(axis="dft321"))
     aligned = stream.process(frames)
@@ -194,7 +186,7 @@ def test_one_axis_that_changes_is_a_measurement_of_three() -> None:
     assert StreamFilter(ModellingSettings(axis="x")).process(frames).measured.sum() == 0
 
 
-def test_what_is_unplugged_is_held_and_the_vibration_goes_on_behind_it() -> None:
+def test_what_is_unplugged_is_held_and_the_vibration_goes_on_behind_it():
     x = texture(8000, 5)
     frames = stroke_frames(x)
     frames["acceleration_m_s2"][3000:5000] = 0.0
@@ -207,7 +199,7 @@ def test_what_is_unplugged_is_held_and_the_vibration_goes_on_behind_it() -> None
     assert np.sqrt(np.mean(error**2)) < 0.05
 
 
-def test_a_channel_that_is_not_finite_is_counted() -> None:
+def test_a_channel_that_is_not_finite_is_counted():
     frames = stroke_frames(texture(1000, 1))
     frames["acceleration_m_s2"][:, 2] = np.nan
     aligned, faults = judged(frames)

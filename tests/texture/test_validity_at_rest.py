@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from stream_samples import judged
 from stroked_sessions import resonant_noise, stroked_frames, strokes_over_plane
 
-from mmt.core.arrays import FloatArray, RecordArray
 from mmt.scene import Hand, Link, Scene, Simulated, Texture
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.signals.faults import SignalFaults
@@ -19,7 +18,7 @@ REST, STROKE = 400, 600
 
 
 @cache
-def moved(hand: str, seed: int) -> RecordArray:
+def moved(hand, seed):
     """Return 10 s of a simulated hand without any sensor's noise."""
     scene = Scene(
         link=Link(), texture=Texture(), simulated=Simulated(noise=False), hand=Hand(kind=hand)
@@ -27,7 +26,7 @@ def moved(hand: str, seed: int) -> RecordArray:
     return simulate_session(scene, "plastic", 10.0, seed)[0]
 
 
-def strokes_and_rests(count: int, seed: int, gravity: float) -> RecordArray:
+def strokes_and_rests(count, seed, gravity):
     """Return strokes to and fro with rests between them, in which nothing vibrates."""
     phase = np.arange(count * (REST + STROKE)) % (REST + STROKE)
     stroking = phase >= REST
@@ -40,7 +39,7 @@ def strokes_and_rests(count: int, seed: int, gravity: float) -> RecordArray:
     return frames
 
 
-def speed_mm_s(frames: RecordArray) -> FloatArray:
+def speed_mm_s(frames):
     position_mm = frames["position_mm"][:, :2].astype(np.float64)
     return np.hypot(*np.gradient(position_mm, 1e-3, axis=0).T)
 
@@ -54,8 +53,8 @@ def speed_mm_s(frames: RecordArray) -> FloatArray:
 )
 @settings(max_examples=15, deadline=None)
 def test_a_session_without_noise_has_no_fault_whatever_the_hand(
-    hand: str, seed: int, level: float, gravity: float, silent_mm_s: float
-) -> None:
+    hand, seed, level, gravity, silent_mm_s
+):
     """The vibration grows with speed, and is nothing where the tool does not stroke."""
     frames = moved(hand, seed % 2).copy()
     speed = speed_mm_s(frames)
@@ -70,7 +69,7 @@ def test_a_session_without_noise_has_no_fault_whatever_the_hand(
 
 
 @pytest.mark.parametrize("level", [1e-3, 1.0, 1e3])
-def test_strokes_between_rests_that_are_cut_to_nothing_lose_no_sample(level: float) -> None:
+def test_strokes_between_rests_that_are_cut_to_nothing_lose_no_sample(level):
     frames = stroked_frames(strokes_over_plane(), level)
     aligned, faults = judged(frames)
     assert faults == SignalFaults()
@@ -84,9 +83,7 @@ def test_strokes_between_rests_that_are_cut_to_nothing_lose_no_sample(level: flo
     away=st.floats(0.3, 20.0),
 )
 @settings(max_examples=40, deadline=None)
-def test_what_sticks_at_rest_is_held_from_the_stroke_on(
-    seed: int, gravity: float, start: int, away: float
-) -> None:
+def test_what_sticks_at_rest_is_held_from_the_stroke_on(seed, gravity, start, away):
     frames = strokes_and_rests(10, seed, gravity)
     first = 7 * (REST + STROKE)
     stuck = slice(first + start, first + REST + 300)
@@ -100,7 +97,7 @@ def test_what_sticks_at_rest_is_held_from_the_stroke_on(
     assert aligned.measured[stuck.stop :].all()
 
 
-def test_what_sticks_in_a_stroke_is_held_until_it_changes() -> None:
+def test_what_sticks_in_a_stroke_is_held_until_it_changes():
     """At rest too: a sensor that is known to be stuck is so until it gives another value.
 
     One in twenty may be missed, as in `test_validity`.
@@ -121,7 +118,7 @@ def test_what_sticks_in_a_stroke_is_held_until_it_changes() -> None:
     assert np.mean(found) >= 0.95
 
 
-def test_what_is_unplugged_again_and_again_is_held_each_time() -> None:
+def test_what_is_unplugged_again_and_again_is_held_each_time():
     frames = strokes_and_rests(10, 1, 9.81)
     unplugged = np.zeros(len(frames), np.bool_)
     for number in range(5, 9):
@@ -132,7 +129,7 @@ def test_what_is_unplugged_again_and_again_is_held_each_time() -> None:
     np.testing.assert_array_equal(aligned.measured, ~unplugged[: len(aligned)])
 
 
-def test_one_value_throughout_is_no_measurement_from_the_first_stroke_on() -> None:
+def test_one_value_throughout_is_no_measurement_from_the_first_stroke_on():
     frames = strokes_and_rests(3, 1, 0.0)
     frames["acceleration_m_s2"][:, 2] = 9.81
     aligned, _ = judged(frames)
@@ -143,7 +140,7 @@ def test_one_value_throughout_is_no_measurement_from_the_first_stroke_on() -> No
     assert still.measured.all()
 
 
-def test_a_gap_in_which_the_tool_went_elsewhere_is_no_stroke() -> None:
+def test_a_gap_in_which_the_tool_went_elsewhere_is_no_stroke():
     frames = strokes_and_rests(6, 1, 9.81)
     rest = 5 * (REST + STROKE)
     frames["position_mm"][rest + 200 :, 0] += 20.0

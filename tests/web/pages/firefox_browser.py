@@ -5,10 +5,7 @@ import itertools
 import json
 import re
 import shutil
-from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from pathlib import Path
-from typing import Any
 
 import aiohttp
 
@@ -18,13 +15,13 @@ FIREFOX = shutil.which("firefox-esr") or shutil.which("firefox")
 class FirefoxPage:
     """The window of a Firefox; its `evaluate` is that of playwright."""
 
-    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+    def __init__(self, socket):
         self._socket, self._numbers = socket, itertools.count()
         self.window = ""
-        self.problems: list[str] = []
+        self.problems = []
         """Errors on the console."""
 
-    async def tell(self, method: str, **parameters: Any) -> dict[str, Any]:
+    async def tell(self, method, **parameters):
         """Give a command; return its result."""
         number = next(self._numbers)
         await self._socket.send_json({"id": number, "method": method, "params": parameters})
@@ -33,22 +30,22 @@ class FirefoxPage:
                 if answer["params"].get("level") == "error":
                     self.problems.append(answer["params"]["text"])
         assert answer["type"] == "success", answer
-        return answer["result"]  # type: ignore[no-any-return]
+        return answer["result"]
 
-    async def goto(self, url: str, width: int) -> None:
+    async def goto(self, url, width):
         where = {"context": self.window}
         view = {"width": width, "height": 800}
         await self.tell("browsingContext.setViewport", **where, viewport=view)
         await self.tell("browsingContext.navigate", **where, url=url, wait="complete")
 
-    async def evaluate(self, script: str, given: Any = None) -> Any:
+    async def evaluate(self, script, given=None):
         call = f"await (typeof it === 'function' ? it({json.dumps(given)}) : it)"
         expression = f"(async (it) => JSON.stringify({call} ?? null))({script})"
         where = {"target": {"context": self.window}, "awaitPromise": True}
         said = await self.tell("script.evaluate", expression=expression, **where)
         return json.loads(said["result"]["value"])
 
-    async def act(self, kind: str, *actions: dict[str, Any]) -> None:
+    async def act(self, kind, *actions):
         """Move, press and lift a pointer: "mouse", "pen" or "touch"."""
         source = {"type": "pointer", "id": kind, "parameters": {"pointerType": kind}}
         sources = [{**source, "actions": actions}]
@@ -56,7 +53,7 @@ class FirefoxPage:
 
 
 @asynccontextmanager
-async def a_firefox(profile: Path) -> AsyncIterator[FirefoxPage]:
+async def a_firefox(profile):
     command = (str(FIREFOX), "--headless", "--remote-debugging-port", "0", "--profile", profile)
     process = await asyncio.create_subprocess_exec(*command, stderr=asyncio.subprocess.PIPE)
     assert process.stderr is not None

@@ -2,10 +2,7 @@
 
 import asyncio
 import shutil
-from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from pathlib import Path
-from typing import Any
 
 import pytest
 import pytest_asyncio
@@ -37,7 +34,7 @@ api.expect.set_options(timeout=LONGEST_MS)  # of a busy machine
 
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
-async def browser() -> AsyncIterator[Any]:
+async def browser():
     async with api.async_playwright() as playwright:
         browser = await playwright.chromium.launch(
             executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
@@ -47,15 +44,13 @@ async def browser() -> AsyncIterator[Any]:
 
 
 @asynccontextmanager
-async def a_page(
-    browser: Any, size: tuple[int, int] = DESKTOP, scheme: str = "light", **options: Any
-) -> AsyncIterator[Any]:
+async def a_page(browser, size=DESKTOP, scheme="light", **options):
     """A page of that size, in which no error may go unhandled; options are those of `new_page`."""
     page = await browser.new_page(
         viewport={"width": size[0], "height": size[1]}, color_scheme=scheme, **options
     )
     page.set_default_timeout(LONGEST_MS)
-    problems: list[str] = []
+    problems = []
     page.on("pageerror", lambda error: problems.append(str(error)))
     try:
         yield page
@@ -65,10 +60,10 @@ async def a_page(
 
 
 @asynccontextmanager
-async def a_file(browser: Any, path: Path, *how: Any, may_warn: bool = False) -> AsyncIterator[Any]:
+async def a_file(browser, path, *how, may_warn=False):
     """A page from disk without a network, that asks for nothing and complains of nothing."""
-    asked: list[str] = []
-    said: list[tuple[str, str]] = []
+    asked = []
+    said = []
     async with a_page(browser, *how, offline=True) as page:
         page.on("request", lambda request: asked.append(request.url))
         page.on("console", lambda message: said.append((message.type, message.text)))
@@ -78,20 +73,20 @@ async def a_file(browser: Any, path: Path, *how: Any, may_warn: bool = False) ->
         assert [text for kind, text in said if kind == "error" or not may_warn] == []
 
 
-async def until(page: Any, condition: str) -> None:
+async def until(page, condition):
     """Wait for a condition; a page's own policy may forbid the browser's way to wait."""
     async with asyncio.timeout(LONGEST_MS / 1000):
         while not await page.evaluate(condition):
             await asyncio.sleep(0.05)
 
 
-async def shows(page: Any, selector: str, text: str) -> None:
+async def shows(page, selector, text):
     await api.expect(page.locator(selector)).to_contain_text(text)
 
 
-async def inked(page: Any, selector: str) -> int:
+async def inked(page, selector):
     """Return how many pixels of a canvas are not empty."""
-    count: int = await page.evaluate(
+    return await page.evaluate(
         """selector => {
             const canvas = document.querySelector(selector);
             const { width, height } = canvas;
@@ -100,7 +95,6 @@ async def inked(page: Any, selector: str) -> int:
         }""",
         selector,
     )
-    return count
 
 
 ILLEGIBLE = """() => {
@@ -139,7 +133,7 @@ UNNAMED = """() =>
 """What a screen reader has no words for."""
 
 
-async def fits(page: Any, scheme: str) -> None:
+async def fits(page, scheme):
     """See that a page has the scheme's colours, nothing beside its edge, names, large targets."""
     assert await page.evaluate(OVERFLOW) <= 0
     ground = await page.evaluate("getComputedStyle(document.body).backgroundColor")

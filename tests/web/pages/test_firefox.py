@@ -1,12 +1,8 @@
 """The pages in Firefox: they open, render, are felt or say why not, and complain of nothing."""
 
-from collections.abc import AsyncIterator
-from pathlib import Path
-from typing import Any
-
 import pytest
 import pytest_asyncio
-from firefox_browser import FIREFOX, FirefoxPage, a_firefox
+from firefox_browser import FIREFOX, a_firefox
 from page_browser import fits, until
 from test_monitor_page import Leading
 from test_texture_page import renders_as_python
@@ -25,15 +21,15 @@ PROBLEM = "document.querySelector('#problem').textContent"
 
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
-async def firefox(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Any]:
+async def firefox(tmp_path_factory):
     async with a_firefox(tmp_path_factory.mktemp("firefox")) as page:
         yield page
 
 
 @pytest.mark.parametrize(("width", "pointer"), [(390, "touch"), (1280, "mouse")])
 async def test_the_page_of_one_file_renders_and_its_first_touch_sounds_or_says_why_not(
-    firefox: FirefoxPage, tmp_path: Path, width: int, pointer: str
-) -> None:
+    firefox, tmp_path, width, pointer
+):
     made, path = load_model("oak"), tmp_path / "page.html"
     path.write_bytes(texture_page([model_json(made, "oak")]))
     await firefox.goto(path.as_uri(), width)
@@ -61,7 +57,7 @@ async def test_the_page_of_one_file_renders_and_its_first_touch_sounds_or_says_w
 
 
 @pytest.mark.parametrize("width", WIDTHS_PX)
-async def test_the_monitor_shows_its_verdict(firefox: FirefoxPage, width: int) -> None:
+async def test_the_monitor_shows_its_verdict(firefox, width):
     async with Leading() as leading:
         await firefox.goto(leading.url, width)
         now = "document.querySelector('#now').textContent"

@@ -3,7 +3,6 @@
 import asyncio
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +24,6 @@ from sharing_samples import listening, until
 from mmt.follower.service import Follower
 from mmt.leader.service import Leader
 from mmt.link.access import TOKEN_VARIABLE
-from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
@@ -44,7 +42,7 @@ TOKEN = "a token that nobody guesses"
 PARTS = ("simulated", "hand", "texture", "rendering", "playout", "actuator", "monitor")
 
 
-def scene(port: int = 0, **tables: dict[str, Any]) -> Scene:
+def scene(port=0, **tables):
     usual = {
         "session": {"name": "shown", "duration_s": 600.0},
         "link": {"port": port},
@@ -57,17 +55,17 @@ def scene(port: int = 0, **tables: dict[str, Any]) -> Scene:
 class Leading:
     """A leader whose frames a test hands over itself, so that no clock is waited for."""
 
-    def __init__(self, port: int = 0, **tables: dict[str, Any]) -> None:
+    def __init__(self, port=0, **tables):
         self.service = Leader(scene(port, **tables))
         self._sent = 0
 
-    async def __aenter__(self) -> "Leading":
+    async def __aenter__(self):
         ready = asyncio.Event()
         self.running = asyncio.create_task(self.service.run(ready.set))
         await ready.wait()
         return self
 
-    async def __aexit__(self, *_: object) -> None:
+    async def __aexit__(self, *_):
         self.service.stop()
         await self.running
 
@@ -79,7 +77,7 @@ class Leading:
     def url(self) -> str:
         return f"{self.origin}monitor/"
 
-    async def model(self, seconds: float) -> None:
+    async def model(self, seconds):
         """Let the model take a simulated session of this length."""
         frames, _ = simulate_session(self.service.scene, "plastic", seconds)
         frames["sequence"] += self._sent
@@ -92,7 +90,7 @@ class Leading:
             await modelling.finish(10.0)
 
 
-async def operate(control: Any, who: int) -> None:
+async def operate(control, who):
     """Send the motion of a hand at rest, as an operator at another machine does."""
     records = np.zeros(1, MOTION_DTYPE)
     while True:
@@ -105,9 +103,7 @@ async def operate(control: Any, who: int) -> None:
 @pytest.mark.parametrize(
     ("size", "scheme"), [(DESKTOP, "light"), (TABLET, "dark")], ids=["desktop", "tablet"]
 )
-async def test_a_person_sees_the_model_grow(
-    browser: Any, size: tuple[int, int], scheme: str
-) -> None:
+async def test_a_person_sees_the_model_grow(browser, size, scheme):
     published = {"method": "published"}
     async with a_page(browser, size, scheme) as page, Leading(texture=published) as leading:
         await page.goto(leading.url)
@@ -132,9 +128,7 @@ async def test_a_person_sees_the_model_grow(
 
 
 @pytest.mark.parametrize(("inputs", "place"), [("isotropic", "mm/s and"), ("anisotropic", "°")])
-async def test_a_model_that_knows_its_error_says_where_to_stroke_next(
-    browser: Any, inputs: str, place: str
-) -> None:
+async def test_a_model_that_knows_its_error_says_where_to_stroke_next(browser, inputs, place):
     texture = {"inputs": inputs, "stop_share": 0.999}
     async with a_page(browser, TABLET, "dark") as page, Leading(texture=texture) as leading:
         await page.goto(leading.url)
@@ -157,7 +151,7 @@ async def test_a_model_that_knows_its_error_says_where_to_stroke_next(
         assert "A stroke" not in await page.inner_text("#plane-text")
 
 
-async def test_the_surface_under_the_tool_is_named_where_there_are_several(browser: Any) -> None:
+async def test_the_surface_under_the_tool_is_named_where_there_are_several(browser):
     several = {"surfaces": {}}
     async with a_page(browser, TABLET) as page, Leading(texture=several) as leading:
         await page.goto(leading.url)
@@ -172,9 +166,7 @@ async def test_the_surface_under_the_tool_is_named_where_there_are_several(brows
         await shows(page, "#surface", "surface 1 (2 known)")
 
 
-async def test_a_lost_connection_is_shown_and_found_again(
-    browser: Any, unused_tcp_port: int
-) -> None:
+async def test_a_lost_connection_is_shown_and_found_again(browser, unused_tcp_port):
     async with a_page(browser) as page:
         async with Leading(unused_tcp_port) as leading:
             await page.goto(leading.url)
@@ -191,8 +183,8 @@ async def test_a_lost_connection_is_shown_and_found_again(
 
 
 async def test_another_leader_at_the_address_is_shown_with_nothing_of_the_last(
-    browser: Any, unused_tcp_port: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    browser, unused_tcp_port, monkeypatch
+):
     monkeypatch.setenv("MMT_CONTROL_TOKEN", TOKEN)
     async with a_page(browser) as page:
         async with Leading(unused_tcp_port, sharing={"port": 0}, control={}) as leading:
@@ -206,10 +198,7 @@ async def test_another_leader_at_the_address_is_shown_with_nothing_of_the_last(
             await api.expect(page.locator("#listeners-panel")).to_be_hidden()
 
 
-async def test_a_leader_with_a_token_is_seen_by_who_has_it(
-    browser: Any,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_leader_with_a_token_is_seen_by_who_has_it(browser, monkeypatch):
     monkeypatch.setenv(TOKEN_VARIABLE, TOKEN)
     async with a_page(browser) as page, Leading() as leading:
         await page.goto(leading.url)
@@ -223,9 +212,9 @@ async def test_a_leader_with_a_token_is_seen_by_who_has_it(
         await api.expect(page.locator("#token-form")).to_be_hidden()
 
 
-async def test_nothing_is_loaded_from_elsewhere(browser: Any) -> None:
+async def test_nothing_is_loaded_from_elsewhere(browser):
     async with a_page(browser) as page, Leading() as leading:
-        asked: list[str] = []
+        asked = []
         page.on("request", lambda request: asked.append(request.url))
         await page.goto(leading.url)
         await shows(page, "#connection", "live")
@@ -234,9 +223,7 @@ async def test_nothing_is_loaded_from_elsewhere(browser: Any) -> None:
     assert sum(len(file.body) for file in monitor_files().values()) < LARGEST_BYTES
 
 
-async def test_a_person_controls_the_run(
-    browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_person_controls_the_run(browser, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     async with a_page(browser, TABLET) as page, Leading() as leading:
         await page.goto(leading.url)
@@ -271,9 +258,7 @@ async def test_a_person_controls_the_run(
         await shows(page, "#freeze", "Freeze model")
 
 
-async def test_a_person_hands_control_over_and_takes_it_back(
-    browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_person_hands_control_over_and_takes_it_back(browser, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MMT_CONTROL_TOKEN", TOKEN)
     tables = {"sharing": {"port": 0}, "control": {"silence_ms": 5000}}
@@ -306,7 +291,7 @@ async def test_a_person_hands_control_over_and_takes_it_back(
         await following
 
 
-async def test_a_person_sees_the_headings_of_an_anisotropic_model(browser: Any) -> None:
+async def test_a_person_sees_the_headings_of_an_anisotropic_model(browser):
     texture = {"inputs": "anisotropic", "stop_share": 0.999}
     async with a_page(browser) as page, Leading(texture=texture) as leading:
         await page.goto(leading.url)
@@ -327,7 +312,7 @@ async def test_a_person_sees_the_headings_of_an_anisotropic_model(browser: Any) 
         assert blue > 100
 
 
-async def test_single_keys_are_listed_and_none_of_them_undoes_anything(browser: Any) -> None:
+async def test_single_keys_are_listed_and_none_of_them_undoes_anything(browser):
     async with a_page(browser) as page, Leading() as leading:
         await page.goto(leading.url)
         await shows(page, "#connection", "live")
@@ -359,7 +344,7 @@ OUTSIDE = """() => [...document.querySelectorAll("section")].flatMap((card) => {
 })"""
 
 
-async def test_legends_stay_in_their_cards_on_a_telephone(browser: Any) -> None:
+async def test_legends_stay_in_their_cards_on_a_telephone(browser):
     async with Leading() as leading, a_page(browser, PHONE) as page:
         await page.goto(leading.url)
         await shows(page, "#connection", "live")
@@ -374,7 +359,7 @@ async def test_legends_stay_in_their_cards_on_a_telephone(browser: Any) -> None:
         assert await page.evaluate(OUTSIDE) == []
 
 
-async def test_a_person_sees_who_listens(browser: Any) -> None:
+async def test_a_person_sees_who_listens(browser):
     sharing = Leading(sharing={"port": 0})
     async with a_page(browser, DESKTOP, "light") as page, sharing as leading:
         part = leading.service.parts.get(SharingPart)

@@ -1,9 +1,6 @@
 """A recording's page in a real browser: what is on the screen while a person looks through it."""
 
 import re
-from contextlib import AbstractAsyncContextManager
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -50,7 +47,7 @@ EVENTS = [
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded(tmp_path_factory):
     scene = scene_from_tables(
         {
             "link": {},
@@ -72,18 +69,18 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def viewing(path: Path) -> AbstractAsyncContextManager[str]:
+def viewing(path):
     """Serve a recording; give the page's address."""
     return serving(ViewedRecording.open(path))
 
 
-async def at(page: Any) -> str:
+async def at(page):
     """Return the moment that is shown, in seconds."""
-    text: str = await page.locator("#time").inner_text()
+    text = await page.locator("#time").inner_text()
     return text.removesuffix(" s")
 
 
-async def built(page: Any) -> None:
+async def built(page):
     """Wait until the model is built: the remark that leaves then moves what stands below it."""
     await api.expect(page.locator("#remarks")).to_have_text("")
 
@@ -91,9 +88,7 @@ async def built(page: Any) -> None:
 @pytest.mark.parametrize(
     ("size", "scheme"), [(DESKTOP, "light"), (TABLET, "dark")], ids=["desktop", "tablet"]
 )
-async def test_a_person_goes_through_a_recording(
-    browser: Any, recorded: Path, size: tuple[int, int], scheme: str
-) -> None:
+async def test_a_person_goes_through_a_recording(browser, recorded, size, scheme):
     async with (
         viewing(recorded) as url,
         a_page(browser, size, scheme) as page,
@@ -129,8 +124,8 @@ async def test_a_person_goes_through_a_recording(
 
 
 async def test_a_moment_before_any_model_is_not_said_to_be_built_for_ever(
-    browser: Any, recorded: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    browser, recorded, monkeypatch
+):
     recording = ViewedRecording.open(recorded)
     with monkeypatch.context() as held:
         held.setattr(ModelRebuild, "start", lambda _: None)
@@ -142,7 +137,7 @@ async def test_a_moment_before_any_model_is_not_said_to_be_built_for_ever(
             await shows(page, "#plane-text", "No model yet.")
 
 
-async def test_the_address_keeps_the_moment(browser: Any, recorded: Path) -> None:
+async def test_the_address_keeps_the_moment(browser, recorded):
     async with viewing(recorded) as url, a_page(browser) as page:
         await page.goto(url + "#t=6.5")
         await built(page)
@@ -153,7 +148,7 @@ async def test_the_address_keeps_the_moment(browser: Any, recorded: Path) -> Non
         await shows(page, "#time", "5.50 s")
 
 
-async def test_panels_share_a_time_line(browser: Any, recorded: Path) -> None:
+async def test_panels_share_a_time_line(browser, recorded):
     async with viewing(recorded) as url, a_page(browser) as page:
         await page.goto(url + "#t=2")
         await built(page)
@@ -162,10 +157,10 @@ async def test_panels_share_a_time_line(browser: Any, recorded: Path) -> None:
         await page.locator("#position").scroll_into_view_if_needed()
         box = await page.locator("#force-plot .u-over").bounding_box()
 
-        async def point(share: float) -> None:
+        async def point(share):
             await page.mouse.move(box["x"] + share * box["width"], box["y"] + box["height"] / 2)
 
-        async def click(share: float, time_s: str) -> None:
+        async def click(share, time_s):
             """Click once what is there shows the span, as a person does."""
             await point(share)
             await read("#force-plot", time_s)
@@ -173,7 +168,7 @@ async def test_panels_share_a_time_line(browser: Any, recorded: Path) -> None:
             await page.mouse.up()
             await api.expect(moment).to_have_text(re.compile(time_s))
 
-        async def read(panel: str, time_s: str) -> None:
+        async def read(panel, time_s):
             value = page.locator(f"{panel} .u-value").first
             await api.expect(value).to_have_text(re.compile(time_s))
 
@@ -192,7 +187,7 @@ async def test_panels_share_a_time_line(browser: Any, recorded: Path) -> None:
         await click(0.99, r"^(2\.[5-9]|3\.)")
 
 
-async def test_an_event_leads_to_its_moment(browser: Any, recorded: Path) -> None:
+async def test_an_event_leads_to_its_moment(browser, recorded):
     async with viewing(recorded) as url, a_page(browser, TABLET) as page:
         await page.goto(url)
         await built(page)
@@ -204,7 +199,7 @@ async def test_an_event_leads_to_its_moment(browser: Any, recorded: Path) -> Non
         assert await page.locator("#events li").count() == 4  # clocks are not for a person
 
 
-async def test_a_recording_is_played(browser: Any, recorded: Path) -> None:
+async def test_a_recording_is_played(browser, recorded):
     async with viewing(recorded) as url, a_page(browser) as page:
         await page.goto(url + "#t=0")
         await shows(page, "#at", "0.00 of 8.0")
@@ -227,7 +222,7 @@ async def test_a_recording_is_played(browser: Any, recorded: Path) -> None:
         await shows(page, "#play", "Play")
 
 
-async def test_the_slider_is_dragged(browser: Any, recorded: Path) -> None:
+async def test_the_slider_is_dragged(browser, recorded):
     async with viewing(recorded) as url, a_page(browser, TABLET) as page:
         await page.goto(url + "#t=0")
         await shows(page, "#time", "0.00 s")
@@ -241,7 +236,7 @@ async def test_the_slider_is_dragged(browser: Any, recorded: Path) -> None:
         await shows(page, "#time", f"{at:.2f} s")
 
 
-async def test_keys_are_listed(browser: Any, recorded: Path) -> None:
+async def test_keys_are_listed(browser, recorded):
     async with viewing(recorded) as url, a_page(browser) as page:
         await page.goto(url + "#t=0")
         await shows(page, "#at", "0.00 of 8.0")
@@ -254,9 +249,7 @@ async def test_keys_are_listed(browser: Any, recorded: Path) -> None:
         await shows(page, "#at", "0.00 of 8.0")
 
 
-async def test_without_recorded_output_the_model_of_the_moment_is_rendered(
-    browser: Any, tmp_path: Path
-) -> None:
+async def test_without_recorded_output_the_model_of_the_moment_is_rendered(browser, tmp_path):
     frames, _ = simulate_session(Scene(), "plastic", 6.0)
     export_session(RecordedSession(frames), tmp_path / "raw.npz")
     async with viewing(tmp_path / "raw.npz") as url, a_page(browser) as page:
@@ -266,14 +259,13 @@ async def test_without_recorded_output_the_model_of_the_moment_is_rendered(
         await shows(page, "#completion-text", "start met at")
         met = await page.locator("#completion-text").inner_text()
         switch = re.search(r"start met at ([\d.]+) s", met)
-        assert switch is not None
         assert float(await at(page)) == pytest.approx(float(switch[1]), abs=0.06)
         await page.keyboard.press("End")
         await shows(page, "#why", "this is rendered from the model of this moment")
         await api.expect(page.locator("#link-panel")).to_be_hidden()
 
 
-async def test_the_page_says_that_its_server_has_ended(browser: Any, recorded: Path) -> None:
+async def test_the_page_says_that_its_server_has_ended(browser, recorded):
     async with a_page(browser) as page:
         async with viewing(recorded) as url:
             await page.goto(url)

@@ -1,7 +1,6 @@
 """Reports in a real browser: what is on the screen, and on paper."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -38,7 +37,7 @@ RUN = {
 
 
 @pytest.fixture(scope="module")
-def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def reports(tmp_path_factory):
     """One report of each kind that a command writes."""
     folder = tmp_path_factory.mktemp("reports")
     evaluations = []
@@ -68,23 +67,20 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     }  # fmt: skip
 
 
-async def beyond_the_edge(page: Any, selector: str) -> int:
+async def beyond_the_edge(page, selector):
     """Return by how many pixels what is in the widest of these elements is wider than it."""
-    width: int = await page.evaluate(
+    return await page.evaluate(
         """selector => Math.max(0, ...[...document.querySelectorAll(selector)].map(
             element => element.scrollWidth - element.clientWidth))""",
         selector,
     )
-    return width
 
 
 @pytest.mark.parametrize(
     ("size", "scheme"), [(WIDE, "light"), (TABLET, "dark")], ids=["desktop", "tablet"]
 )
 @pytest.mark.parametrize("kind", ["run", "comparison", "bench", "stability"])
-async def test_every_report_is_whole_and_readable(
-    browser: Any, reports: dict[str, Path], kind: str, size: tuple[int, int], scheme: str
-) -> None:
+async def test_every_report_is_whole_and_readable(browser, reports, kind, size, scheme):
     async with a_file(browser, reports[kind], size, scheme) as page:
         assert await page.locator("h1").is_visible()
         assert await page.evaluate("document.images.length") > 0
@@ -95,9 +91,7 @@ async def test_every_report_is_whole_and_readable(
         assert await page.evaluate(ILLEGIBLE) == []
 
 
-async def test_a_run_is_told_from_the_plane_to_its_scene(
-    browser: Any, reports: dict[str, Path]
-) -> None:
+async def test_a_run_is_told_from_the_plane_to_its_scene(browser, reports):
     async with a_file(browser, reports["run"], WIDE) as page:
         alts = [await image.get_attribute("alt") for image in await page.locator("img").all()]
         for words in ("The model as it grows", "GFC of the held-out", "Held-out segments"):
@@ -123,9 +117,7 @@ async def test_a_run_is_told_from_the_plane_to_its_scene(
 
 
 @pytest.mark.parametrize("kind", ["run", "bench", "stability"])
-async def test_a_telephone_gets_pictures_of_its_own(
-    browser: Any, reports: dict[str, Path], kind: str
-) -> None:
+async def test_a_telephone_gets_pictures_of_its_own(browser, reports, kind):
     widths = "[...document.images].map(i => [i.naturalWidth, i.clientWidth, innerWidth])"
     async with a_file(browser, reports[kind], PHONE, "dark") as page:
         assert await page.evaluate(OVERFLOW) == 0
@@ -134,9 +126,7 @@ async def test_a_telephone_gets_pictures_of_its_own(
         assert all(natural < 700 and 0.8 * inner < client for natural, client, inner in shown)
 
 
-async def test_two_runs_stand_side_by_side_where_there_is_room(
-    browser: Any, reports: dict[str, Path]
-) -> None:
+async def test_two_runs_stand_side_by_side_where_there_is_room(browser, reports):
     boxes = """[...document.querySelectorAll('.beside:not(.wide)')].map(pair =>
         [...pair.querySelectorAll('img')].map(image => image.getBoundingClientRect().top))"""
     async with a_file(browser, reports["comparison"], WIDE) as page:
@@ -152,7 +142,7 @@ async def test_two_runs_stand_side_by_side_where_there_is_room(
         assert all(above < below for above, below in await page.evaluate(boxes))
 
 
-async def test_a_report_is_printed_whole(browser: Any, reports: dict[str, Path]) -> None:
+async def test_a_report_is_printed_whole(browser, reports):
     async with a_file(browser, reports["run"], PAPER) as page:
         await page.emulate_media(media="print")
         assert await page.locator("details pre").is_visible()

@@ -1,8 +1,5 @@
 """A shared surface in a real browser: a visitor feels it, and what becomes of it."""
 
-from pathlib import Path
-from typing import Any
-
 from page_browser import MARKS, OVERFLOW, PHONE, a_page, api, browser, shows
 from player_samples import address, flat_texture
 from sharing_samples import about, playing_shared, shared
@@ -12,9 +9,7 @@ __all__ = ["browser"]
 pytestmark = MARKS
 
 
-async def test_a_visitor_feels_the_model_as_it_becomes_and_after_its_end(
-    browser: Any, tmp_path: Path
-) -> None:
+async def test_a_visitor_feels_the_model_as_it_becomes_and_after_its_end(browser, tmp_path):
     async with shared() as sharing, a_page(browser, PHONE) as page:
         async with playing_shared(sharing, tmp_path) as server:
             await page.goto(address(server))

@@ -6,7 +6,6 @@ import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from library_samples import model, stiff
 
-from mmt.core.arrays import FloatArray
 from mmt.models import shipped_models
 from mmt.rendering.generating import RateConverter
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
@@ -32,7 +30,7 @@ CONVERTED = 4000
 pytestmark = pytest.mark.skipif(NODE is None, reason="Node is not installed")
 
 
-def asked(request: dict[str, Any]) -> dict[str, Any]:
+def asked(request):
     """Return what the module answers."""
     done = subprocess.run(
         [str(NODE), str(PROGRAM), str(MODULE)],
@@ -42,19 +40,18 @@ def asked(request: dict[str, Any]) -> dict[str, Any]:
         timeout=120,
         check=True,
     )
-    answer: dict[str, Any] = json.loads(done.stdout)
-    return answer
+    return json.loads(done.stdout)
 
 
-def coded(values: FloatArray) -> str:
+def coded(values):
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()
 
 
-def decoded(text: str) -> FloatArray:
+def decoded(text):
     return np.frombuffer(base64.b64decode(text), dtype="<f8")
 
 
-def strokes(made: TextureModel, count: int, seed: int) -> list[FloatArray]:
+def strokes(made, count, seed):
     """Return inputs of strokes to and fro that vary in speed, heading and force, with rests."""
     random = np.random.default_rng(seed)
     time_s = np.arange(count) / made.rate_hz
@@ -66,9 +63,7 @@ def strokes(made: TextureModel, count: int, seed: int) -> list[FloatArray]:
     return [*velocity, force] if made.space.directed else [np.hypot(*velocity), force]
 
 
-def error(
-    models: list[TextureModel], inputs: list[FloatArray], excitation: FloatArray, renewal: int
-) -> float:
+def error(models, inputs, excitation, renewal):
     """Return the largest difference over the root mean square, at all rates; each is checked."""
     count = len(excitation)
     changes = np.linspace(0, count, len(models) + 1).astype(int).tolist()
@@ -104,7 +99,7 @@ def error(
 
 @pytest.mark.parametrize("name", shipped_models())
 @pytest.mark.parametrize("method", ["field", "published"])
-def test_shipped_models_give_the_same_samples_for_a_minute(name, method) -> None:
+def test_shipped_models_give_the_same_samples_for_a_minute(name, method):
     shipped = load_model(name)
     made = shipped if method == shipped.method else TextureModel(shipped.samples, method=method)
     white = np.random.default_rng(1).standard_normal(60_000)
@@ -113,7 +108,7 @@ def test_shipped_models_give_the_same_samples_for_a_minute(name, method) -> None
 
 
 @st.composite
-def random_models(draw: st.DrawFn) -> TextureModel:
+def random_models(draw):
     """Models whose filters have reflection coefficients of magnitude up to 0.999."""
     random = np.random.default_rng(draw(st.integers(0, 2**32)))
     space = draw(st.sampled_from([ISOTROPIC, ANISOTROPIC]))
@@ -137,7 +132,7 @@ def random_models(draw: st.DrawFn) -> TextureModel:
 
 @settings(max_examples=20, deadline=None)
 @given(made=random_models(), renewal=st.sampled_from([1, 3, 20]), seed=st.integers(0, 99))
-def test_random_models_give_the_same_samples(made, renewal, seed) -> None:
+def test_random_models_give_the_same_samples(made, renewal, seed):
     inputs = strokes(made, 4000, seed)
     random = np.random.default_rng(seed)
     for values in inputs:  # what hands do not do
@@ -147,15 +142,13 @@ def test_random_models_give_the_same_samples(made, renewal, seed) -> None:
     assert error([made], inputs, white, renewal) < allowed
 
 
-def effect_of_last_bits(
-    made: TextureModel, inputs: list[FloatArray], white: FloatArray, renewal: int
-) -> float:
+def effect_of_last_bits(made, inputs, white, renewal):
     """Return how far Python's own samples move by changes of the frequencies' last bits.
 
     At orders above 40 the frequencies of such filters may be 1e-12 apart, and this is 1 or more.
     """
 
-    def rendered(each: TextureModel) -> FloatArray:
+    def rendered(each):
         synthesizer = Synthesizer(each, seed=9, renewal_samples=renewal)
         return synthesizer.render(*inputs, excitation=white)
 
@@ -169,7 +162,7 @@ def effect_of_last_bits(
 
 
 @pytest.mark.parametrize("method", ["field", "published"])
-def test_poles_at_the_unit_circle_and_models_that_grow_give_the_same_samples(method) -> None:
+def test_poles_at_the_unit_circle_and_models_that_grow_give_the_same_samples(method):
     growing = [model(seed=seed, order=order) for seed, order in enumerate((8, 12, 5))]
     white = np.random.default_rng(3).standard_normal(6000)
     assert error(growing, strokes(growing[0], 6000, 4), white, 1) < 1e-9
@@ -177,24 +170,24 @@ def test_poles_at_the_unit_circle_and_models_that_grow_give_the_same_samples(met
     assert error([poles], strokes(poles, 6000, 4), white, 1) < 1e-6
 
 
-def test_a_model_of_ten_kilohertz_gives_the_same_samples() -> None:
+def test_a_model_of_ten_kilohertz_gives_the_same_samples():
     made = load_model("oak").at_rate(10_000.0)
     white = np.random.default_rng(1).standard_normal(20_000)
     assert error([made], strokes(made, 20_000, 2), white, 10) < 1e-9
 
 
-def changed(**changes: Any) -> str:
+def changed(**changes):
     return json.dumps({**json.loads(model_json(model(), "made")), **changes})
 
 
-def rows_with(value: float, column: int) -> str:
+def rows_with(value, column):
     form = json.loads(model_json(model(), "made"))
     rows = decoded(form["rows"]["data"]).reshape(form["rows"]["shape"]).copy()
     rows[3, column] = value
     return changed(rows={**form["rows"], "data": coded(rows)})
 
 
-def corners(values: list[list[int]]) -> dict[str, Any]:
+def corners(values):
     data = base64.b64encode(np.array(values, dtype="<u2").tobytes()).decode()
     return {"type": "uint16", "shape": [len(values), 3], "data": data}
 
@@ -222,7 +215,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("kind", HOSTILE)
-def test_what_is_no_model_is_refused_with_a_sentence(kind) -> None:
+def test_what_is_no_model_is_refused_with_a_sentence(kind):
     form, sentence = HOSTILE[kind]
     request = {"forms": [form], "inputs": [], "excitation": "", "renewal": 1, "rates": []}
     refused = asked({**request, "changes": [0, 0]})["refused"]

@@ -2,10 +2,7 @@
 
 import base64
 import json
-from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,7 +25,7 @@ from page_browser import (
 
 from mmt.core.errors import InputError
 from mmt.texture.model.json_form import model_json
-from mmt.texture.model.texture_model import TextureModel, load_model
+from mmt.texture.model.texture_model import load_model
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt.web.page_server import PageFile, add_page
 from mmt.web.texture_page import MODULE, MOST_BYTES, texture_page
@@ -41,23 +38,21 @@ PLAYED = "document.querySelector('#played-title').textContent"
 LEVEL = f"Number.parseFloat(/level ([\\d.]+)/.exec({PLAYED})?.[1] ?? '0')"
 
 
-def written(folder: Path, models: dict[str, TextureModel]) -> Path:
+def written(folder, models):
     path = folder / "page.html"
     path.write_bytes(texture_page([model_json(made, name) for name, made in models.items()]))
     return path
 
 
 @asynccontextmanager
-async def of_models(
-    browser: Any, folder: Path, models: dict[str, TextureModel], *how: Any
-) -> AsyncIterator[Any]:
+async def of_models(browser, folder, models, *how):
     """The page of models, from disk."""
     async with a_file(browser, written(folder, models), *how, may_warn=True) as page:
         await until(page, "window.mmtTexture !== undefined")
         yield page
 
 
-async def stroke(page: Any) -> None:
+async def stroke(page):
     """Stroke until the page plays."""
     box = await page.locator("#surface").bounding_box()
     x, y = box["x"] + 40, box["y"] + box["height"] / 2
@@ -71,7 +66,7 @@ async def stroke(page: Any) -> None:
     pytest.fail("stroking moved no sound")
 
 
-async def renders_as_python(page: Any, made: TextureModel) -> None:
+async def renders_as_python(page, made):
     """See that the page's renderer gives the samples that Python's gives."""
     count = 3000
     time_s = np.arange(count) / 1000.0
@@ -86,7 +81,7 @@ async def renders_as_python(page: Any, made: TextureModel) -> None:
 
 
 @pytest.mark.parametrize("name", ["oak", "felt"])
-async def test_the_page_gives_the_samples_that_python_gives(browser, tmp_path, name) -> None:
+async def test_the_page_gives_the_samples_that_python_gives(browser, tmp_path, name):
     made = load_model(name)
     async with of_models(browser, tmp_path, {name: made}) as page:
         await renders_as_python(page, made)
@@ -94,7 +89,7 @@ async def test_the_page_gives_the_samples_that_python_gives(browser, tmp_path, n
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", [DESKTOP, PHONE])
-async def test_a_stroke_is_heard_shown_and_ends(browser, tmp_path, size, scheme) -> None:
+async def test_a_stroke_is_heard_shown_and_ends(browser, tmp_path, size, scheme):
     models = {"one": model(), "two": directed()}
     async with of_models(browser, tmp_path, models, size, scheme) as page:
         await fits(page, scheme)
@@ -112,7 +107,7 @@ async def test_a_stroke_is_heard_shown_and_ends(browser, tmp_path, size, scheme)
         await shows(page, "#scale-text", "an amplitude of 1 is 150 m/s²")
 
 
-async def test_keys_stroke_it(browser, tmp_path) -> None:
+async def test_keys_stroke_it(browser, tmp_path):
     async with of_models(browser, tmp_path, {"one": model()}) as page:
         await page.focus("#surface")
         await page.keyboard.down("ArrowRight")
@@ -121,14 +116,14 @@ async def test_keys_stroke_it(browser, tmp_path) -> None:
         await until(page, f"{LEVEL} === 0")
 
 
-async def test_without_a_worklet_the_same_module_plays(browser, tmp_path) -> None:
+async def test_without_a_worklet_the_same_module_plays(browser, tmp_path):
     async with of_models(browser, tmp_path, {"one": model()}) as page:
         await page.evaluate("delete BaseAudioContext.prototype.audioWorklet")
         await stroke(page)
         assert (await page.evaluate("window.mmtTexture.figures()"))["by"] == "script"
 
 
-async def test_what_is_no_model_is_refused_in_the_page(browser, tmp_path) -> None:
+async def test_what_is_no_model_is_refused_in_the_page(browser, tmp_path):
     bad, good = tmp_path / "bad.json", tmp_path / "good.json"
     form = json.loads(model_json(model(), "made"))
     bad.write_text(json.dumps({**form, "order": 10_000}))
@@ -145,9 +140,9 @@ async def test_what_is_no_model_is_refused_in_the_page(browser, tmp_path) -> Non
         await api.expect(page.locator("#problem")).to_be_hidden()
 
 
-async def test_nothing_from_outside_and_no_other_script_runs(browser, tmp_path) -> None:
+async def test_nothing_from_outside_and_no_other_script_runs(browser, tmp_path):
     name = "</script><script>window.evil = 1</script>"
-    said: list[str] = []
+    said = []
     async with a_page(browser) as page:
         page.on("console", lambda message: said.append(message.text))
         await page.goto(written(tmp_path, {name: stiff(1)}).as_uri())
@@ -164,7 +159,7 @@ async def test_nothing_from_outside_and_no_other_script_runs(browser, tmp_path) 
         assert any("Content Security Policy" in each for each in said)
 
 
-async def test_the_element_plays_in_anothers_page(browser) -> None:
+async def test_the_element_plays_in_anothers_page(browser):
     page_text = """<!doctype html><script type="module" src="mmt-texture.js"></script>
         <mmt-texture src="a.json"></mmt-texture><mmt-texture src="bad.json"></mmt-texture>"""
     texts = {
@@ -218,12 +213,12 @@ FOLLOW = """async ([source, strokes]) => {
 """What each report of a pointer, or null for its lift, makes of velocity and force."""
 
 
-async def followed(page: Any, *strokes: list[tuple[float, float, float, float] | None]) -> Any:
+async def followed(page, *strokes):
     source = base64.b64encode(MODULE.read_bytes()).decode()
     return await page.evaluate(FOLLOW, [source, strokes])
 
 
-async def test_what_velocity_and_force_a_pointer_is_taken_to_have(browser, tmp_path) -> None:
+async def test_what_velocity_and_force_a_pointer_is_taken_to_have(browser, tmp_path):
     intervals = [4.0, 8.3, 16.7, 33.3]
     steady = [[(t, 0.15 * t, -0.15 * t, 1.5) for t in np.arange(40) * each] for each in intervals]
     moved = [*steady[2], None, (5000.0, 900.0, 900.0, 2.0)]
@@ -250,7 +245,7 @@ async def test_what_velocity_and_force_a_pointer_is_taken_to_have(browser, tmp_p
                 assert 20.0 <= hold_ms <= 50.0
 
 
-async def test_keys_stroke_to_and_fro_within_the_surface(browser, tmp_path) -> None:
+async def test_keys_stroke_to_and_fro_within_the_surface(browser, tmp_path):
     async with of_models(browser, tmp_path, {"one": model()}, PHONE) as page:
         await page.fill("#speed", "300")
         await page.focus("#surface")
@@ -273,7 +268,7 @@ async def test_keys_stroke_to_and_fro_within_the_surface(browser, tmp_path) -> N
         assert await page.evaluate("window.places.every((place) => place > 0 && place < 1)")
 
 
-async def test_a_page_is_small_or_refused() -> None:
+async def test_a_page_is_small_or_refused():
     forms = [model_json(load_model(name), name) for name in ("oak", "felt")]
     assert len(texture_page(forms)) < MOST_BYTES
     assert MODULE.stat().st_size <= 80_000

@@ -1,7 +1,6 @@
 """A moment of a recording, as its page gets it."""
 
 from itertools import accumulate
-from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -28,12 +27,12 @@ from mmt.web.viewing.recording import ViewedRecording
 SETTINGS = ModellingSettings()
 
 
-def window(count: int, first: int = 0) -> Window:
+def window(count, first=0):
     frames = made_frames(first, count)
     return Window(frames["sequence"] / 1e3, frames)
 
 
-def test_samples_stand_at_their_moment_and_a_gap_stays_empty() -> None:
+def test_samples_stand_at_their_moment_and_a_gap_stays_empty():
     whole = window(2000)
     missing = (whole.frames["sequence"] >= 1700) & (whole.frames["sequence"] < 1750)
     shown = traces.measured(Window(whole.time_s[~missing], whole.frames[~missing]), 2.0, SETTINGS)
@@ -42,7 +41,7 @@ def test_samples_stand_at_their_moment_and_a_gap_stays_empty() -> None:
     assert np.flatnonzero(np.isnan(later)).tolist() == list(range(412, 512))
 
 
-def test_several_samples_a_frame_are_shown_at_their_own_rate() -> None:
+def test_several_samples_a_frame_are_shown_at_their_own_rate():
     frames = np.zeros(2000, frame_dtype(samples_per_frame=4))
     frames["sequence"] = np.arange(2000)
     time_s = np.arange(1, 8001) / 4000
@@ -60,16 +59,14 @@ def test_several_samples_a_frame_are_shown_at_their_own_rate() -> None:
     np.testing.assert_array_equal(played, [10.0] * 112 + [11.0] * 400)
 
 
-def test_a_model_is_rendered_along_the_motion_between_frames(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    given: list[np.ndarray] = []
+def test_a_model_is_rendered_along_the_motion_between_frames(monkeypatch):
+    given = []
 
     class Noted:
-        def __init__(self, model: object, *, seed: int) -> None:
+        def __init__(self, model, *, seed):
             pass
 
-        def render(self, *inputs: np.ndarray) -> np.ndarray:
+        def render(self, *inputs):
             given.extend(inputs)
             return inputs[0]
 
@@ -85,7 +82,7 @@ def test_a_model_is_rendered_along_the_motion_between_frames(
     np.testing.assert_allclose(np.diff(force_n)[3:], 1.0 / 2999 / 4, rtol=1e-3)
 
 
-def test_the_page_is_told_the_rate_of_what_vibrates() -> None:
+def test_the_page_is_told_the_rate_of_what_vibrates():
     frames = np.zeros(2000, frame_dtype(["acceleration"], samples_per_frame=4))
     frames["sequence"] = np.arange(2000)
     frames["time_ns"] = np.arange(2000) * 1_000_000
@@ -95,7 +92,7 @@ def test_the_page_is_told_the_rate_of_what_vibrates() -> None:
     assert (measured == 0.0).all()
 
 
-def test_what_was_played_stands_at_its_moment() -> None:
+def test_what_was_played_stands_at_its_moment():
     blocks = [
         OutputBlock(1.0, "streamed", np.full(100, 2.0)),
         OutputBlock(1.1, "synthesized", np.full(100, 3.0)),
@@ -108,7 +105,7 @@ def test_what_was_played_stands_at_its_moment() -> None:
     assert np.isnan(traces.played(blocks, 50.0).vibration_m_s2).all()
 
 
-def test_a_late_tick_leaves_no_hole_in_what_was_played() -> None:
+def test_a_late_tick_leaves_no_hole_in_what_was_played():
     late_s = (0.0, 0.003, -0.001, 0.012, 0.0, 0.002)
     blocks = [
         OutputBlock(1.0 + 0.1 * k + late, "synthesized", np.arange(100.0) + 100 * k)
@@ -120,7 +117,7 @@ def test_a_late_tick_leaves_no_hole_in_what_was_played() -> None:
     assert np.isnan(traces.played(lost, 1.6).vibration_m_s2).sum() == 103
 
 
-def test_a_rendered_sample_is_the_same_a_moment_later() -> None:
+def test_a_rendered_sample_is_the_same_a_moment_later():
     frames, _ = simulate_session(Scene(), "plastic", 4.0)
     time_s = (frames["sequence"] - frames["sequence"][0]) / 1e3
     model = TextureModel(
@@ -145,7 +142,7 @@ def test_a_rendered_sample_is_the_same_a_moment_later() -> None:
     np.testing.assert_array_equal(earlier[both], later[both])
 
 
-def test_what_was_played_when_is_told_apart() -> None:
+def test_what_was_played_when_is_told_apart():
     played = [("streamed", 0.0), ("streamed", 0.02), ("fading", 0.041), ("synthesized", 0.06)]
     blocks = [OutputBlock(at_s, mode, np.zeros(20)) for mode, at_s in [*played, ("streamed", 1.0)]]
     spans = [(0.0, 0.04, "streamed"), (0.041, 0.08, "synthesized"), (1.0, 1.02, "streamed")]
@@ -155,7 +152,7 @@ def test_what_was_played_when_is_told_apart() -> None:
 
 
 @given(st.lists(st.tuples(st.sampled_from(get_args(Mode)), st.integers(1, 300)), max_size=30))
-def test_each_moment_is_told_as_what_was_played_then(played: list[tuple[Mode, int]]) -> None:
+def test_each_moment_is_told_as_what_was_played_then(played):
     expected = np.array([drawn(mode) for mode, count in played for _ in range(count)], dtype="U11")
     begins = accumulate((count for _, count in played), initial=0)
     blocks = [
@@ -168,12 +165,12 @@ def test_each_moment_is_told_as_what_was_played_then(played: list[tuple[Mode, in
     assert told.tolist() == expected.tolist()
 
 
-def drawn(mode: Mode) -> str:
+def drawn(mode):
     """Return the colour of what is played; none for silence."""
     return {"silent": "", "fading": "synthesized"}.get(mode, mode)
 
 
-def test_the_trail_is_the_mean_motion_of_each_step() -> None:
+def test_the_trail_is_the_mean_motion_of_each_step():
     frames = made_frames(0, 400)
     frames["position_mm"] = np.arange(400)[:, None] * np.array([0.05, -0.1, 0.0])
     frames["force_n"] = [0.0, 0.0, 1.25]
@@ -182,7 +179,7 @@ def test_the_trail_is_the_mean_motion_of_each_step() -> None:
     np.testing.assert_allclose(trail, np.tile([50.0, -100.0, 1.25], (9, 1)), rtol=1e-4)
 
 
-def test_no_line_is_drawn_across_a_gap() -> None:
+def test_no_line_is_drawn_across_a_gap():
     whole = window(4000)
     kept = (whole.time_s < 1.0) | (whole.time_s > 3.0)
     time_s, force, position = traces.course(Window(whole.time_s[kept], whole.frames[kept]))
@@ -190,7 +187,7 @@ def test_no_line_is_drawn_across_a_gap() -> None:
     assert np.isnan(force).all(axis=0).sum() == np.isnan(position).all(axis=0).sum() == 1
 
 
-def test_of_events_a_person_gets_what_matters() -> None:
+def test_of_events_a_person_gets_what_matters():
     events = [
         {"at_s": -0.1, "event": "follower connected"},
         {"at_s": 1.0, "event": "clocks compared", "clock_uncertainty_ns": 5},
@@ -206,7 +203,7 @@ def test_of_events_a_person_gets_what_matters() -> None:
     assert (table["missed"], table["filled"], table["lost"]) == (30, 20, 10)
 
 
-def test_latencies_are_told_on_one_clock() -> None:
+def test_latencies_are_told_on_one_clock():
     clock = {
         "at_s": 0.0,
         "clock_time_ns": 0,
@@ -222,7 +219,7 @@ def test_latencies_are_told_on_one_clock() -> None:
     assert table["counts"][table["bounds_ms"].index(5)] == 100  # between 2 and 5 ms
 
 
-def test_a_comparison_of_clocks_counts_on_its_side_of_a_jump_only() -> None:
+def test_a_comparison_of_clocks_counts_on_its_side_of_a_jump_only():
     before, after = (
         {"at_s": at_s, **dict.fromkeys(("clock_time_ns", "clock_drift_ppm"), 0)}
         | {"clock_offset_ns": offset_ms * 1_000_000, "clock_uncertainty_ns": 1000}
@@ -235,7 +232,7 @@ def test_a_comparison_of_clocks_counts_on_its_side_of_a_jump_only() -> None:
     assert offsets == [0.0, 700.0, 700.0]
 
 
-def test_a_recording_without_force_is_shown_without_a_model(tmp_path: Path) -> None:
+def test_a_recording_without_force_is_shown_without_a_model(tmp_path):
     frames = made_frames(0, 1000, ("position", "acceleration"))
     export_session(RecordedSession(frames), tmp_path / "no-force.mcap")
     recording = ViewedRecording.open(tmp_path / "no-force.mcap")
@@ -255,7 +252,7 @@ def test_a_recording_without_force_is_shown_without_a_model(tmp_path: Path) -> N
     recording.close()
 
 
-def test_a_scene_that_is_not_understood_gives_way_to_the_defaults() -> None:
+def test_a_scene_that_is_not_understood_gives_way_to_the_defaults():
     scene = {"session": {"name": "old"}, "gone": {}}
     recording = ViewedRecording(MemoryWindows(RecordedSession(made_frames(0, 100), scene=scene)))
     assert "gone" in unpack(recording.opening())["remarks"][0]

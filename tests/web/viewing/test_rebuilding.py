@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from waiting import until
 
-from mmt.core.arrays import RecordArray
 from mmt.scene import Scene
-from mmt.session.data import JsonObject, RecordedSession
+from mmt.session.data import RecordedSession
 from mmt.session.windows import MemoryWindows
 from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
@@ -24,17 +23,13 @@ NEVER = ModellingSettings(method="published", start_distance=12.0, stop_distance
 
 
 @cache
-def stroked() -> RecordArray:
+def stroked():
     """Return the frames of a session, shape (14_000,)."""
     frames, _ = simulate_session(Scene(), "plastic", 14.0)
     return frames
 
 
-def rebuilt(
-    settings: ModellingSettings,
-    events: list[JsonObject] | None = None,
-    frames: RecordArray | None = None,
-) -> ModelRebuild:
+def rebuilt(settings, events=None, frames=None):
     """Return the finished building of a session's model."""
     recorded = stroked() if frames is None else frames
     windows = MemoryWindows(RecordedSession(recorded, events=events or []))
@@ -45,7 +40,7 @@ def rebuilt(
     return rebuilding
 
 
-def test_every_state_is_that_of_the_live_leader() -> None:
+def test_every_state_is_that_of_the_live_leader():
     rebuilding = rebuilt(NEVER)
     history = build(list(stream_blocks([stroked()], 1000)), NEVER)
     assert [s.progress for s in rebuilding.states] == [u.progress for u in history.updates]
@@ -60,7 +55,7 @@ def test_every_state_is_that_of_the_live_leader() -> None:
     rebuilding.close()
 
 
-def test_a_state_says_what_was_no_measurement_until_then() -> None:
+def test_a_state_says_what_was_no_measurement_until_then():
     frames = stroked().copy()
     frames["acceleration_m_s2"][5200:5600] = frames["acceleration_m_s2"][5200]
     rebuilding = rebuilt(NEVER, frames=frames)
@@ -71,7 +66,7 @@ def test_a_state_says_what_was_no_measurement_until_then() -> None:
     rebuilding.close()
 
 
-def test_a_moment_has_the_state_of_the_last_update() -> None:
+def test_a_moment_has_the_state_of_the_last_update():
     rebuilding = rebuilt(NEVER)
     assert rebuilding.at(0.5) is None
     third = rebuilding.states[2]
@@ -81,7 +76,7 @@ def test_a_moment_has_the_state_of_the_last_update() -> None:
     rebuilding.close()
 
 
-def test_the_model_is_left_alone_once_it_is_complete() -> None:
+def test_the_model_is_left_alone_once_it_is_complete():
     settings = ModellingSettings(method="published", start_distance=20.0, stop_distance=12.0)
     rebuilding = rebuilt(settings)
     last = rebuilding.states[-1]
@@ -91,7 +86,7 @@ def test_the_model_is_left_alone_once_it_is_complete() -> None:
     rebuilding.close()
 
 
-def test_a_reset_begins_a_new_model() -> None:
+def test_a_reset_begins_a_new_model():
     rebuilding = rebuilt(NEVER, [{"time_s": 7.5, "event": "model reset"}])
     after = [state for state in rebuilding.states if state.time_s >= 7.5]
     assert (after[0].time_s, after[0].number, after[0].start_s) == (7.5, None, None)
@@ -101,12 +96,11 @@ def test_a_reset_begins_a_new_model() -> None:
         [u.distance for u in history.updates]
     )
     before = rebuilding.at(7.4)
-    assert before is not None
     assert before.number is not None
     rebuilding.close()
 
 
-def test_a_frozen_model_does_not_grow() -> None:
+def test_a_frozen_model_does_not_grow():
     events = [
         {"time_s": 5.0, "event": "model frozen", "frozen": True},
         {"time_s": 9.0, "event": "model grows again", "frozen": False},
@@ -117,14 +111,14 @@ def test_a_frozen_model_does_not_grow() -> None:
     rebuilding.close()
 
 
-def test_a_freeze_ends_with_the_recording_or_a_reset() -> None:
-    freeze: JsonObject = {"at_s": 2.0, "event": "model frozen", "frozen": True}
-    reset: JsonObject = {"at_s": 3.0, "event": "model reset"}
+def test_a_freeze_ends_with_the_recording_or_a_reset():
+    freeze = {"at_s": 2.0, "event": "model frozen", "frozen": True}
+    reset = {"at_s": 3.0, "event": "model reset"}
     assert frozen_spans([freeze], 8.0) == [(2.0, 8.0)]
     assert frozen_spans([freeze, reset], 8.0) == [(2.0, 3.0)]
 
 
-def test_each_surface_has_its_own_model_and_criteria() -> None:
+def test_each_surface_has_its_own_model_and_criteria():
     course = SurfaceCourse(
         [get_surface("glass"), get_surface("sandpaper")],
         [CourseChange(7000, 1, in_contact=True), CourseChange(13_000, 0, in_contact=False)],
@@ -159,7 +153,7 @@ def test_each_surface_has_its_own_model_and_criteria() -> None:
     rebuilding.close()
 
 
-def test_building_can_be_left_at_any_time() -> None:
+def test_building_can_be_left_at_any_time():
     windows = MemoryWindows(RecordedSession(stroked()))
     rebuilding = ModelRebuild(windows, NEVER, 1.0)
     rebuilding.start()
