@@ -18,7 +18,7 @@ bounds = st.integers(0, 60)
 operations = st.lists(st.tuples(st.sampled_from(["add", "remove"]), bounds, bounds), max_size=40)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(operations, bounds, bounds)
 def test_ranges_are_the_sets_that_they_stand_for(changes, first, stop):
     ranges, oracle = RangeSet(), set[int]()

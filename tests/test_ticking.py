@@ -170,7 +170,7 @@ async def test_no_file_stays_open():
     st.lists(st.integers(0, 2**40 - 1), min_size=1, max_size=200),
     st.floats(0.0, 1.0, allow_nan=False),
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_quantiles_agree_with_those_of_all_values(values, fraction):
     histogram = TimeHistogram()
     for value in values:

@@ -85,7 +85,7 @@ def test_without_a_model_and_without_a_place_there_is_no_force():
     st.lists(st.tuples(st.none() | models, st.floats(-1.0, 1.0)), min_size=1, max_size=150),
     st.floats(1e2, 1e5),
 )
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_no_sequence_of_updates_gives_energy_to_the_hand(ticks, stiffest):
     """Random models at random ticks; exact work on a hand within its reach of acceleration."""
     limits = PassivitySettings()

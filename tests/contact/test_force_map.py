@@ -69,7 +69,7 @@ def test_newer_samples_replace_older_ones():
     st.floats(),
     st.floats(),
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_any_data_give_a_force_within_what_was_met(data, depth_m, speed_m_s):
     memory = ForceMap()
     for sample in data:

@@ -41,7 +41,7 @@ def test_forgetting_follows_a_change_and_weighs_as_exponentials_do():
 
 
 @given(samples, st.floats(0.5, 1.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_variances_stay_positive_and_bounded_whatever_comes(rows, forgetting):
     initial = (100.0, 4.0, 0.5)
     estimate = RecursiveLeastSquares(initial, noise_variance=1e-2, forgetting=forgetting)

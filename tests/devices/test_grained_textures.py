@@ -41,7 +41,7 @@ def test_line_has_the_period_that_the_heading_crosses(heading_deg):
         assert found == pytest.approx(280.0 * abs(np.cos(heading)) / 1.8, rel=0.05)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.floats(0.0, 360.0),
     st.floats(0.05, 1.0),

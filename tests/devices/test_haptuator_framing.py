@@ -25,7 +25,7 @@ MESSAGES = st.one_of(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(MESSAGES, max_size=6), st.integers(1, 50))
 def test_messages_survive_the_wire_in_any_pieces(messages, piece):
     content = b"\0" + b"".join(encode(message) for message in messages)
@@ -36,7 +36,7 @@ def test_messages_survive_the_wire_in_any_pieces(messages, piece):
     assert not decoder.faults
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.binary(max_size=700), MESSAGES)
 def test_after_garbage_the_next_message_is_heard(garbage, message):
     decoder = Decoder()

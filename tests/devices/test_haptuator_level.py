@@ -68,7 +68,7 @@ def test_a_resonance_is_evened_out_and_the_level_found(late):
         assert rms == pytest.approx(np.sqrt(0.5), rel=0.06)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.floats(1.0, 30.0), st.integers(0, 1000), st.floats(0.001, 1000.0))
 def test_the_equalisers_gain_is_bounded_for_any_actuator(largest_gain_db, seed, gain):
     volts = np.random.default_rng(seed).normal(size=6000)

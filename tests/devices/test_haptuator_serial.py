@@ -65,7 +65,7 @@ def test_a_buffer_that_is_far_too_full_is_caught_up_with_smoothly():
     assert np.max(np.abs(np.diff(signal))) < 2.3 * 2.0 * np.pi * 100.0 / 8000.0
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.tuples(st.integers(0, 3000), st.integers(0, 2000)), max_size=30))
 def test_whatever_is_held_up_the_board_gets_finite_bounded_samples(turns):
     pusher = BoardResampler(1000.0, 8000.0, 6.0)

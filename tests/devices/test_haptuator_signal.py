@@ -38,7 +38,7 @@ def test_the_voltage_is_that_of_scipys_filters_scaled():
     np.testing.assert_allclose(drive().convert(samples), wide, atol=1e-12)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.integers(0, 40), max_size=20), st.integers(1, 32), st.sampled_from([1e3, 4e3]))
 def test_an_equaliser_is_the_same_however_samples_come(counts, taps, rate_hz):
     """One by one, many at a time, or none; and with half the taps at twice the level."""
@@ -55,7 +55,7 @@ def test_an_equaliser_is_the_same_however_samples_come(counts, taps, rate_hz):
     np.testing.assert_allclose(halved.convert(samples), expected, atol=1e-9)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     st.lists(st.floats(width=64), max_size=50),
     st.floats(0.01, 100.0),
@@ -125,7 +125,7 @@ def test_a_tone_in_the_band_keeps_its_level(frequency_hz, within):
     assert np.max(np.abs(played - wanted)) < within
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     arrays(np.float64, 64, elements=st.floats(-1e6, 1e6)),
     st.floats(BEFORE, 50.0),
@@ -218,7 +218,7 @@ def test_muting_fades_to_silence():
     assert not buffer.read(96).any()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     st.lists(st.tuples(st.integers(0, 60), st.integers(1, 2000)), max_size=60),
     st.floats(1.0, 50.0),

@@ -88,7 +88,7 @@ def _simulated():
     ],
     ids=["haptuator", "haptuator with a low-pass", "converter", "leader", "simulated"],
 )
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(st.lists(NUMBERS, max_size=40))
 def test_vibration_is_finite_and_bounded_and_goes_on(make, samples):
     play, limit = make()
@@ -213,7 +213,7 @@ class Guard:
 
 
 @pytest.mark.parametrize("make", [Guard, LeaderForce, HdHandle, HdRobot, Inverse3])
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(st.lists(VECTORS, max_size=25))
 def test_a_force_is_finite_and_bounded_and_comes_back(make, forces_n):
     device = make()
@@ -234,7 +234,7 @@ BEYOND = st.builds(math.copysign, st.floats(1e6, 1e300), st.sampled_from([-1.0, 
     [(HdHandle, None), (HdHandle, (1.0, 2.0, 0.5)), (HdRobot, None), (HdRobot, (1.0, 2.0, 0.5)),
      (Inverse3, None)],
 )  # fmt: skip
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.tuples(BEYOND, BEYOND, BEYOND))
 def test_a_force_beyond_the_limit_rises_and_falls_over_the_whole_ramp(make, axes_n, force_n):
     device = make(ramp_ms=100, axes_n=axes_n)
@@ -246,7 +246,7 @@ def test_a_force_beyond_the_limit_rises_and_falls_over_the_whole_ramp(make, axes
     assert falling[-1] == 0.0
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(st.lists(st.tuples(VECTORS, VECTORS), max_size=25))
 def test_an_arm_in_a_box_is_sent_to_finite_places(moves):
     bounds = ServoSettings(

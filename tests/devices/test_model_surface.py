@@ -168,7 +168,7 @@ def test_a_model_becomes_a_surface_of_any_rate(tmp_path):
     assert again.rate_hz == 5000.0
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(1, 20), st.integers(1, 7), st.lists(st.integers(1, 9), min_size=1, max_size=9))
 def test_filters_side_by_side_are_those_of_scipy(order, filters, counts):
     random = np.random.default_rng([order, filters])

@@ -132,7 +132,7 @@ def test_the_least_damping_that_is_taken_holds_with_measurements_a_tick_late():
         assert (loudest_n(frame, servo_of(frame, options), 12000) < 0.2) == stable
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(stiffness=st.floats(0.05, 5.0), mass_kg=st.floats(0.03, 0.5))
 def test_every_allowed_pair_of_gains_settles_on_a_mass_it_can_hold(stiffness, mass_kg):
     half_critical = math.sqrt(1e3 * stiffness * mass_kg)
@@ -158,7 +158,6 @@ def test_the_force_fades_when_commands_stop_and_returns_as_slowly():
     assert made.counts == {"stale commands": 1}
 
 
-@settings(deadline=None)
 @given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6), st.floats(0.001, 3.0))
 def test_the_force_never_exceeds_its_limit(target, velocity, limit):
     made = servo(frame := Frame(1e9), limit, speed_limit_mm_s=2000)

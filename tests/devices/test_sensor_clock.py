@@ -68,7 +68,7 @@ def test_nothing_is_known_of_a_sensor_that_has_sent_nothing():
         SensorClock().sensor_time(0)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(
     st.lists(st.integers(0, 20 * MS), min_size=1, max_size=400),
     st.floats(-200e-6, 200e-6),
@@ -83,7 +83,7 @@ def test_no_reading_is_placed_after_its_arrival(delays_ns, drift, zero_ns):
         assert clock.sensor_time(arrival_ns) >= stamp_ns - 60_000  # the drift's own doubt
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.floats(-190e-6, 190e-6), st.integers(0, 1000), st.integers(-(2**60), 2**60))
 def test_a_drift_is_found_below_random_delays(drift, seed, zero_ns):
     clock, delays = SensorClock(), np.random.default_rng(seed).exponential(200e3, 8000)
@@ -102,7 +102,7 @@ def test_a_drift_is_found_below_random_delays(drift, seed, zero_ns):
     assert clock.drift == pytest.approx(drift, abs=10e-6)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.lists(st.integers(0, MS), min_size=6, max_size=25))
 def test_the_drift_is_that_of_the_line_below_every_block_within_its_doubt(delays_ns):
     """One reading in each block; the oracle tries every pair of them."""

@@ -60,7 +60,7 @@ def frames_of(samples_per_frame, rate_hz, frequency_hz, phase=0.3, count=40):
     return x + 1j * y, np.array(expected)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(SAMPLES, st.floats(0.5, 4.0), st.floats(0.01, 0.3), st.floats(0.0, 6.0))
 def test_a_known_sine_comes_back_at_the_times_of_the_samples(
     samples_per_frame, faster, share, phase
@@ -73,7 +73,7 @@ def test_a_known_sine_comes_back_at_the_times_of_the_samples(
     assert np.abs(found - expected).max() <= (0.03 if filtered else 0.13)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.integers(2, 10), st.floats(1.15, 4.0), st.floats(0.0, 1.0))
 def test_a_tone_above_half_the_rate_of_the_samples_is_40_db_down(samples_per_frame, faster, place):
     half_hz = 500.0 * samples_per_frame
@@ -198,7 +198,7 @@ def test_a_polled_accelerometer_is_refused():
     DeviceSource(Instrument(), None, Instrument(), ["position"], samples_per_frame=5)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.floats(0.4, 2.0) | st.floats(2.0, 5000.0), SAMPLES)
 def test_however_slow_a_sensor_is_it_starts_or_is_said_to_give_nothing(rate_hz, samples_per_frame):
     """The slowest give one reading or none until the session begins."""

@@ -96,7 +96,7 @@ def test_the_truth_in_a_recording_has_the_rate(name):
     )
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.integers(1, 10), st.sets(st.sampled_from(CHANNELS), min_size=1), st.integers(1, 7))
 def test_frames_do_not_depend_on_how_ticks_are_grouped(samples, channels, grouped):
     def follower():

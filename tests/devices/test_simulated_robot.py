@@ -44,7 +44,7 @@ def test_commanded_depth_gives_the_nominal_force(stiffness, force):
     assert tip.velocity_mm_s[2] == pytest.approx(0.0, abs=1e-3)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(0.05, 50.0), st.floats(1.0, 60.0), st.integers(0, 10_000))
 def test_stays_bounded_under_erratic_commands(stiffness, bandwidth, seed):
     robot = SimulatedRobot(

@@ -127,7 +127,7 @@ def test_lines_fade_before_half_the_rate():
     assert beyond < 1e-5
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.sampled_from(NAMES), st.floats(0.0, 2000.0), st.floats(0.0, 50.0))
 def test_maps_stay_within_bounds(name, speed, force):
     for mode in SURFACES[name].modes:
@@ -139,7 +139,7 @@ def test_maps_stay_within_bounds(name, speed, force):
         np.testing.assert_allclose(np.ravel(together), [power, frequency, bandwidth], rtol=1e-12)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.sampled_from(NAMES), st.integers(0, 1000))
 def test_generator_stays_bounded_under_erratic_hands(name, seed):
     surface = SURFACES[name]

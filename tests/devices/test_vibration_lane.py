@@ -75,7 +75,7 @@ def test_a_straight_line_would_lose_what_is_fast():
     assert abs(responses(2000, 400, Lane)).min() == pytest.approx(math.cos(0.2 * math.pi), abs=0.01)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     rate_hz=st.floats(500.0, 8000.0),
     start=st.floats(-50.0, 50.0),
@@ -93,7 +93,7 @@ def test_what_stands_or_moves_evenly_comes_out_as_it_is(rate_hz, start, slope, i
     assert y == pytest.approx(start + slope * time_ns * 1e-9, abs=1e-6 + 0.51 * step / PHASES)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.lists(st.integers(100_000, 4_000_000), min_size=1, max_size=40),
     st.lists(st.integers(0, 2_000_000), min_size=1, max_size=30),
@@ -156,7 +156,7 @@ def test_a_sensor_that_comes_back_at_another_rate_has_other_weights():
     assert math.dist((x, y), (math.cos(angle), math.sin(angle))) < 0.02
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     rate_hz=st.floats(500.0, 8000.0),
     later_hz=st.floats(500.0, 8000.0),

@@ -340,7 +340,7 @@ def test_a_fast_stroke_along_the_surface_does_not_hasten_the_way_to_it():
 coordinates = st.floats(-1e6, 1e6)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(
     st.sampled_from(["hold", "retract"]),
     st.lists(

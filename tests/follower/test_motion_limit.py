@@ -41,7 +41,7 @@ rates = st.sampled_from([100.0, 333.0, 1000.0, 5000.0])
     speed=speeds,
     rate_hz=rates,
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_no_command_leaves_the_workspace_or_exceeds_a_limit(
     first, stretches, missed, acceleration, speed, rate_hz
 ):
@@ -66,7 +66,7 @@ def test_no_command_leaves_the_workspace_or_exceeds_a_limit(
     acceleration=st.floats(2000.0, 1e6),
     speed=st.floats(50.0, 10_000.0),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_each_axis_passes_a_standing_target_once_at_most_and_arrives(
     path, goal, acceleration, speed
 ):
@@ -85,7 +85,7 @@ def test_each_axis_passes_a_standing_target_once_at_most_and_arrives(
 
 
 @given(start=inside, goal=inside, acceleration=accelerations, speed=speeds)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_from_rest_no_axis_ever_passes_the_target(start, goal, acceleration, speed):
     limit = limited(speed, acceleration_limit_mm_s2=acceleration)
     places = run(limit, [start] + [goal] * 3000)

@@ -22,7 +22,7 @@ from mmt_lab.soak.recorded import Gap, Readback, find_gaps, read_back
 
 
 @given(duration_s=st.floats(5, 5000), every_s=st.floats(1, 60), seed=st.integers(0, 1000))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_faults_are_apart_bounded_and_leave_the_end_alone(duration_s, every_s, seed):
     faults = plan_faults(duration_s, every_s, seed)
     assert faults == plan_faults(duration_s, every_s, seed)
@@ -53,7 +53,7 @@ def test_emulated_networks_are_tables_of_a_scene(name):
 
 
 @given(seed=st.integers(0, 200), scale=st.sampled_from([0.01, 1.0, 100.0]))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_a_figure_that_stays_has_not_grown(seed, scale):
     values = 5.0 + scale * np.random.default_rng(seed).standard_normal(60)
     found = drift(60.0 * np.arange(60), values)

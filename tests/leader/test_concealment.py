@@ -63,7 +63,7 @@ def test_outside_the_gap_and_its_fade_the_stream_is_played_to_the_bit(way, lengt
 
 @pytest.mark.parametrize("way", INVENTING)
 @given(gaps=st.lists(st.integers(1, 130), min_size=1, max_size=8), seed=st.integers(0, 30))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_no_joint_clicks_whatever_is_missing(way, gaps, seed):
     values = textured(400 + 30 * len(gaps) + sum(gaps), seed)
     missing, at = [], 300

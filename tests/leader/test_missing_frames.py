@@ -150,7 +150,7 @@ def test_a_bad_link_cannot_fill_the_memory():
     assert account.missing.summary["lost"] == 10_000 - 1 - missing.MOST_RANGES
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     st.lists(
         st.one_of(

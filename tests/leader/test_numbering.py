@@ -185,7 +185,7 @@ def test_times_that_are_a_second_off_come_from_another_clock(behind_ns, shifted)
     assert numbering.follower_time_ns == due_ns - behind_ns, "an echo is by its own clock"
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(
         st.tuples(st.booleans(), st.integers(0, 50), st.integers(1, 5), st.integers(0, 10**10)),
@@ -217,7 +217,7 @@ def wrapped(first, count, at):
     return frames
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @example(2**31, [(3, 0)])
 @example(2**31 - 1, [(3, 0)])
 @given(

@@ -92,7 +92,7 @@ def test_a_fast_clock_is_followed_by_single_slips():
     assert 3 <= buffer.statistics().slips <= 20
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     st.lists(
         st.tuples(st.integers(0, 3000), st.integers(-(10**9), 10**12), st.integers(0, 10**10)),

@@ -47,7 +47,7 @@ def test_after_a_pause_the_force_comes_back_from_zero():
     assert back == pytest.approx([0.05 * k for k in range(1, 41)] + [2.0] * 20)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(st.integers(1, 200), st.floats(0.0, 3.0)), min_size=1, max_size=12))
 def test_a_force_that_comes_and_goes_never_steps(stretches):
     handle = Display()

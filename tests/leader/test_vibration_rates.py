@@ -60,7 +60,7 @@ def high_passed(values, k):
 
 
 @given(k=SEVERAL, way=st.sampled_from(WAYS), seed=st.integers(0, 99))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_stream_is_played_as_it_is_a_delay_later(k, way, seed):
     values = textured(300, k, seed)
     played, fade = streamed(values, k, way), 5
@@ -76,7 +76,7 @@ def test_a_stream_is_played_as_it_is_a_delay_later(k, way, seed):
     gaps=st.lists(st.integers(1, 130), min_size=1, max_size=4),
     seed=st.integers(0, 30),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_no_joint_clicks_whatever_is_missing(k, way, gaps, seed):
     values = textured(250 + 30 * len(gaps) + sum(gaps), k, seed)
     lost, at = [], 200
@@ -93,7 +93,7 @@ def test_no_joint_clicks_whatever_is_missing(k, way, gaps, seed):
 
 
 @given(k=SEVERAL, way=st.sampled_from(WAYS), length=st.integers(1, 200))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_nothing_is_invented_for_longer_than_a_tenth_of_a_second(k, way, length):
     values = textured(500, k)
     played = streamed(values, k, way, range(200, 200 + length))
@@ -139,7 +139,6 @@ class Heard:
     k=SEVERAL,
     ticks=st.lists(st.tuples(st.integers(1, 4), st.floats(0.0, 50.0)), min_size=1, max_size=20),
 )
-@settings(deadline=None)
 def test_the_motion_goes_along_lines_between_the_ticks(k, ticks):
     tables = {"link": {}, "simulated": {}, "hand": {}, "playout": {}, "actuator": {}}
     rate = {"acceleration_rate_hz": 1000 * k}

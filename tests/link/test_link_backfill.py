@@ -17,7 +17,7 @@ from mmt.link.queue import SendQueue
 DTYPE = frame_dtype(CHANNELS)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     st.integers(1, 40),
     st.lists(st.tuples(st.integers(1, 30), st.integers(0, 5)), max_size=12),

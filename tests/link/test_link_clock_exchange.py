@@ -189,7 +189,7 @@ NUMBERS = st.integers(0, 3)
 ODD = st.one_of(st.none(), st.integers(), st.text(), st.binary(max_size=40), st.lists(st.none()))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(ODD | st.builds(QUESTION.pack, NUMBERS, STAMPS, NUMBERS, STAMPS), max_size=40))
 def test_no_question_kills_the_leader(questions):
     clock, reader = answerer()
@@ -201,7 +201,7 @@ def test_no_question_kills_the_leader(questions):
     assert clock.statistics["exchanges"] <= len(questions)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(ODD | st.builds(ANSWER.pack, NUMBERS, STAMPS, STAMPS, STAMPS), max_size=40))
 def test_no_answer_kills_the_follower(answers):
     reader = BlockReader(COMMAND_DTYPE, "commands")

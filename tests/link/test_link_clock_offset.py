@@ -214,7 +214,7 @@ def test_there_is_no_estimate_before_eight_exchanges():
     assert clock.exchanges == 8
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(
         st.tuples(
@@ -236,7 +236,7 @@ def test_nothing_that_is_handed_in_breaks_it(exchanges, ordered):
     )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(-(2**60), 2**60), st.integers(0, 2**60), st.floats(0.0, 5.0), st.integers(0, 99))
 def test_the_truth_lies_within_the_uncertainty(offset_ns, start_ns, jitter_ms, seed):
     clock, generator = ClockOffset(), np.random.default_rng(seed)

@@ -45,7 +45,7 @@ def lost(given):
     return np.array([not fate for fate in given])
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(TABLES, GAPS_NS, st.integers(0, 2**63 - 1), st.floats(0.0, 1.0), st.integers(0, 131_072))
 def test_nothing_arrives_early_or_overtakes_or_comes_more_than_twice(
     table, gaps_ns, seed, jitter_share, size
@@ -139,7 +139,7 @@ def test_everything_and_nothing_can_be_lost():
     assert not lost(fates(1000, loss=0.0, burst_messages=50)).any()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     st.floats(0.0, 200.0),
     st.floats(0.0, 0.5),

@@ -88,7 +88,7 @@ JSONISH = st.recursive(
 
 
 @given(st.one_of(JSONISH, st.fixed_dictionaries(dict.fromkeys(GOOD, JSONISH))), JSONISH)
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.too_slow])
 def test_no_hello_whatever_breaks_the_leader(auth, one):
     variants = [auth] + [{**GOOD, key: one} for key in GOOD]
     for variant in variants:

@@ -217,7 +217,7 @@ def test_a_follower_that_comes_back_too_far_ahead_is_a_new_one():
     st.lists(st.lists(st.integers(0, 40), min_size=1, max_size=6), min_size=1, max_size=30),
     st.integers(0, 2**32 - 1),
 )
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_order_agrees_with_a_model_that_remembers_everything(messages, offset):
     into = reader()
     passed = []

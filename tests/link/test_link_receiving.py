@@ -276,7 +276,7 @@ async def test_other_events_and_those_too_long_are_the_librarys(data, decoded_he
 
 
 @given(st.text(max_size=10), st.binary(max_size=300))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_an_event_of_the_library_is_read_back(name, argument):
     packet = MsgPackPacket(socketio.packet.EVENT, data=[name, argument], namespace="/")
     assert event_in(packet.encode()) == (name, argument)
@@ -297,7 +297,7 @@ def containers(value):
 
 
 @given(SMALL)
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_a_strangers_packet_is_decoded_as_anyones_if_it_is_small(auth):
     packet = {"type": 0, "data": auth, "nsp": "/"}
     small = containers(packet) <= 32
@@ -389,7 +389,7 @@ _EVENT = encode_event("frames", bytes(20))
         st.integers(1, 50_000).map(lambda depth: b"\x81\xa1a" * depth),
     )
 )
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_no_message_whatever_raises(message):
     event = event_in(message)
     assert event is None or (isinstance(event[0], str) and isinstance(event[1], bytes))

@@ -42,7 +42,7 @@ def outbox_into(messages):
     return outbox
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     SOME_CHANNELS,
     SAMPLES,
@@ -73,7 +73,7 @@ def test_what_a_follower_sends_is_what_a_leader_reads(channels, samples, gathere
     assert np.array_equal(kept.select([(0, SEQUENCES)]), whole)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(SAMPLES, st.data(), st.sampled_from([np.nan, np.inf, -np.inf, 1.01 * LARGEST_QUANTITY]))
 def test_one_bad_sample_rejects_its_frame_alone(samples, data, bad):
     said = hello(channels=CHANNELS, samples_per_frame=samples)

@@ -284,7 +284,7 @@ async def test_the_longest_hello_fits_through_the_gate(monkeypatch):
 
 
 @given(data=st.lists(st.binary(min_size=1, max_size=20_000), max_size=8), opens=st.booleans())
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_gate_hands_on_all_bytes_in_order_and_in_slices(data, opens):
     handed = []
 

@@ -44,7 +44,7 @@ AUTH = {
 
 
 @given(st.text(min_size=1, max_size=10), st.binary(max_size=300))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_events_are_encoded_as_python_socketio_does(event, payload):
     packet = MsgPackPacket(socketio.packet.EVENT, data=[event, payload], namespace="/")
     assert encode_event(event, payload) == packet.encode()

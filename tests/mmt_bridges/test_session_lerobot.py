@@ -361,7 +361,7 @@ def test_a_data_set_that_cannot_be_read_is_explained(tmp_path, info, said):
         import_session(tmp_path / "set")
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(data=st.data())
 def test_an_edited_data_set_gives_the_frames_of_its_rows_or_none(tmp_path_factory, data):
     """As other tools delete, number, order and split episodes, and as disks leave files."""

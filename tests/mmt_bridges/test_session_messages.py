@@ -58,7 +58,7 @@ JSON = ("demo/Wrench", "jsonschema", b"{}")
 FORCES = np.random.default_rng(3).normal(size=(ROWS, 3))
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(data=st.data())
 def test_sources_keep_their_values_and_have_one_clock(tmp_path_factory, data):
     """Publishers by channel and frames within one, with headers of any clock."""
@@ -165,7 +165,7 @@ def test_protobuf_joints_and_what_cannot_be_decoded(tmp_path):
     indexed=st.sampled_from([IndexType.NONE, IndexType.CHUNK, IndexType.ALL]),
     lost=st.booleans(),
 )
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_only_what_is_lost_is_said_and_once(tmp_path_factory, plain, indexed, lost):
     path = tmp_path_factory.mktemp("whole") / "a.mcap"
     with path.open("wb") as stream:
@@ -190,7 +190,7 @@ def test_only_what_is_lost_is_said_and_once(tmp_path_factory, plain, indexed, lo
 
 
 @given(order=st.permutations(range(4)))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_protobuf_schemas_are_read_in_any_order(tmp_path_factory, order):
     from google.protobuf import descriptor_pb2
 
@@ -232,7 +232,7 @@ def test_a_folder_without_description_is_read_file_by_file(tmp_path):
         import_session(tmp_path)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(cuts=st.sets(st.integers(1, ROWS - 1), min_size=1, max_size=12), data=st.data())
 def test_a_bag_of_several_files_is_one_recording(tmp_path_factory, cuts, data):
     folder = tmp_path_factory.mktemp("bag")
@@ -258,7 +258,7 @@ def test_a_stamp_that_is_a_number_is_a_date_in_any_unit(tmp_path, per_s):
     assert any("times are those of the headers" in note for note in read.notes)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.lists(st.permutations("abc"), min_size=ROWS, max_size=ROWS), st.integers(0, ROWS))
 def test_lists_keep_the_order_of_their_first_names(tmp_path_factory, orders, others):
     path = tmp_path_factory.mktemp("bag") / "a.mcap"

@@ -170,7 +170,7 @@ def test_where_calibration_is_needed_a_position_without_it_makes_no_sense():
     assert servo.implausible is None
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.recursive(st.none() | st.booleans() | st.floats() | st.text() | st.integers(),
                     lambda c: st.lists(c, max_size=3) | st.dictionaries(
                         st.sampled_from(["inverse3", "device_id", "state", "status", "x",

@@ -150,7 +150,7 @@ def test_the_published_result_depends_on_the_order_and_ours_does_not(space, monk
     assert len(published) > 1
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(st.integers(0, 2**32 - 1))
 def test_scores_and_reasons_follow_their_points_through_any_shuffle(seed):
     data, _ = sampled_texture(50, 2, knocks=4, seed=5)

@@ -16,7 +16,7 @@ def rebuilt_simplex(points, index):
     return None if found < 0 else set(others[triangulation.simplices[found]].tolist())
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     seed=st.integers(0, 2**32 - 1),
     dimensions=st.sampled_from([2, 3]),

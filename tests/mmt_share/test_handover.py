@@ -279,7 +279,7 @@ class Robot:
         self.part.receive({"control": "motion", "who": who, "data": data.hex()})
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.data())
 def test_whatever_happens_the_command_moves_by_no_more_than_the_limit(data):
     """Hands that jump, hostile motion, hand-overs at any moment: 1000 mm/s is 1 mm a tick."""

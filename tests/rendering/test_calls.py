@@ -49,7 +49,7 @@ def band_power(samples, rate_hz, low_hz, high_hz):
 
 
 @given(st.lists(st.integers(0, 300), min_size=1, max_size=12), st.sampled_from([1000, 2000, 44100]))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_the_size_of_blocks_does_not_matter(counts, output_hz):
     texture = model()
     blocks, whole = (open_textures([texture], output_hz=output_hz, seed=5) for _ in range(2))

@@ -26,7 +26,7 @@ PAIRS = [(1000, 2000), (1000, 44_100), (1000, 48_000), (10_000, 2000), (2000, 10
     st.sampled_from(PAIRS),
     st.lists(st.integers(0, 400), min_size=1, max_size=20),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_the_size_of_blocks_does_not_matter(pair, counts):
     converter, position, parts = RateConverter(*pair), 0, []
     for count in counts:

@@ -93,7 +93,7 @@ def test_vibration_at_the_coil_begins_and_ends_with_the_hands_own_contact(tmp_pa
     assert np.isfinite(way).all()
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(st.floats(0.1, 5.0), st.integers(0, 9))
 def test_the_coil_is_judged_by_the_force_that_the_runs_robot_makes(robot_n_mm, seed):
     times_s = np.arange(6000) / 1000.0

@@ -35,7 +35,7 @@ def test_what_is_no_date_is_none():
     assert not any(map(cells.seconds_of, ("12", "1:2:3:4", "7 days, a:b", "25:00", "x:y")))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     thousands=st.lists(st.integers(1, 999_999), min_size=2),
     decimals=st.integers(2, 4),
@@ -61,7 +61,7 @@ def test_a_comma_is_a_decimal_sign_only_where_it_must_be(thousands, decimals, mi
         number.check("a.csv")
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(st.floats(-1e9, 1e9), min_size=1), st.integers(0, 5), st.booleans())
 def test_a_sign_before_thousands_is_known_by_the_other_before_decimals(values, decimals, german):
     swapped = str.maketrans(",.", ".,")

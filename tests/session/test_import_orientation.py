@@ -48,7 +48,7 @@ def written(folder, name="a.csv", **columns):
 @given(
     turns=angles, flips=st.integers(1, 300), order=st.permutations("wxyz"), seed=st.integers(0, 99)
 )
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_columns_in_any_order_of_any_sign_and_rate_are_found_by_their_names(
     tmp_path_factory, rate_hz, turns, flips, order, seed
 ):
@@ -102,7 +102,7 @@ def test_what_is_no_unit_quaternion_is_refused_with_its_row(tmp_path):
 
 @pytest.mark.parametrize("samples", [1, 4])
 @given(turns=angles)
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_what_turned_with_the_tool_is_turned_back(tmp_path_factory, samples, turns):
     time_s, path = path_of(turns, 1000.0)
     random = np.random.default_rng(1)

@@ -35,7 +35,7 @@ SCENE = {"session": {"name": "wood", "rate_hz": 1000}, "link": {"port": 8765}}
     seed=st.integers(0, 2**32 - 1),
     data=st.data(),
 )
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_frames_come_back_as_they_were_written(tmp_path_factory, count, channels, seed, data):
     ordered = tuple(channel for channel in ALL_CHANNELS if channel in channels)
     steps = data.draw(st.lists(st.integers(1, 5000), min_size=count, max_size=count))
@@ -50,7 +50,7 @@ def test_frames_come_back_as_they_were_written(tmp_path_factory, count, channels
 
 
 @given(sizes=st.lists(st.integers(1, 90), min_size=1, max_size=12))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_blocks_of_any_size_come_back(tmp_path_factory, sizes):
     frames = made_frames(sum(sizes))
     path = tmp_path_factory.mktemp("session") / "run.mcap"

@@ -104,7 +104,7 @@ def test_a_gap_in_one_channel_is_a_gap_in_all(tmp_path):
     start_s=st.floats(-1e6, 1e6),
     seed=st.integers(0, 100),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_a_constant_stays_constant(tmp_path_factory, rate_hz, jitter, start_s, seed):
     """Uneven times, any rate, any origin: nothing but the value itself comes out."""
     rng = np.random.default_rng(seed)

@@ -90,7 +90,7 @@ def test_a_line_without_end_is_refused_before_it_is_taken_apart(tmp_path):
     ),
     ours=st.booleans(),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_data_sets_of_a_sessions_names_are_anything_in_other_files(name, value, ours):
     h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
     with TemporaryDirectory() as folder:

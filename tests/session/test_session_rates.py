@@ -209,7 +209,7 @@ def inner(session):
 RATIOS = st.floats(1.0, 12.0)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(1, 10), RATIOS, st.floats(0.02, 0.8), st.floats(0.0, 1e-3))
 def test_what_is_kept_passes_without_delay(tmp_path_factory, several, ratio, share, begin_s):
     frequency_hz = 500.0 * several * share
@@ -222,7 +222,7 @@ def test_what_is_kept_passes_without_delay(tmp_path_factory, several, ratio, sha
     np.testing.assert_allclose(samples, expected, atol=2 * (1 - 10 ** (-0.1 / 20)))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(1, 10), st.floats(1.05, 12.0), st.floats(0.0, 0.98), st.floats(0.0, 1e-3))
 def test_what_is_not_kept_is_60_db_down(tmp_path_factory, several, ratio, share, begin_s):
     kept_hz, source_hz = 500.0 * several, 500.0 * several * ratio

@@ -83,7 +83,7 @@ def text(columns, header, sep, comma, above):
         max_size=12,
     ),
 )
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_text_of_any_form_is_read_in_its_units(
     units, order, style, sep, comma, encoding, packed, above
 ):
@@ -202,7 +202,7 @@ TELLING = ("h5", "tdms", "xlsx")
 
 @pytest.mark.parametrize("kind", WRITERS)
 @given(units=a_unit, order=an_order)
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_each_kind_of_file_is_read_in_the_units_that_it_tells(kind, units, order):
     """By attribute, by a row of units, or by the ends of the names."""
     if kind not in TELLING:
@@ -495,7 +495,7 @@ def test_numbers_are_columns_where_columns_are_numbered(tmp_path):
     holes=st.lists(st.integers(0, ROWS - 1), min_size=1, max_size=20),
     word=st.sampled_from(["", "NA", "#N/A", "nan", "-", "NULL", "9999", "--"]),
 )
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_cells_without_a_value_are_gaps(holes, word):
     rows = [[f"{value:.9g}" for value in row] for row in np.column_stack([TIME_S, FORCE_N])]
     for hole in holes:
@@ -618,7 +618,7 @@ def test_a_sound_whose_recorder_died_is_read_as_far_as_it_goes(tmp_path, stated,
 
 
 @given(late_s=st.floats(-3, 3), seed=st.integers(0, 20))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_files_of_one_recording_are_joined_by_a_tap(late_s, seed):
     rng = np.random.default_rng(seed)
     slow_s, fast_s = np.arange(0, 12, 0.002), np.arange(0, 12, 1 / 4000)
@@ -644,7 +644,7 @@ def test_files_of_one_recording_are_joined_by_a_tap(late_s, seed):
     fault=st.integers(1, 999),
     rows=st.integers(20, 2000),
 )
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_rows_of_several_files_are_called_by_their_own_lines(blank, fault, rows):
     time_s = np.arange(1000) / 500
     time_s[fault] = -1.0  # falls
@@ -685,7 +685,7 @@ def test_a_file_is_read_twice_for_a_proposal_once_for_its_names(tmp_path, monkey
     unit=st.sampled_from(["", " [m]", "_um", " (inch)"]),
     holes=st.booleans(),
 )
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_what_is_proposed_runs(order, unit, holes):
     named = dict(
         zip(["t", *(f"{q}{axis}" for q in ("", "f", "a") for axis in "xyz")], TRUTH, strict=True)
@@ -821,7 +821,7 @@ def test_the_unit_among_a_columns_attributes_is_its_unit(tmp_path, kind, write):
     np.testing.assert_allclose(frames["force_n"], FORCE_N, rtol=1e-6)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(1e-3, 1e-2), st.floats(-1, 1), st.sets(st.integers(1, ROWS - 2), max_size=5))
 def test_packed_numbers_are_unpacked_behind_any_link(scale, offset, holes):
     with TemporaryDirectory() as folder:
@@ -886,7 +886,7 @@ def test_a_workbook_is_read_whole_whatever_size_it_states(tmp_path, stated):
     np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.lists(st.integers(0, ROWS - 1), min_size=1, max_size=2 * ROWS))
 def test_rows_that_were_written_twice_count_once(again):
     rows = np.sort([*range(ROWS), *again])
@@ -915,7 +915,7 @@ def test_times_that_cannot_be_are_refused_with_the_reason(tmp_path, change, reas
     assert proposed.units == ({"time": "d"} if "=d" in reason else {})
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     kind=st.sampled_from(["no cell", "a cell more", "a comment"]),
     places=st.sets(st.integers(3, ROWS - 2), min_size=1, max_size=3),
@@ -941,7 +941,7 @@ def test_a_damaged_line_costs_itself_alone(kind, places, sign):
     assert "left out" in " ".join(report.warnings)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     until=st.integers(0, ROWS - 20),
     word=st.sampled_from(["nan", "", "1.#QNAN", "<NA>"]),
@@ -1039,7 +1039,7 @@ def test_the_names_of_measuring_programs_are_found(tmp_path, above, sign, column
     assert any("another table" in text for text in report.warnings) == (above is VICON)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(share=st.floats(0.4, 0.95))
 def test_a_packed_text_that_is_cut_off_is_read_as_far_as_it_goes(share):
     with TemporaryDirectory() as folder:
@@ -1055,7 +1055,7 @@ def test_a_packed_text_that_is_cut_off_is_read_as_far_as_it_goes(share):
 
 
 @given(share=st.floats(0.4, 0.95), zeros=st.integers(1, 3_000_000), end=st.sampled_from(["", "1"]))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_text_is_read_to_the_zero_bytes_at_its_end(share, zeros, end):
     with TemporaryDirectory() as folder:
         path = table_of(Path(folder, "a.csv"), TIME_S)

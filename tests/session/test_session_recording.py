@@ -23,7 +23,7 @@ from mmt.session.recover import recover
 
 
 @given(sizes=st.lists(st.integers(0, 70), max_size=40))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_frames_recorded_are_frames_read(tmp_path_factory, sizes):
     path = tmp_path_factory.mktemp("session") / "run.mcap"
     frames = made_frames(sum(sizes))
@@ -261,7 +261,7 @@ def test_where_the_system_has_no_locks_recording_goes_on(tmp_path, monkeypatch):
     late_ns=st.integers(1, 10**9),
     jumps=st.booleans(),
 )
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_session_began_when_its_first_frame_was_measured(
     tmp_path_factory, offset_ns, drift_ppm, late_ns, jumps
 ):

@@ -48,7 +48,7 @@ def whole(tmp_path_factory):
 
 
 @given(data=st.data())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_a_cut_costs_at_most_one_flush(tmp_path_factory, whole, data):
     path, frames, ends = whole
     content = path.read_bytes()
@@ -106,7 +106,7 @@ def kept_frames(path, damage):
     ),
     flips=st.booleans(),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_damage_costs_what_it_touches_and_is_never_called_whole(
     tmp_path_factory, whole, place, damage, flips
 ):
@@ -308,7 +308,7 @@ def packed(source, target, compression, chunk_size):
 
 @given(compression=st.sampled_from(CompressionType), chunk_size=st.integers(1, 1 << 20))
 @example(CompressionType.LZ4, 1 << 14)
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 def test_a_session_is_read_whatever_it_is_packed_by(
     tmp_path_factory, whole, compression, chunk_size
 ):

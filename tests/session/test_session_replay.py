@@ -64,7 +64,7 @@ def test_each_tick_sends_its_frame_at_its_time():
     gaps=st.sampled_from(["keep", "skip"]),
     data=st.data(),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_every_frame_is_sent_once_at_its_deadline(speed, elapsed, loop, gaps, data):
     count = data.draw(st.integers(1, 120))
     steps = data.draw(

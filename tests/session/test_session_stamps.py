@@ -214,7 +214,7 @@ def test_intervals_without_a_clock_are_kept():
     longest_hole=st.integers(1, 14),
     seed=st.integers(0, 1000),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_bursts_with_holes_are_where_their_stamps_are(
     share, clocked, noise, longest_burst, longest_hole, seed
 ):
@@ -240,7 +240,7 @@ def test_bursts_with_holes_are_where_their_stamps_are(
     start_s=st.floats(-1e6, 1e6),
     seed=st.integers(0, 1000),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_any_stamps_give_times_that_are_finite_and_in_order(rows, scale, start_s, seed):
     rng = np.random.default_rng(seed)
     stamps_s = start_s + np.cumsum(scale * rng.pareto(1.5, rows) * rng.integers(0, 2, rows))

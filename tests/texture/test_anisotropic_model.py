@@ -88,7 +88,7 @@ def test_degenerate_sample_sets_give_a_finite_stable_model(inputs, method):
     assert (np.diff(lsf, axis=1, prepend=0.0, append=np.pi) > 0).all()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(1, 30), st.integers(0, 2**32), st.sampled_from(METHODS))
 def test_any_samples_give_ordered_frequencies(count, seed, method):
     samples = fitted_at(np.round(strokes(count, seed), 1))
@@ -143,7 +143,7 @@ def test_a_velocity_beyond_the_largest_keeps_its_heading():
     np.testing.assert_allclose(beyond, [[0.5**0.5, 0.5**0.5, 1.0], [0.0, 5 / 300, 0.0]])
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     st.tuples(*[st.floats(width=64)] * 3),
     st.sampled_from([ISOTROPIC, ANISOTROPIC]),

@@ -30,7 +30,7 @@ def run(biquad, samples):
 
 
 @given(share=st.floats(1e-4, 0.4999), rate_hz=st.sampled_from([100.0, 1000.0, 10_000.0]))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_designs_equal_scipys(share, rate_hz):
     cutoff_hz = share * rate_hz
     oracle = scipy.signal.bessel(2, cutoff_hz, fs=rate_hz, norm="mag")
@@ -40,7 +40,7 @@ def test_designs_equal_scipys(share, rate_hz):
 
 
 @given(share=st.floats(1e-4, 0.4999))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_gains_at_zero_and_at_the_cutoff(share):
     cutoff_hz = share * RATE_HZ
     for design, at_zero in ((bessel_low_pass, 1.0), (butterworth_high_pass, 0.0)):

@@ -43,7 +43,7 @@ def variation(inputs):
 
 
 @given(seed=st.integers(0, 10_000), cells=st.integers(0, 25), limit_mm=st.floats(0.01, 4.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_straight_pieces_equal_the_naive_loop(seed, cells, limit_mm):
     generator = np.random.default_rng(seed)
     steps = np.cumsum(generator.normal(size=(cells * CELL, 3)), axis=0)
@@ -56,7 +56,7 @@ def test_straight_pieces_equal_the_naive_loop(seed, cells, limit_mm):
 
 
 @given(seed=st.integers(0, 10_000), cells=st.integers(0, 30), limit=st.floats(0.01, 0.9))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_pieces_of_a_steady_vector_equal_the_naive_loop(seed, cells, limit):
     generator = np.random.default_rng(seed)
     walk = np.cumsum(generator.normal(0.0, 0.05, (cells * CELL, 3)), axis=0)
@@ -80,7 +80,7 @@ def test_pieces_of_a_steady_vector_equal_the_naive_loop(seed, cells, limit):
     limit=st.floats(0.01, 0.6),
     longest_cells=st.integers(1, 12),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_stationary_pieces_equal_the_naive_loop(seed, cells, limit, longest_cells):
     generator = np.random.default_rng(seed)
     walk = np.cumsum(generator.normal(size=(cells * CELL, 2)), axis=0)

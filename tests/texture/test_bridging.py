@@ -88,7 +88,7 @@ def test_a_constant_is_filled_with_itself(value, history):
 
 
 @given(seed=st.integers(0, 1000), share=st.sampled_from([0.005, 0.05, 0.3, 0.7]))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_short_gaps_leave_no_gap_whatever_their_pattern(seed, share):
     frames = stroke_frames(noise(700, seed))
     gone = lost(len(frames), share, seed)

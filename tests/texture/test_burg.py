@@ -77,7 +77,7 @@ def test_every_amplitude_gives_the_exact_reflection_coefficients(scale):
     x=hnp.arrays(np.float64, st.integers(17, 60), elements=st.floats(-1e6, 1e6, width=32)),
     power=st.integers(-600, 600),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_power_of_two_changes_no_digit(x, power):
     np.testing.assert_array_equal(burg(x, 16).reflection, burg(np.ldexp(x, power), 16).reflection)
 
@@ -88,7 +88,7 @@ def test_a_power_of_two_changes_no_digit(x, power):
     ),
     data=st.data(),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_every_finite_signal_gives_a_stable_model(x, data):
     assert_sound(burg(x, data.draw(st.integers(1, min(64, len(x) - 1)))))
 
@@ -99,7 +99,7 @@ def test_every_finite_signal_gives_a_stable_model(x, data):
     level=st.sampled_from([5e-324, 1e-320, 1e-160, 1e-8, 1.0, 1e8, 1e160, 1e300]),
     data=st.data(),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_predictable_signals_give_a_stable_model(kind, samples, level, data):
     n = np.arange(samples)
     x = {
@@ -137,7 +137,7 @@ def test_a_power_beyond_all_numbers_is_held_at_the_largest():
 
 
 @given(order=st.integers(1, 40), seed=st.integers(0, 99))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_the_model_has_the_power_of_the_segment(order, seed):
     x = noise(100, seed) + 0.3 * np.sin(np.arange(100))
     fit = burg(x, order)

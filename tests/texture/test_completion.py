@@ -49,7 +49,7 @@ def test_missing_neighbours_count_as_the_diagonal(count):
 
 
 @SPACES
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(shares=hnp.arrays(np.float64, (7, 3), elements=st.floats(0.0, 1.0)))
 def test_an_added_sample_never_raises_the_sum(cells, largest, shares):
     points = shares[:, : len(largest)] * largest

@@ -34,7 +34,7 @@ def textured(samples, seed):
 
 
 @given(past=pasts, seed=st.integers(0, 99), fade=st.integers(1, 60))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_any_past_is_continued_without_a_click_bounded_and_into_silence(past, seed, fade):
     gain = np.concatenate([np.linspace(1, 0, 60 + fade)[:-1], np.zeros(20)])
     output = continuation(past, gain, noise(len(gain), seed))

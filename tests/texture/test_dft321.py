@@ -7,7 +7,7 @@ from mmt.texture.signals.dft321 import dft321
 
 
 @given(count=st.integers(1, 400), seed=st.integers(0, 100), exponent=st.integers(-100, 100))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_keeps_energy_in_every_bin(count, seed, exponent):
     axes = np.random.default_rng(seed).normal(size=(count, 3)) * 10.0**exponent
     reduced = dft321(axes)

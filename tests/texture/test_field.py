@@ -216,7 +216,7 @@ def moved_by_a_moment(directed, stroke, off_db, seed):
     return np.sort(np.abs(found - usual))
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(stroke=st.integers(0, 23), off_db=st.floats(-200.0, 60.0), seed=st.integers(0, 2**16))
 def test_no_third_of_a_second_moves_what_twelve_seconds_have_said(stroke, off_db, seed):
     assert moved_by_a_moment(False, stroke, off_db, seed)[50] < 0.8
@@ -415,7 +415,7 @@ def test_headings_meet_where_the_turn_is_full():
     assert variance[0] == pytest.approx(variance[1], rel=1e-6)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     directed=st.booleans(),
     repeated=st.booleans(),

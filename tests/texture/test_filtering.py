@@ -73,7 +73,7 @@ def damaged_streams(draw):
 
 
 @given(damaged=damaged_streams(), axis=st.sampled_from(["x", "z", "dft321"]))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_partition_into_blocks_does_not_matter(damaged, axis):
     frames, lengths = damaged
     whole = StreamFilter(ModellingSettings(axis=axis)).process(frames)
@@ -84,7 +84,7 @@ def test_partition_into_blocks_does_not_matter(damaged, axis):
 
 
 @given(damaged=damaged_streams())
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_gives_out_received_frames_only_and_finite_numbers(damaged):
     frames, _ = damaged
     stream = StreamFilter()

@@ -62,7 +62,7 @@ def test_a_slow_line_has_lost_more_than_a_flat_spectrum():
     assert slow > 1.08
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     st.lists(st.floats(-LARGEST_REFLECTION, LARGEST_REFLECTION), min_size=1, max_size=24),
     st.integers(1, 24),

@@ -45,7 +45,7 @@ def test_agrees_with_scipy(count, dimensions):
 
 
 @pytest.mark.parametrize(("dimensions", "digits"), [(2, 5), (3, 3)])
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     hnp.arrays(np.float64, (7, 3), elements=st.floats(0.0, 1.0, width=32)),
     hnp.arrays(np.float64, (20, 3), elements=st.floats(-1.0, 2.0, width=32)),

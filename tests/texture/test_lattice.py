@@ -51,7 +51,7 @@ def one_filter(lsf, power):
 
 
 @given(reflection=reflections, seed=st.integers(0, 999))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_a_step_is_a_rotation_of_memory_and_excitation(reflection, seed):
     order = len(reflection)
     generator = np.random.default_rng(seed)
@@ -150,7 +150,7 @@ def test_full_level_from_the_first_sample():
 
 
 @given(levels=st.lists(st.sampled_from([0.0, 0.3, 1.0]), min_size=2, max_size=12))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_the_amplitude_never_falls_faster_than_the_release(levels):
     model = one_filter(reflection_to_lsf(np.array([-0.5, 0.5])), 1.0)
     force = np.repeat(np.array(levels) * 1.5, 20)

@@ -80,7 +80,7 @@ def test_poles_at_the_unit_circle_keep_relative_accuracy(sign):
 
 
 @given(lsf=lsf_arrays)
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_round_trip_from_frequencies(lsf):
     np.testing.assert_allclose(reflection_to_lsf(lsf_to_reflection(lsf)), lsf, atol=1e-13)
 
@@ -90,7 +90,7 @@ def test_round_trip_from_frequencies(lsf):
         lambda order: hnp.arrays(np.float64, order, elements=st.floats(-0.3, 0.3))
     )
 )
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_round_trip_from_reflection(reflection):
     lsf = reflection_to_lsf(reflection)
     gap = np.diff(lsf, prepend=0, append=np.pi).min()
@@ -103,7 +103,7 @@ def test_round_trip_from_reflection(reflection):
 
 
 @given(reflection=reflection_arrays)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_frequencies_of_every_stable_filter_ascend_inside_the_half_circle(reflection):
     lsf = reflection_to_lsf(reflection)
     assert (np.diff(lsf, prepend=0, append=np.pi) > 0).all()
@@ -120,7 +120,7 @@ def test_magnitudes_at_one_are_held(seed):
 
 
 @given(first=lsf_arrays, weight=st.floats(0, 1), seed=st.integers(0, 999))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_mean_of_frequencies_is_stable(first, weight, seed):
     second = oracles.spread_lsf(len(first), seed)
     reflection = lsf_to_reflection(weight * first + (1 - weight) * second)

@@ -82,7 +82,7 @@ def test_gfc_of_known_vectors():
 
 
 @given(a=amplitudes, b=amplitudes, power=st.integers(-900, 900))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_gfc_is_symmetric_bounded_and_ignores_the_level(a, b, power):
     value = gfc_of_rows(a, b)
     assert 0 <= value <= 1

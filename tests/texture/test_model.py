@@ -157,7 +157,7 @@ def test_samples_beside_an_edge_lie_on_it(inside):
 # --- synthesis
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.lists(st.integers(1, 700), min_size=1, max_size=12),
     st.sampled_from([1, 7, 10, 100]),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import isotonic_regression, minimize
 
@@ -32,7 +32,6 @@ def valid(lsf, gap, lowest=None, highest=None):
 
 
 @given(st.lists(st.one_of(ANY, NEAR), min_size=1, max_size=64), st.floats(0.0, 0.03))
-@settings(deadline=None)
 def test_whatever_comes_in_a_stable_filter_comes_out(lsf, gap):
     moved = valid(lsf, gap)
     assert (np.diff(moved, prepend=0.0, append=np.pi) >= gap - 1e-12).all()
@@ -41,7 +40,6 @@ def test_whatever_comes_in_a_stable_filter_comes_out(lsf, gap):
 
 
 @given(st.lists(NEAR, min_size=1, max_size=20), st.floats(0.0, 0.1))
-@settings(deadline=None)
 def test_it_is_isotonic_regression_clipped_to_the_bounds(lsf, gap):
     steps = gap * np.arange(len(lsf))
     ascending = isotonic_regression(np.array(lsf) - steps).x

@@ -37,7 +37,7 @@ def test_a_network_is_scipys(count, dimensions):
     level=st.sampled_from([0.0, 1e-300, 1.0, 1e100]),
     seed=st.integers(0, 1000),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_wherever_samples_lie_the_network_goes_through_them(count, place, level, seed):
     points, values = scattered(count, 3, seed=seed)
     if place == "corner":

@@ -57,7 +57,7 @@ def test_a_sequence_that_starts_again_is_modelled_on(stroked, period):
         assert contents(modeller) == offline.to_bytes()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 2**32), st.sampled_from(["shuffled", "reversed", "equal", "any"]))
 def test_times_in_any_order_give_the_same_model(seed, kind):
     random = np.random.default_rng(seed)
@@ -82,7 +82,7 @@ def lossy():
 STILL = lossy()
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(
     st.integers(0, 2**32),
     st.sampled_from(["position_mm", "force_n", "acceleration_m_s2"]),

@@ -50,7 +50,7 @@ def test_at_its_own_rate_a_model_is_itself():
         model.at_rate(0.0)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     st.lists(st.floats(-0.9999, 0.9999), min_size=1, max_size=64),
     st.sampled_from([500.0, 1000.0, 2000.0, 10_000.0]),

@@ -287,7 +287,7 @@ def random_strokes(draw):
 
 
 @given(strokes=random_strokes(), overlap_samples=st.sampled_from([0, 55, 200, 1500]))
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=120)
 def test_never_two_segments_for_one_sample(strokes, overlap_samples):
     block, lengths = strokes
     model, at = Model(), 0

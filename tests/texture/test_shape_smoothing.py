@@ -84,7 +84,7 @@ def test_more_samples_than_the_largest_number_of_nodes_are_smoothed_too():
     assert np.sqrt(np.mean((result - truth(points)) ** 2)) < 0.01
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     count=st.integers(1, 25),
     order=st.integers(1, 12),

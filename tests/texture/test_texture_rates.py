@@ -64,7 +64,7 @@ def spoilt_streams(draw):
 
 
 @given(spoilt=spoilt_streams(), axis=st.sampled_from(["z", "dft321"]))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_the_cut_into_blocks_does_not_matter(spoilt, axis):
     frames, lengths = spoilt
     kept = several(samples_per_frame(frames.dtype), axis=axis)
@@ -154,7 +154,7 @@ def test_frames_of_another_number_of_samples_are_refused():
     st.lists(st.tuples(st.floats(8.0, 480.0), st.floats(2.0, 100.0)), min_size=1, max_size=8),
     st.integers(0, 99),
 )
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_resonances_close_to_zero_keep_their_filter_at_the_largest_order(lines, seed):
     made = np.zeros(4000)
     for number, (line, width) in enumerate(lines):

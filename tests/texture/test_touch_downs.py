@@ -92,7 +92,7 @@ def test_each_is_found_where_it_is_with_its_speed_and_energy(axes):
 
 
 @given(cuts=st.lists(st.integers(0, PERIOD * len(SPEEDS)), max_size=12))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_how_the_stream_comes_in_parts_changes_nothing(cuts):
     block = landings(SPEEDS, noise=0.1)
     finder, edges = TouchDownFinder(SETTINGS), [0, *sorted(cuts), len(block)]
@@ -150,7 +150,7 @@ def test_too_few_teach_nothing():
 
 
 @given(exponent=st.floats(0.1, 1.4), level=st.floats(1e-3, 1e3), seed=st.integers(0, 99))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_the_law_is_that_of_an_independent_estimator(exponent, level, seed):
     generator = np.random.default_rng(seed)
     speeds = 10.0 * 1.6 ** np.arange(7)  # all pairs tell of the exponent
@@ -187,7 +187,7 @@ def test_the_most_typical_of_each_group_stands_for_it():
 
 
 @given(factor=st.floats(1e-4, 1e4))
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_a_louder_session_renders_as_much_louder(factor):
     block = landings(SPEEDS)
     louder = replace(block, vibration_m_s2=factor * block.vibration_m_s2)

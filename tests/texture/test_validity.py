@@ -47,7 +47,7 @@ def test_a_held_value_is_found_and_nothing_else(noise, step):
 
 
 @given(seed=st.integers(0, 10_000), length=st.integers(150, 600))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_a_vibration_that_decays_is_silence_and_a_value_held_beside_it_is_not(seed, length):
     amplitude = np.ones(12_000)
     for start in range(2000, 12_000, 2000):
@@ -132,7 +132,7 @@ SIDES = ["both", "upper", "lower"]
     sides=st.sampled_from(SIDES),
     step=st.sampled_from([0.0, 0.005]),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_samples_at_the_rail_are_found(seed, limit, sides, step):
     at_rail, aligned, faults = clipped(seed, limit, sides, step)
     assert not aligned.valid[4000:][at_rail[4000:]].any()
@@ -153,7 +153,7 @@ def test_a_rail_at_twice_the_rms_is_found_as_well():
 
 
 @given(seed=st.integers(0, 10_000), step=st.sampled_from([0.0, 0.005, 0.05]))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_a_vibration_within_the_range_has_no_rail(seed, step):
     x = texture(12_000, seed)
     _, faults = judged(stroke_frames(step * np.round(x / step) if step else x))

@@ -51,7 +51,7 @@ def speed_mm_s(frames):
     gravity=st.sampled_from([0.0, 9.81]),
     silent_mm_s=st.floats(0.1, 10.0),
 )
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_a_session_without_noise_has_no_fault_whatever_the_hand(
     hand, seed, level, gravity, silent_mm_s
 ):
@@ -82,7 +82,7 @@ def test_strokes_between_rests_that_are_cut_to_nothing_lose_no_sample(level):
     start=st.integers(0, REST - 50),
     away=st.floats(0.3, 20.0),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_what_sticks_at_rest_is_held_from_the_stroke_on(seed, gravity, start, away):
     frames = strokes_and_rests(10, seed, gravity)
     first = 7 * (REST + STROKE)

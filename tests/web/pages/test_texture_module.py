@@ -130,7 +130,7 @@ def random_models(draw):
     )
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(made=random_models(), renewal=st.sampled_from([1, 3, 20]), seed=st.integers(0, 99))
 def test_random_models_give_the_same_samples(made, renewal, seed):
     inputs = strokes(made, 4000, seed)
