@@ -249,10 +249,13 @@ def test_times_up_to_the_bounds_are_taken():
 def test_values_that_no_frame_holds_are_refused_with_their_row():
     largest = float(np.finfo(np.float32).max)
     samples(TIME_S, force=np.where(N[:, None] == 9, -largest, FORCE_N)).check()
-    for value, what in ((np.nan, "empty or NaN"), (2 * largest, "6.8")):
+    for value, what, hint in (
+        (np.nan, "empty or NaN", "--blanks-as-gaps"),
+        (2 * largest, "6.8", ""),
+    ):
         force_n = np.where(N[:, None] == [8, 9, 9], value, FORCE_N)
         with pytest.raises(
-            InputError, match=rf"^a.npz: force_x is {what}.* in row 8, and 1 more rows"
+            InputError, match=rf"^a.npz: force_x is {what}.* in row 8, and 1 more rows.*{hint}"
         ):
             samples(TIME_S, force=force_n).check()
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (400, 1))

@@ -133,55 +133,6 @@ def test_text_columns_may_end_early_where_rates_differ(tmp_path):
     np.testing.assert_allclose(frames["acceleration_m_s2"], [[4, 5, 6]] * 999, rtol=1e-6)
 
 
-def wrong_time(row, value):
-    time_s = np.arange(50) / 500
-    time_s[row] = value
-    return {"time_s": time_s, "force_n": np.ones((50, 3))}
-
-
-def wrong_value(row, axis, value):
-    force_n = np.ones((50, 3))
-    force_n[row, axis] = value
-    return {"time_s": np.arange(50) / 500, "force_n": force_n}
-
-
-@pytest.mark.parametrize(
-    ("arrays", "reason"),
-    [
-        (wrong_time(7, np.nan), "time of force is nan in row 7, counted from 0"),
-        (wrong_time(7, 0.01), r"force is 0\.01 s in row 7.*after 0\.012 s; times must not fall"),
-        (
-            {"time_s": np.array([0.0, 1, 1, 5]), "force_n": np.eye(4, 3)},
-            "1 s in row 2.*row before",
-        ),
-        (wrong_time(7, 1e9), "is 0.016 s in row 8.*after 1e"),
-        (
-            wrong_value(slice(9, 12), 1, np.nan),
-            "force_y is empty or NaN in row 9, counted from 0, and 2 more rows.*--blanks-as-gaps",
-        ),
-        (wrong_value(49, 2, -np.inf), "force_z is -inf in row 49"),
-        ({"time_s": np.zeros(1), "force_n": np.ones((1, 3))}, "has 1 rows, at least 2"),
-        ({"time_s": np.arange(2.0), "force_n": np.ones((2, 3)) * 1j}, "force_n holds complex128"),
-        ({"time_s": np.array(["a", "b"]), "force_n": np.ones((2, 3))}, "does not hold numbers"),
-        ({"time_s": np.arange(5) * 1e7, "force_n": np.ones((5, 3))}, "49 days at most"),
-        ({"time_s": np.arange(50.0), "force_n": np.ones((50, 3))}, "are the times in seconds"),
-        (
-            {
-                "time_s": np.arange(9.0) / 500,
-                "force_n": np.ones((9, 3)),
-                "acceleration_time_s": 5 + np.arange(9.0) / 500,
-                "acceleration_m_s2": np.ones((9, 3)),
-            },
-            "no frame can be made",
-        ),
-    ],
-)
-def test_arrays_that_are_wrong_are_named(tmp_path, arrays, reason):
-    np.savez(tmp_path / "wrong.npz", **arrays)
-    with pytest.raises(InputError, match=reason):
-        import_session(tmp_path / "wrong.npz")
-
-
 HEADER = "time_s,force_x_n,force_y_n,force_z_n\n"
 
 

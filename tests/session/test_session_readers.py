@@ -491,26 +491,6 @@ def test_numbers_are_columns_where_columns_are_numbered(tmp_path):
     np.testing.assert_allclose(zero.frames["force_n"], FORCE_N, rtol=1e-6)
 
 
-@given(
-    holes=st.lists(st.integers(0, ROWS - 1), min_size=1, max_size=20),
-    word=st.sampled_from(["", "NA", "#N/A", "nan", "-", "NULL", "9999", "--"]),
-)
-@settings(max_examples=20)
-def test_cells_without_a_value_are_gaps(holes, word):
-    rows = [[f"{value:.9g}" for value in row] for row in np.column_stack([TIME_S, FORCE_N])]
-    for hole in holes:
-        rows[hole][2] = word
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "a.csv"
-        path.write_text("\n".join(["time_s,force_x_n,force_y_n,force_z_n", *map(",".join, rows)]))
-        with pytest.raises(InputError, match=r"force_y is empty or NaN in line|end in different"):
-            import_session(path, missing=("9999",))
-        if ROWS - 1 not in holes:  # a column's end
-            frames = import_session(path, missing=("9999",), blanks_as_gaps=True).frames
-            there = np.setdiff1d(np.arange(ROWS), holes)
-            np.testing.assert_array_equal(frames["sequence"], there - there[0])
-
-
 @pytest.mark.parametrize("again", [True, False])
 def test_a_recorder_that_began_anew_gives_both_parts(tmp_path, again):
     lines, others = (
@@ -724,17 +704,6 @@ def test_a_last_line_that_is_cut_off_costs_itself_alone(tmp_path, cut):
     assert "the last line, 301, is cut off" in report.warnings[0]
 
 
-def test_a_decimal_sign_that_may_be_of_thousands_is_asked_about(tmp_path):
-    rows = [f"{t:.3f};{900 + 5 * n}" for n, t in enumerate(TIME_S)]
-    rows = [row.replace(";1", ";1,") for row in rows]  # 1,000 and on
-    (tmp_path / "a.csv").write_text("\n".join(["t;Fz (mN)", *rows]))
-    columns = {"time": "t", "force": "Fz"}
-    with pytest.raises(InputError, match=r"comma \(1,000\) and with a point.*--decimal"):
-        import_session(tmp_path / "a.csv", columns=columns)
-    frames = import_session(tmp_path / "a.csv", columns=columns, decimal=".").frames
-    np.testing.assert_allclose(frames["force_n"][:, 2], 0.9 + 0.005 * np.arange(ROWS), rtol=1e-6)
-
-
 def test_names_over_two_rows_are_all_reachable(tmp_path):
     header = [["Time", "Position", "", "", "Force", "", ""], ["", *"xyz", *"xyz"]]
     header.append(["ms", *["m"] * 3, *["mN"] * 3])
@@ -896,23 +865,6 @@ def test_rows_that_were_written_twice_count_once(again):
         session, report = import_recording(path, options)
     np.testing.assert_allclose(session.frames["force_n"][:, 2], FORCE_N[:, 2], rtol=1e-6)
     assert f"{len(again)} rows were written twice" in " ".join(report.warnings)
-
-
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        (lambda t: 739_000.5 + t / 86400, "say the unit of its times, as in --unit time=d"),
-        (lambda t: np.where(t < 0.1, t, t + 1.7e9), r"jumps by 1\.7e\+09 s in line 102"),
-        (lambda t: np.where(t < 0.1, t, 0), "times must not fall"),
-    ],
-    ids=["days", "set", "zeros"],
-)
-def test_times_that_cannot_be_are_refused_with_the_reason(tmp_path, change, reason):
-    path = table_of(tmp_path / "a.csv", [f"{t:.12f}" for t in change(TIME_S)])
-    with pytest.raises(InputError, match=reason):
-        import_session(path, columns={"time": "t", "force": "Fz"})
-    proposed = propose(path).options
-    assert proposed.units == ({"time": "d"} if "=d" in reason else {})
 
 
 @settings(max_examples=40)
