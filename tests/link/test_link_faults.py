@@ -6,7 +6,6 @@ import socket
 import struct
 from types import SimpleNamespace
 
-import pytest
 import socketio
 from link_samples import (
     FollowerNotes,
@@ -24,7 +23,6 @@ import mmt.link.client
 import mmt.link.connection
 import mmt.link.http
 import mmt.link.server_sockets
-from mmt.core.errors import MmtError
 from mmt.link.client import FollowerClient
 from mmt.link.websocket import client_send
 
@@ -146,25 +144,6 @@ async def test_a_client_that_leaves_before_it_is_answered_is_no_error(monkeypatc
         await asyncio.sleep(0.3)
         gc.collect()  # an exception that nobody retrieved is logged then
     assert caplog.messages == []
-
-
-async def test_a_follower_whose_old_connection_looks_alive_may_take_its_own_place():
-    up = LeaderNotes()
-    async with (
-        leader(up) as server,
-        relay(server.port) as wire,
-        follower(wire.port, run_id="the same") as old,
-    ):
-        old.send_frames(frames(0, 5))
-        await until(lambda: up.sequences)
-        wire.fall_silent()
-        async with follower(server.port, run_id="the same") as new:
-            new.send_frames(frames(5, 5))
-            await until(lambda: up.sequences == list(range(10)))
-            assert up.losses == ["it connects anew"]
-            with pytest.raises(MmtError, match="another follower is connected"):
-                async with follower(server.port, run_id="another"):
-                    pass
 
 
 async def test_the_end_does_not_wait_for_ever_on_a_silent_wire(monkeypatch):
