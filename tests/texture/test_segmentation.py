@@ -169,22 +169,6 @@ def test_too_short_is_dropped_and_too_long_is_split():
     assert sum(lengths) == 5980
 
 
-def test_every_segment_keeps_the_limits():
-    generator = np.random.default_rng(8)
-    walk = np.cumsum(generator.normal(size=(20_000, 2)), axis=0)
-    block = make_block(60.0 * np.exp(0.01 * walk[:, 0]), np.exp(0.01 * walk[:, 1]))
-    limits = ModellingSettings(longest_samples=400)
-    found = segment(block, limits)
-    assert len(found) > 20
-    for one in found:
-        part = block[one.start : one.stop]
-        for channel in (part.speed_mm_s, part.normal_force_n):
-            assert channel.std() / channel.mean() <= limits.stationarity + 1e-12
-        assert limits.shortest_samples <= len(part) <= limits.longest_samples
-        assert part.speed_mm_s.min() >= limits.least_speed_mm_s
-        assert part.normal_force_n.min() >= limits.least_force_n
-
-
 def test_the_result_does_not_depend_on_where_the_data_begins():
     generator = np.random.default_rng(3)
     walk = np.cumsum(generator.normal(size=6000))
