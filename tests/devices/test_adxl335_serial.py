@@ -3,7 +3,6 @@
 import itertools
 import logging
 import sys
-from collections.abc import Callable
 
 import pytest
 from driver_fixtures import (  # noqa: F401 - fixtures
@@ -26,8 +25,6 @@ if sys.platform == "win32":
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 
 LEVEL = (0.0, 0.0, GRAVITY_M_S2)
-
-Boards = Callable[..., EmulatedAdxl335Board]
 
 
 @pytest.fixture

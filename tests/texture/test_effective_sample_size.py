@@ -9,9 +9,10 @@ from scipy.special import digamma, polygamma
 
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.autoregression.spectra import LEAST_SIZE, effective_samples
-from mmt.texture.online.methods import FieldMethod
+from mmt.texture.model.fits import fit_segments, unpacked
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.space import ISOTROPIC
 
 
 def test_white_noise_is_worth_all_its_samples_and_a_first_order_filter_what_bartlett_says():
@@ -64,10 +65,11 @@ def test_segments_of_narrow_lines_are_worth_what_their_spectrum_says_whatever_th
         start, vibration = 1000 * number, sum(parts)[1000:]
         segments.append(Segment(start, start + count, 100.0, (100.0, 0.0), 1.0, vibration, 0, True))
     for order in (4, 12):
-        fits = FieldMethod(ModellingSettings(order=order)).add(segments, itertools.count())
-        assert {fit.count for fit in fits} == {count}
-        alone = np.array([fit.effective for fit in fits])
+        fits = fit_segments(segments, itertools.count(), ModellingSettings(order=order))
+        found = unpacked([fit.packed for fit in fits], ISOTROPIC)
+        assert set(found.counts) == {count}
+        alone = found.effective
         counts = np.full(60, float(count))
         assert np.log(alone.mean() / exact) == pytest.approx(0.0, abs=0.25)
-        rough = effective_samples(np.array([fit.lsf for fit in fits]), counts, 1000.0)
+        rough = effective_samples(found.lsf, counts, 1000.0)
         assert np.log(rough.mean() / exact) > 0.35

@@ -18,13 +18,13 @@ from mmt.texture.autoregression.reshaping import (
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.field.cells import FieldCells
 from mmt.texture.field.posterior import LevelField
+from mmt.texture.model.fits import fit_segments, unpacked
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.methods import method_of
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ, butterworth_high_pass
 from mmt.texture.signals.high_pass import gain_without_high_pass, without_high_pass
-from mmt.texture.space import TextureSamples
+from mmt.texture.space import ISOTROPIC, TextureSamples
 
 PERIOD = 1024
 FREQUENCIES_HZ = np.arange(PERIOD // 2 + 1) * (1000.0 / PERIOD)
@@ -99,14 +99,12 @@ def test_smoothed_fits_are_of_the_vibration_before_the_filter_and_measured_ones_
     off_db = {}
     methods = ("published", "field")
     for method in methods:
-        by = method_of(ModellingSettings(method=method, order=8))
-        fits = by.add(segments, itertools.count())
-        lsf, variance = np.array([fit.lsf for fit in fits]), np.array([x.variance for x in fits])
-        mean = lsf_spectrum(lsf, variance, low_hz, 1000.0).mean()
+        fits = fit_segments(segments, itertools.count(), ModellingSettings(method=method, order=8))
+        found = unpacked([fit.packed for fit in fits], ISOTROPIC)
+        mean = lsf_spectrum(found.lsf, found.variance, low_hz, 1000.0).mean()
         off_db[method] = 10 * np.log10(mean / truth)
-        power = np.array([fit.power for fit in fits])
-        reflection = lsf_to_reflection(lsf)
-        np.testing.assert_allclose(variance, power * np.prod(1 - reflection**2, axis=1), rtol=0.02)
+        left = np.prod(1 - lsf_to_reflection(found.lsf) ** 2, axis=1)
+        np.testing.assert_allclose(found.variance, found.power * left, rtol=0.02)
     assert off_db["published"] < -1.5
     assert abs(off_db["field"]) < 1.0
 
