@@ -46,12 +46,12 @@ KINDS = {
 NOT_PRODUCTS = {
     "mmt/core/existing_files.py",  # the helper
     "mmt/session/recorder.py",  # grows as long as the session lasts, and is read when cut off
-    "mmt/sharing/store_client.py",  # goes on with what an earlier attempt left, beside the file
     "mmt/core/compiled.py",  # caches, and files of the kernel and of drivers
     "mmt/core/process.py",
     "mmt_devices/iio/attributes.py",
     "mmt_devices/iio/emulated.py",
-    "mmt/cli/scene/runs.py",  # in a folder for the moment
+    "mmt/cli/scene/runs.py",  # in folders for the moment
+    "mmt_bridges/ros/storage.py",
     "mmt_bridges/lerobot/dataset.py",  # in a folder that is replaced as one
 }
 
