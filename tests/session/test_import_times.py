@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
-from mmt.session.importing.samples import Samples, continued, order_of
+from mmt.session.importing.samples import Samples, continued, order_of, unfilled_rows
 
 N = np.arange(400)
 TIME_S = 7.0 + N / 1000
@@ -40,6 +40,22 @@ def test_rows_written_late_or_twice_have_an_order(cuts, twice, jitter):
         other_n = force_n[rows]
         other_n[third] = [99.0, np.nan, 99.0]
         assert order_of(time_s[rows], [other_n]) is None
+
+
+@pytest.mark.parametrize("zeros", [0, 1, 7])
+def test_rows_of_zeros_at_the_end_of_an_array_hold_nothing(zeros):
+    time_s = np.r_[TIME_S, np.zeros(zeros)]
+    force_n = np.r_[FORCE_N, np.zeros((zeros, 3))]
+    assert unfilled_rows(time_s, [time_s, force_n]) == zeros
+    assert unfilled_rows(np.r_[TIME_S[:1], np.zeros(zeros)], []) == zeros
+    force_n[-1, 2] = 1.0
+    for held, columns in (
+        (time_s, [time_s, force_n]),  # something was measured in them
+        (np.zeros(zeros), []),
+        (np.r_[TIME_S - 8.0, np.zeros(zeros)], []),  # times that rise to 0
+        (np.r_[np.zeros(zeros), TIME_S], []),
+    ):
+        assert unfilled_rows(held, columns) == 0
 
 
 @pytest.mark.parametrize(
