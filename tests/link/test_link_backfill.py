@@ -4,14 +4,24 @@ import asyncio
 from itertools import accumulate
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from link_samples import CHANNELS, FollowerNotes, LeaderNotes, follower, frames, leader, until
+from link_samples import (
+    CHANNELS,
+    FollowerNotes,
+    LeaderNotes,
+    follower,
+    frames,
+    hello,
+    leader,
+    until,
+)
 
 from mmt.core.frames import frame_dtype
 from mmt.link.endpoint import LeaderEvents
-from mmt.link.frame_sender import FRAMES_PER_MESSAGE, BackfillSender, FrameBuffer
-from mmt.link.protocol import BACKFILL, GONE, MAX_RANGES, encode_event
+from mmt.link.frame_sender import FRAMES_PER_MESSAGE, BackfillSender, FrameBuffer, FrameSender
+from mmt.link.protocol import BACKFILL, FRAMES, GONE, MAX_RANGES, encode_event
 from mmt.link.queue import SendQueue
 
 DTYPE = frame_dtype(CHANNELS)
@@ -59,6 +69,28 @@ class Sent:
     async def __call__(self, message):
         await self.takes.wait()
         self.messages.append(message)
+
+
+@pytest.mark.parametrize("keep_frames", [0, 10])
+async def test_frames_go_out_as_many_at_once_as_the_hello_says(keep_frames):
+    outbox, link = SendQueue(50), Sent()
+    outbox.open(link)
+    sender = FrameSender(hello(frames_per_message=3, keep_frames=keep_frames), outbox)
+    assert (sender.sent, sender.backfiller is None) == (0, not keep_frames)
+    with pytest.raises(ValueError, match="the hello's are of"):
+        sender.put(np.zeros(1))
+    for first in range(5):
+        sender.put(frames(first))
+    await outbox.flush(10.0)
+    assert link.messages == [encode_event(FRAMES, frames(0, 3).tobytes())]
+    assert sender.sent == 3
+    for _ in range(2):  # the second has nothing to send
+        sender.flush()
+    await outbox.flush(10.0)
+    assert link.messages[1:] == [encode_event(FRAMES, frames(3, 2).tobytes())]
+    assert sender.sent == 5
+    counts = {"kept": 5, "asked": 0, "sent": 0, "gone": 0}
+    assert sender.backfill == (counts if keep_frames else {})
 
 
 async def test_back_fill_goes_out_in_pieces_and_lets_live_frames_pass():
