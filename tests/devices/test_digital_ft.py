@@ -130,9 +130,9 @@ def test_silence_is_lost(emulated, sensor):
 def test_records_with_the_error_bit_alone_are_lost(emulated, sensor):
     read_some(sensor)
     emulated.error = True
-    read_until_lost(sensor, r"1\d\d ms no record was usable")
+    read_until_lost(sensor, r"for \d{3,4} ms no record was usable")
     assert sensor.faults["error bit"] > 0
-    with pytest.raises(MmtError, match="1000 ms no record was usable"):
+    with pytest.raises(MmtError, match=r"for \d{3,4} ms no record was usable"):
         sensor.connect()
 
 
