@@ -16,6 +16,7 @@ from session_samples import made_frames
 
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
+from mmt.session import mcap_scan
 from mmt.session.data import OutputBlock
 from mmt.session.files import read_session, write_session
 from mmt.session.info import info
@@ -323,6 +324,24 @@ def test_a_session_is_read_whatever_it_is_packed_by(
     windows = open_windows(path)
     assert not windows.in_memory
     np.testing.assert_array_equal(windows.window(0.0, 10.0).frames, frames)
+
+
+@pytest.mark.parametrize("lost", ["offsets", "entry"])
+def test_a_chunk_that_the_index_does_not_tell_is_read(tmp_path, whole, monkeypatch, lost):
+    path = packed(whole[0], tmp_path / "other.mcap", CompressionType.ZSTD, 1 << 14)
+    found = mcap_scan.make_reader
+
+    def make(stream):
+        summary = (reader := found(stream)).get_summary()
+        if lost == "offsets":
+            summary.chunk_indexes[3].message_index_offsets.clear()
+        else:
+            del summary.chunk_indexes[3]
+        return reader
+
+    monkeypatch.setattr(mcap_scan, "make_reader", make)
+    blocks = list(blocks_of(open_recording(path)))
+    np.testing.assert_array_equal(np.concatenate(blocks), whole[1])
 
 
 @pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])

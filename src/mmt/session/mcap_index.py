@@ -63,10 +63,10 @@ class IndexedSession:
 
     def __init__(self, path: Path, reader: Any, summary: Any) -> None:
         self.path = path
-        self._chunks: list[ChunkIndex] = sorted(
-            (index for index in summary.chunk_indexes if index.message_index_offsets),
-            key=lambda index: index.chunk_start_offset,
+        self._every_chunk: list[ChunkIndex] = sorted(
+            summary.chunk_indexes, key=lambda index: index.chunk_start_offset
         )
+        self._chunks = [index for index in self._every_chunk if index.message_index_offsets]
         self._mcap_channels = summary.channels
         self._topics = {number: c.topic for number, c in summary.channels.items()}
         metadata = {record.name: record.metadata for record in reader.iter_metadata()}
@@ -147,9 +147,9 @@ class IndexedSession:
         InputError
             A chunk is damaged; the message says how to recover the file.
         """
-        for first in range(0, len(self._chunks), _CHUNKS_TOGETHER):
+        for first in range(0, len(self._every_chunk), _CHUNKS_TOGETHER):
             messages: list[Message] = []
-            for index in self._chunks[first : first + _CHUNKS_TOGETHER]:
+            for index in self._every_chunk[first : first + _CHUNKS_TOGETHER]:
                 try:
                     messages += chunk_messages(self.path, index)
                 except (*DAMAGE, OSError) as error:
@@ -262,10 +262,10 @@ def open_windows(path: str | Path) -> SessionWindows:
     InputError
         The file is missing, of an unknown format, not valid, or holds no frames.
     """
-    from mmt.session.files import read_session
-
     path = Path(path)
     if path.suffix.lower() != ".mcap":
+        from mmt.session.files import read_session
+
         return MemoryWindows(read_session(path))
     indexed = IndexedSession.open(path)
     if indexed is None:

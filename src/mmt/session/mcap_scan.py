@@ -241,13 +241,17 @@ def most_bytes(path: Path) -> int:
 def read_index(path: Path, stream: BinaryIO) -> tuple[Any, Any] | None:
     """Return the MCAP library's reader of a file, and the file's summary.
 
-    None if the file has no index or would unpack to more than is allowed.
+    None if the file has no index, or not of all chunks, or would unpack to more than is allowed.
     """
     reader = make_reader(stream)
     summary = reader.get_summary()
-    chunks = () if summary is None else summary.chunk_indexes
-    size = sum(index.uncompressed_size for index in chunks)
-    return (reader, summary) if chunks and size <= most_bytes(path) else None
+    if summary is None or not summary.chunk_indexes:
+        return None
+    count = summary.statistics and summary.statistics.chunk_count
+    if count is not None and count != len(summary.chunk_indexes):
+        return None
+    size = sum(index.uncompressed_size for index in summary.chunk_indexes)
+    return (reader, summary) if size <= most_bytes(path) else None
 
 
 def chunk_messages(path: Path, index: ChunkIndex) -> list[Message]:
