@@ -26,7 +26,7 @@ from mmt.evaluation.strokes_made import StrokesMade, at_skin, coverage
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.scene import Scene, Texture
 from mmt.scene.files import scene_of_recording
-from mmt.session.data import missing_frames
+from mmt.session.data import RecordedSession, missing_frames
 from mmt.session.operators import control_periods
 from mmt.session.stream import Recording, blocks_of, in_memory
 from mmt.texture.online.history import ModelHistory, build, build_together, stream_blocks
@@ -153,7 +153,7 @@ def evaluate_session(
 
     duration_s = (seen.highest + 1 - seen.first) / settings.rate_hz
     # a file is read again for its events: only if control may have changed hands
-    events = session.events if "control" in (session.scene or {}) else ()
+    known = isinstance(session, RecordedSession) or "control" in (session.scene or {})
     final_s = duration_s if leader.stop_s is None else leader.stop_s
     model = scorer.model(final_s)  # kept, so that it is built only once
     worst, errors = scorer.errors(final_s)
@@ -195,7 +195,7 @@ def evaluate_session(
         course=np.array([(u.time_s, u.progress.value) for u in leader.updates]),
         models=leader,
         power_map=errors,
-        control=control_periods(events, duration_s),
+        control=control_periods(session.events if known else (), duration_s),
         at_skin=at_skin(session, model, truth, strokes),
         touch_downs=held_out_errors(leader.log.touch_downs, settings.vibration_rate_hz),
         processing_s=time.perf_counter() - started,
