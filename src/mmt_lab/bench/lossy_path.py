@@ -5,16 +5,14 @@ needs Linux and root.
 """
 
 import asyncio
-import os
 from collections.abc import Mapping, Sequence
 from contextlib import AsyncExitStack, ExitStack
 from typing import Any, Final
 
-from mmt.cli.child import Child
 from mmt.core.errors import MmtError
 from mmt_lab.bench.network_namespaces import LEADER_ADDRESS, relay
 from mmt_lab.harness.findings import Cell, Findings, FindingsTable, SkippedMethod
-from mmt_lab.sharing.session import Service
+from mmt_lab.sharing.session import ListenedSession
 
 LOSSES: Final = (0.0, 0.001, 0.01, 0.03)
 """Share of packets or messages that is lost each way."""
@@ -69,21 +67,15 @@ async def _session(
     variables: Mapping[str, str] | None = None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Run one session; return the leader's and the follower's summary."""
-    settings = {"MMT_LINK__HOST": address, "MMT_LINK__OPEN": "true"}
-    environment = {**os.environ, **settings, **(variables or {})}
-
-    async def start(name: str, prefix: Sequence[str], *options: str) -> Service:
-        arguments = [name, "stream-only", *options, "--json-lines"]
-        child = await Child.start(name, "mmt.cli.child", arguments, environment, prefix=prefix)
-        stack.push_async_callback(child.kill)
-        return Service(child)
-
+    settings = {"MMT_LINK__HOST": address, "MMT_LINK__OPEN": "true", **(variables or {})}
+    led = "leader", "stream-only", "--port", "0", "--duration", str(duration_s)
+    followed = "follower", "stream-only", "--leader"
     try:
         async with AsyncExitStack() as stack, asyncio.timeout(duration_s + _STARTING_S):
-            leader = await start("leader", within[0], "--port", "0", "--duration", str(duration_s))
-            port = (await leader.line("ready"))["port"]
-            url = f"http://{address}:{port}"
-            follower = await start("follower", within[1], "--leader", url)
+            session = ListenedSession(stack)
+            leader = await session.start(*led, prefix=within[0], environment=settings)
+            url = f"http://{address}:{(await leader.line('ready'))['port']}"
+            follower = await session.start(*followed, url, prefix=within[1], environment=settings)
             return await leader.line("summary"), await follower.line("summary")
     except TimeoutError as error:
         raise MmtError(f"a session over {address} did not end in time") from error

@@ -49,13 +49,9 @@ async def run_hub_session(hubs: int, listeners: int, duration_s: float) -> HubSe
     async with _redis() as redis, shared_session(duration_s) as session:
         direct = CountingListener(session.url, auth_of(session.url))
         await direct.join()
-        options = ("--redis", redis, "--port", "0")
-        served = [
-            await session.start(
-                "main", "hub", session.url, *options, MMT_SHARING__MOST=str(listeners)
-            )
-            for _ in range(hubs)
-        ]
+        command = "main", "hub", session.url, "--redis", redis, "--port", "0"
+        most = {"MMT_SHARING__MOST": str(listeners)}
+        served = [await session.start(*command, environment=most) for _ in range(hubs)]
         urls = [(await hub.line("ready"))["address"] for hub in served]
         before = [_use(hub) for hub in served]
         longest_s = duration_s + _LATEST_S

@@ -3,11 +3,12 @@
 import asyncio
 import os
 import re
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from multiprocessing.connection import Connection
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import MappingProxyType
 from typing import Any, Final
 
 from mmt.cli.child import Child
@@ -51,7 +52,7 @@ class ListenedSession:
         options = ["--share", "--port", "0", "--duration", str(duration_s)]
         options += ["--record", str(recording)]
         self.leader = await self.start(
-            "leader", _SCENE, *options, watch=watch, MMT_SHARING__PORT="0"
+            "leader", _SCENE, *options, watch=watch, environment={"MMT_SHARING__PORT": "0"}
         )
         self._link = f"http://127.0.0.1:{(await self.leader.line('ready'))['port']}"
         told = await self.leader.line("event", "^shared at ")
@@ -62,14 +63,19 @@ class ListenedSession:
         await self.start("follower", _SCENE, "--leader", self._link)
 
     async def start(
-        self, *command: str, watch: Callable[[int], None] = lambda _: None, **environment: str
+        self,
+        *command: str,
+        watch: Callable[[int], None] = lambda _: None,
+        prefix: Sequence[str] = (),
+        environment: Mapping[str, str] = MappingProxyType({}),
     ) -> Service:
-        """Start a command of `mmt.cli.child`."""
+        """Start a command of `mmt.cli.child`, with additions to its environment."""
         child = await Child.start(
             command[0],
             "mmt.cli.child",
             [*command, "--json-lines"],
             {**os.environ, **environment},
+            prefix=prefix,
         )
         self._stack.push_async_callback(child.kill)
         return Service(child, watch)
