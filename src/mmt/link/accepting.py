@@ -146,8 +146,6 @@ class Acceptor:
         self._sockets: list[socket.socket] = []
         self._accepting: list[asyncio.Task[None]] = []
         self._told = RepeatLimit()
-        self.guarded = False
-        """Whether clients must authenticate, and may send little before; set before `start`."""
         self._gate: type[Gate] | None = None
 
     @property
@@ -156,7 +154,13 @@ class Acceptor:
         return int(self._sockets[0].getsockname()[1]) if self._sockets else 0
 
     async def start(
-        self, host: str, port: int, runner: web.AppRunner, tls: ssl.SSLContext | None
+        self,
+        host: str,
+        port: int,
+        runner: web.AppRunner,
+        tls: ssl.SSLContext | None,
+        *,
+        guarded: bool,
     ) -> None:
         """Start to listen.
 
@@ -168,13 +172,15 @@ class Acceptor:
             Makes the protocol of each connection; must be set up.
         tls
             TLS of the connections, or None.
+        guarded
+            Whether clients must authenticate, and may send little before.
 
         Raises
         ------
         OSError
             The host or the port cannot be used.
         """
-        if self.guarded:
+        if guarded:
             from mmt.link.gate import Gate
 
             self._gate = Gate

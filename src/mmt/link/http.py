@@ -170,8 +170,8 @@ class Listener:
         )
         await runner.setup()
         try:
-            self._acceptor.guarded = access.authenticates_peer
-            await self._acceptor.start(host, port, runner, context)
+            guarded = access.authenticates_peer
+            await self._acceptor.start(host, port, runner, context, guarded=guarded)
         except OSError as error:
             await runner.cleanup()
             why = str(error.strerror or error).partition(" (while")[0]  # drops the address
