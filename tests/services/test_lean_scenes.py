@@ -195,6 +195,7 @@ FEEDBACK = {
 WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, *LEVEL, *SHARING}
 WATCHED |= {RECORDER, HAND, ACTUATOR, *CONTROL}
 NEVER = {
+    "mmt.leader.monitoring",
     "mmt.web.monitor",
     "mmt.web.page_server",
     "prometheus_client",

@@ -21,7 +21,8 @@ from mmt.cli.scene.description import describe_scene
 from mmt.core.errors import MmtError
 from mmt.scene import Scene
 
-FIGURES: Final = ("start_s", "core_share", "memory_mb")
+OF_PROCESSES: Final = ("core_share", "memory_mb")
+FIGURES: Final = ("start_s", *OF_PROCESSES)
 """Seconds until ready, share of a core while streaming, resident memory at the end."""
 
 _CONFIDENCE: Final = 0.95

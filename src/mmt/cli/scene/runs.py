@@ -11,7 +11,7 @@ from typing import Any
 import tomli_w
 from rich.console import Console
 
-from mmt.cli.scene.costs import FIGURES, SceneRun
+from mmt.cli.scene.costs import OF_PROCESSES, SceneRun
 from mmt.cli.scene_services import DemoRun, run_services
 from mmt.core.errors import MmtError
 from mmt.scene import Replay, Scene
@@ -114,9 +114,9 @@ def _scene_run(run: DemoRun) -> SceneRun:
 
 
 def _figures(summary: Mapping[str, Any], start_s: float) -> dict[str, float]:
-    """Return the figures of a service, with those of the leader's second process, by `FIGURES`."""
+    """Return the figures of a service, with those of the leader's second process."""
     process, modelling = summary["process"], (summary.get("texture") or {}).get("process") or {}
-    added = {name: process[name] + modelling.get(name, 0.0) for name in FIGURES[1:]}
+    added = {name: process[name] + modelling.get(name, 0.0) for name in OF_PROCESSES}
     return {"start_s": start_s, **added}
 
 

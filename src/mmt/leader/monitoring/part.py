@@ -220,8 +220,10 @@ class MonitorPart(Part):
     def _publish_completion(self) -> None:
         points = states.thinned(list(self._history), _SHOWN)
         update, log = self._update, self._session.log
-        shown = (None, "") if update is None else (update.progress, update.faults.sentence())
-        header = states.completion_header(shown[0], log.start_s, log.stop_s, shown[1])
+        progress, faults = None, ""
+        if update is not None:
+            progress, faults = update.progress, update.faults.sentence()
+        header = states.completion_header(progress, log.start_s, log.stop_s, faults)
         arrays = {"time_s": [t for t, _ in points], "value": [v for _, v in points]}
         self.viewers.publish("completion", pack("completion", header, arrays))
 

@@ -17,14 +17,13 @@ from mmt.core.frames import frame_dtype, frame_struct, ordered_channels
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ, NoiseRows
 from mmt.testing.simulation.robot import TipState
 from mmt.testing.simulation.surfaces import Surface
-from mmt.testing.simulation.vibration import SurfaceVibration, VibrationSource
+from mmt.testing.simulation.vibration import Stroke, SurfaceVibration, VibrationSource
 
 if TYPE_CHECKING:
     from mmt.testing.simulation.course import SurfaceCourse
     from mmt.testing.simulation.known_surfaces import KnownSurface
-from mmt.testing.simulation.vibration import Stroke
 
-GRAVITY_M_S2: Final = 9.80665
+GRAVITY_M_S2: Final = 9.80665  # as in `mmt.core.units`, which a simulated follower does not load
 
 ENCODER_RESOLUTION_MM: Final = 0.03
 

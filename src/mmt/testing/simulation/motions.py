@@ -22,7 +22,6 @@ from mmt.testing.simulation.strokes import (
     Phase,
     Place,
     in_phases,
-    strokes,
 )
 
 if TYPE_CHECKING:
@@ -40,15 +39,13 @@ Motion = Callable[[Hand, np.random.Generator, Place], Iterator[Intent]]
 
 
 def motion(settings: Hand, generator: np.random.Generator, place: Place) -> Iterator[Intent]:
-    """Return the intents of the kind that the settings name.
+    """Return the intents of the kind that the settings name, other than `strokes`.
 
     Raises
     ------
     InputError
         The file of a recorded stroke is not usable.
     """
-    if settings.kind == "strokes":
-        return strokes(settings, generator, place)
     if settings.kind in KINDS:
         return _low_passed(KINDS[settings.kind](settings, generator, place))
     from mmt.testing.simulation.recorded_path import load_path

@@ -5,9 +5,10 @@ yet, so a slow viewer skips states; it neither delays other viewers nor fills th
 """
 
 import asyncio
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from aiohttp import web
+if TYPE_CHECKING:
+    from aiohttp import web
 
 MOST_VIEWERS: Final = 8
 """Largest number of viewers at once."""
@@ -31,7 +32,7 @@ class Viewer:
         self._closing = True
         self._news.set()
 
-    async def send(self, socket: web.WebSocketResponse) -> None:
+    async def send(self, socket: "web.WebSocketResponse") -> None:
         """Send messages until `close`.
 
         Raises
