@@ -4,6 +4,7 @@ import time
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from typing import Final
 
 from mmt.core.arrays import Vector
@@ -203,17 +204,18 @@ class WrenchSensor(ABC):
         came = False
         self._useless_ns = 0
         start = time.monotonic()
-        while time.monotonic() - start < patience_s:
-            records = self._receive(time.monotonic_ns())
-            if any(not self._is_stuck or raw != self._last for _, raw in records):
-                self._is_stuck, self._last = False, None
-                self._arrival_ns = time.monotonic_ns()
-                return
-            came = came or bool(records)
-            time.sleep(0.001)
-        problem = self._explain_stuck() if came else self._explain_absence()
-        self.close()
-        raise MmtError(problem)
+        with ExitStack() as failed:
+            failed.callback(self.close)
+            while time.monotonic() - start < patience_s:
+                records = self._receive(time.monotonic_ns())
+                if any(not self._is_stuck or raw != self._last for _, raw in records):
+                    self._is_stuck, self._last = False, None
+                    self._arrival_ns = time.monotonic_ns()
+                    failed.pop_all()
+                    return
+                came = came or bool(records)
+                time.sleep(0.001)
+            raise MmtError(self._explain_stuck() if came else self._explain_absence())
 
     def _explain_stuck(self) -> str:
         return (
