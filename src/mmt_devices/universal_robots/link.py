@@ -3,6 +3,7 @@
 import time
 from collections import Counter, deque
 from dataclasses import asdict
+from threading import Lock
 from typing import Final
 
 from mmt.core.arrays import Vector
@@ -67,9 +68,10 @@ class ArmLink:
         MmtError
             The arm does not answer or takes no commands; the message says what to check.
         """
-        for other in tuple(_STARTED):
-            self._check_agreement(other)
-        _STARTED.add(self)
+        with _AGREEING:  # lost devices connect again in threads of their own
+            for other in _STARTED:
+                self._check_agreement(other)
+            _STARTED.add(self)
         try:
             self._process.start()
             self._await()
@@ -135,7 +137,8 @@ class ArmLink:
         If the process is killed, its connection ends, and the controller's watchdog stops the arm.
         """
         self._process.end(f"the UR arm at {self._host} is not connected")
-        _STARTED.discard(self)
+        with _AGREEING:
+            _STARTED.discard(self)
 
     def _poll(self) -> None:
         """Take the messages that have arrived from the process."""
@@ -148,4 +151,5 @@ class ArmLink:
 
 
 _STARTED: Final[set[ArmLink]] = set()
+_AGREEING: Final = Lock()
 """Links of this process that have been started and not ended."""

@@ -23,16 +23,13 @@ class _VirtualUr(VirtualDevice[AnyDriver]):
     ----------
     role
         Role of the driver ``ur``.
-    keys
-        Options that the lab sets.
     options
         Options of the driver, and those of the lab.
     """
 
-    def __init__(self, role: Role, keys: tuple[str, ...], options: dict[str, Any]) -> None:
+    def __init__(self, role: Role, options: dict[str, Any]) -> None:
         require("rtde_control")  # before a lab is started in vain
         super().__init__("virtual-ur", "ur", "ur", options, role=role, host="lab")
-        self._keys = keys
 
     def connect(self) -> None:
         """Start the lab, and connect the real driver to it."""
@@ -46,16 +43,12 @@ class _VirtualUr(VirtualDevice[AnyDriver]):
         """Return the value that the real driver reads."""
         return self._connected().read()
 
-    def _enter(self) -> dict[str, Any]:
-        address = super()._enter()
-        return {key: address[key] for key in self._keys}
-
 
 class VirtualUrRobot(_VirtualUr[UrRobot]):
     """The arm of the virtual lab; it takes the options of ``ur`` and of `LabOptions`."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__("robot", ("host", "origin_mm", "rotation_rad"), options)
+        super().__init__("robot", options)
 
     def orientation(self) -> Quaternion:
         """Return the orientation that the real driver reads."""
@@ -74,4 +67,7 @@ class VirtualUrForceSensor(_VirtualUr[UrForceSensor]):
     """The force at the tool of the virtual lab's arm."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__("force_sensor", ("host", "rotation_rad"), options)
+        super().__init__("force_sensor", options)
+
+    def _enter(self) -> dict[str, Any]:
+        return {key: value for key, value in super()._enter().items() if key != "origin_mm"}

@@ -194,10 +194,11 @@ class EmulatedUrController:
         for _ in range(min(elapsed, _MOST_CYCLES)):
             self._cycles += 1
             now_ns = time.monotonic_ns()
-            self.arm.step(self._time_s(now_ns), now_ns, 1.0 / RATE_HZ)
+            time_s = self._time_s(now_ns)
+            self.arm.step(time_s, now_ns, 1.0 / RATE_HZ)
             if not self.silent:
-                fields = self.arm.fields(self._time_s(now_ns))
-                for connection in tuple(self.connections):
+                fields = self.arm.fields(time_s)
+                for connection in self.connections:
                     connection.send_state(fields, self._cycles)
 
     async def _listen(self, host: str) -> None:
