@@ -49,6 +49,7 @@ class RobotLink:
 
     def start(self) -> None:
         """Begin to listen."""
+        self._due_ns = time.monotonic_ns()
         self._clockwork.add(self._turn)
 
     def stop(self) -> None:
