@@ -162,7 +162,9 @@ def test_what_a_killed_recorder_left_in_the_journal_is_read(tmp_path):
         "INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", rows[150:]
     )
     stored.commit()
+    before = {file.name: file.read_bytes() for file in path.parent.iterdir()}
     assert check_whole(tmp_path / "bag") == []
+    assert {file.name: file.read_bytes() for file in path.parent.iterdir()} == before
     stored.close()
 
 

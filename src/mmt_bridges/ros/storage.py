@@ -142,40 +142,40 @@ def _of_mcap(path: Path, notes: list[str]) -> Iterator[StoredMessage]:
 
 
 def _of_db3(path: Path, _notes: list[str]) -> Iterator[StoredMessage]:
-    with _whole_pages(path) as file:
-        # what a killed recorder wrote last stands in a journal beside, which is only looked at
-        # if the file is not said to be immutable
-        journal = file.with_name(f"{file.name}-wal")
-        mode = "mode=ro" if journal.exists() and journal.stat().st_size else "immutable=1"
-        with closing(sqlite3.connect(f"{file.absolute().as_uri()}?{mode}", uri=True)) as stored:
-            yield from _of_database(stored)
+    with _openable(path) as uri, closing(sqlite3.connect(uri, uri=True)) as stored:
+        yield from _of_database(stored)
 
 
 @contextmanager
-def _whole_pages(path: Path) -> Iterator[Path]:
-    """Yield a database, or if it was cut within a page a copy without that page.
+def _openable(path: Path) -> Iterator[str]:
+    """Yield the URI of a database, or of a copy of it that can be opened in its place.
 
-    SQLite takes what is missing of a page for zeros.
+    What a killed recorder wrote last stands in a journal beside, which SQLite moves into the file.
+    Of a file that was cut within a page it takes what is missing for zeros.
     """
     with path.open("rb") as stream:
         page = int.from_bytes(stream.read(18)[16:], "big")
     page = 1 << 16 if page == 1 else page
-    size = path.stat().st_size
-    if not page or not size % page:
-        yield path
+    surplus = path.stat().st_size % page if page else 0
+    journal = path.with_name(f"{path.name}-wal")
+    if not surplus and not journal.exists():
+        yield f"{path.absolute().as_uri()}?immutable=1"
         return
     with TemporaryDirectory() as folder:
         copy = Path(folder, path.name)
         shutil.copyfile(path, copy)
-        os.truncate(copy, size - size % page)
-        yield copy
+        os.truncate(copy, copy.stat().st_size - surplus)
+        if journal.exists():
+            shutil.copyfile(journal, copy.with_name(journal.name))
+        yield f"{copy.as_uri()}?mode=rw"
 
 
 def _of_database(stored: sqlite3.Connection) -> Iterator[StoredMessage]:
     stored.execute("PRAGMA writable_schema = 1")  # else a file that was cut off is refused
     described = "topic_type, encoded_message_definition, encoding FROM message_definitions"
     try:
-        definitions = {kind: told for kind, *told in stored.execute(f"SELECT {described}")}
+        found = stored.execute(f"SELECT {described}")
+        definitions = {kind: (text.encode(), language) for kind, text, language in found}
     except sqlite3.Error:  # recorders before Iron wrote none
         definitions = {}
     told = stored.execute("SELECT id, name, type, serialization_format FROM topics")
@@ -184,9 +184,9 @@ def _of_database(stored: sqlite3.Connection) -> Iterator[StoredMessage]:
         "SELECT topic_id, timestamp, data FROM messages"
     ):
         name, kind, encoding = topics[number]
-        text, language = definitions.get(kind, ("", ""))
+        definition, language = definitions.get(kind, (b"", ""))
         yield StoredMessage(
-            *(name, 0, kind, encoding, text.encode(), language, received_ns, bytes(data))
+            *(name, 0, kind, encoding, definition, language, received_ns, bytes(data))
         )
 
 
