@@ -209,8 +209,8 @@ class _Rows:
             for name, feature in info["features"].items()
             if str(feature.get("dtype")) not in _PICTURES and name in stored
         }
-        number = self._read(["frame_index"])["frame_index"]
-        time_s = self._read(["timestamp"])["timestamp"] if "timestamp" in stored else None
+        read = self._read(["frame_index", *({"timestamp"} & stored)])
+        number, time_s = read["frame_index"], read.get("timestamp")
         if time_s is not None and len(np.unique(number)) < len(number) and _rise(time_s):
             number = np.arange(len(number))  # what the file has are no numbers of rows
         self._order = np.argsort(number, kind="stable")
