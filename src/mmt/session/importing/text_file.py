@@ -57,14 +57,14 @@ def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions)
     origin = f"import {path}"
     damage = (UnicodeDecodeError, csv.Error, EOFError, zlib.error, gzip.BadGzipFile)
     with reading(origin, "text in columns", damage):
-        encoding = _encoding(path)
+        encoding, sign = _encoding(path), options.delimiter or ";"
         with _opened(path, encoding) as stream:
-            read = _without_labels(_lines(stream, []), [])
+            read = _without_labels(_lines(stream, []), [], sign)
             lines = list(islice(read, (options.header or 0) + _LOOKED_AT))
         delimiter = options.delimiter or _delimiter(lines[-_LOOKED_AT:], options)
         cut: list[str] = []
         with _opened(path, encoding) as stream:
-            rows = _rows(_without_labels(_lines(stream, cut), cut), delimiter)
+            rows = _rows(_without_labels(_lines(stream, cut), cut, sign), delimiter)
             columns = read_table(origin, rows, wanted, options)
         return replace(columns, notes=(*columns.notes, *cut))
 
@@ -122,8 +122,11 @@ def _lines(stream: TextIO, cut: list[str]) -> Iterator[str]:
         cut.append("the packed file is cut off, and was read as far as it goes")
 
 
-def _without_labels(lines: Iterator[str], notes: list[str]) -> Iterator[str]:
-    """Yield lines such as ``X: 0.1  Y: 0.2 m/s^2`` as rows of numbers with their names above."""
+def _without_labels(lines: Iterator[str], notes: list[str], sign: str) -> Iterator[str]:
+    """Yield lines such as ``X: 0.1  Y: 0.2 m/s^2`` as rows of numbers with their names above.
+
+    The separator of the rows is `sign`.
+    """
     start = list(islice(lines, _LOOKED_AT))
     names = Counter(tuple(n for n, _ in _labelled(line)) for line in start if line.strip())
     usual, count = names.most_common(1)[0] if names else ((), 0)
@@ -131,10 +134,11 @@ def _without_labels(lines: Iterator[str], notes: list[str]) -> Iterator[str]:
         yield from chain(start, lines)
         return
     notes.append("each line names its values: the names were put above as line 1, and are counted")
-    yield ";".join(usual) + "\n"
+    yield sign.join(usual) + "\n"
     for line in chain(start, lines):
         found = _labelled(line)
-        yield ";".join(n for _, n in found) + "\n" if tuple(n for n, _ in found) == usual else line
+        alike = tuple(name for name, _ in found) == usual
+        yield sign.join(number for _, number in found) + "\n" if alike else line
 
 
 def _labelled(line: str) -> list[tuple[str, str]]:
