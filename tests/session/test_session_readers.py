@@ -309,6 +309,34 @@ def test_the_forms_of_json_that_pandas_writes_are_tables(tmp_path, form, encodin
     np.testing.assert_allclose(frames["force_n"], FORCE_N, rtol=1e-6)
 
 
+@pytest.mark.parametrize("separator", [None, "comma", "semicolon", "tab"])
+@pytest.mark.parametrize(
+    "form", ["t: {:.6f} X: {:.6f} Y: {:.6f} Z: {:.6f} N", "t={},X={},Y={},Z={} N"]
+)
+def test_lines_that_name_each_of_their_values_are_a_table(tmp_path, form, separator):
+    rows = np.round(np.column_stack([TIME_S, FORCE_N]), 6)
+    lines = [form.format(*row) for row in rows.tolist()]
+    (tmp_path / "a.txt").write_text("\n".join(["# a sketch", *lines, "X: 1"]))
+    columns = {"time": "t", **{f"force_{axis}": axis.upper() for axis in "xyz"}}
+    read = import_recording(tmp_path / "a.txt", ImportOptions(columns, separator=separator))
+    np.testing.assert_allclose(read[0].frames["force_n"], rows[:, 1:], rtol=1e-6)
+    assert any(note.startswith("each line names its values") for note in read[1].warnings)
+
+
+def test_a_table_of_pandas_may_have_a_column_without_a_name(tmp_path):
+    content = {"columns": ["t", ""], "index": [0, 1, 2], "data": [[0, 1], [0.001, 2], [0.002, 3]]}
+    (tmp_path / "a.json").write_text(json.dumps(content))
+    assert propose(tmp_path / "a.json").names == ["t", "2"]
+    found = import_session(tmp_path / "a.json", columns={"time": "t", "force": "2"})
+    assert found.frames["force_n"][:, 2].tolist() == [1.0, 2.0, 3.0]
+    content["data"][1].append(4)
+    (tmp_path / "a.json").write_text(json.dumps(content))
+    with pytest.raises(
+        InputError, match="row 2 is not a list of as many values as there are names"
+    ):
+        import_session(tmp_path / "a.json", columns={"time": "t", "force": "2"})
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [

@@ -5,6 +5,7 @@ A row is an object or a list. The forms in which pandas writes a table are read,
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final
 
@@ -33,11 +34,10 @@ def read_json(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         column does not hold numbers or lists of one length.
     """
     origin, notes = f"import {path}", list[str]()
-    with (
-        reading(origin, "JSON", (ValueError, RecursionError)),
-        path.open("rb") as begin,
-        path.open(encoding=json.detect_encoding(begin.read(4))) as file,
-    ):
+    with reading(origin, "JSON", (ValueError, RecursionError)), ExitStack() as stack:
+        with path.open("rb") as begin:
+            encoding = json.detect_encoding(begin.read(4))
+        file = stack.enter_context(path.open(encoding=encoding))
         if path.suffix.lower() == ".json":
             content = _parsed(file.read())
         else:
@@ -61,7 +61,7 @@ def _of_pandas(content: dict[str, Any]) -> Any:
     """Return the rows, or lists by column, of what pandas calls split, index or columns."""
     names, data, labels = (content.get(key) for key in ("columns", "data", "index"))
     if isinstance(names, list) and isinstance(data, list):
-        return _named([list(map(str, names)), *data]) | _index(labels or [])
+        return _named(data, list(map(str, names))) | _index(labels or [])
     keys = {tuple(row) if isinstance(row, dict) else () for row in content.values()}
     first = keys.pop() if len(keys) == 1 else ()
     cells = [cell for row in content.values() for cell in row.values()] if first else []
@@ -82,17 +82,17 @@ def _index(labels: Sequence[Any]) -> dict[str, list[Any]]:
     return {} if counted else {"index": list(labels)}
 
 
-def _named(rows: Sequence[Any]) -> dict[str, list[Any]]:
-    """Return the columns of rows that are lists, the first of which may hold their names."""
-    width = len(rows[0])
+def _named(rows: Sequence[Any], names: Sequence[str] = ()) -> dict[str, list[Any]]:
+    """Return the columns of rows that are lists; without names the first may hold these."""
+    width = len(names or rows[0])
     for number, row in enumerate(rows, start=1):
         if not isinstance(row, list) or len(row) != width:
-            raise InputError(f"row {number} is not a list of as many values as the first")
-    has_names = all(isinstance(cell, str) and cell.strip() for cell in rows[0])
-    numbered = [str(place) for place in range(1, width + 1)]
-    names, _ = distinct(rows[0] if has_names else numbered)
-    columns = map(list, zip(*rows[has_names:], strict=True))
-    return dict(zip(names, columns, strict=False))
+            alike = "there are names" if names else "the first has"
+            raise InputError(f"row {number} is not a list of as many values as {alike}")
+    if not names and all(isinstance(cell, str) and cell.strip() for cell in rows[0]):
+        names, rows = rows[0], rows[1:]
+    called, _ = distinct(names or [str(place) for place in range(1, width + 1)])
+    return dict(zip(called, map(list, zip(*rows, strict=True)), strict=False))
 
 
 def _rows_in(content: dict[str, Any]) -> Any:
