@@ -106,7 +106,8 @@ def _unwritten(name: str, item: Any) -> str:
     if item.is_virtual:
         folder = Path(item.file.filename).parent
         parts = dict.fromkeys(part.file_name for part in item.virtual_sources())
-        gone = [part for part in parts if part != "." and not (folder / part).is_file()]
+        named = (part for part in parts if part != "." and "%b" not in part)  # a file each block
+        gone = [part for part in named if not (folder / part).is_file()]
         if gone:
             raise InputError(f"{name} is put together of other files; there is no {gone[0]}")
         return ""
