@@ -11,10 +11,10 @@ import numpy as np
 from image_files import write
 from matplotlib.figure import Figure
 
-from mmt.cli.scene_services import run_services
+from mmt.cli.running.scene_services import run_services
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import MmtError
-from mmt.core.palette import LIGHT, SERIES
+from mmt.core.output.palette import LIGHT, SERIES
 from mmt.evaluation.figures import style_axes
 from mmt.scene import Hand
 from mmt.scene.files import example_scenes, load_scene

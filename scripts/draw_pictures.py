@@ -12,7 +12,7 @@ import numpy as np
 from image_files import write
 from matplotlib.figure import Figure
 
-from mmt.core.palette import LIGHT
+from mmt.core.output.palette import LIGHT
 from mmt.evaluation import figures, growth
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.recorded_surfaces import part_by_surface

@@ -14,8 +14,8 @@ from hypothesis import HealthCheck, Phase, settings
 from stroked_sessions import make_session, stroked_session  # noqa: F401 - fixtures
 
 import mmt.cli  # noqa: F401 - before NumPy: linear algebra in one thread, as the programs have it
-from mmt.core.process import ask_for_short_turns
-from mmt.core.queued_output import finish_output
+from mmt.core.output.streams import finish_output
+from mmt.core.running.process import ask_for_short_turns
 
 SLOW = (
     "test_first_start.py",

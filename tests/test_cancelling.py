@@ -2,7 +2,7 @@
 
 import asyncio
 
-from mmt.core.ending import cancel_until_ended
+from mmt.core.running.ending import cancel_until_ended
 
 
 async def test_a_task_that_swallows_a_cancellation_is_asked_again():

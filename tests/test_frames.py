@@ -34,11 +34,6 @@ def test_a_usual_frame_has_one_sample_and_axes_have_names():
     assert [f.axes_of(channel) for channel in ("force", "orientation")] == ["xyz", "wxyz"]
 
 
-@given(st.integers(0, f.SEQUENCES - 1), st.integers(-(2**31), 2**31 - 1))
-def test_numbers_wrap_and_the_shorter_way_counts(newest, steps):
-    assert str(f.steps_ahead((newest + steps) % f.SEQUENCES, newest)) == str(steps)
-
-
 @pytest.mark.parametrize(
     "frames", [None, [1], np.zeros(3), FRAMES[0], FRAMES.reshape(2, 2), FRAMES[["time_ns"]]]
 )

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-import mmt.core.logs
+import mmt.core.output.logs
 from mmt.core.errors import InputError, MmtError
-from mmt.core.logs import Logs, RepeatLimit, details, details_for_log
+from mmt.core.output.logs import Logs, RepeatLimit, details, details_for_log
 
 LOG = logging.getLogger("mmt.test")
 
@@ -137,7 +137,7 @@ def test_a_full_disk_is_said_once(monkeypatch):
 
 
 def test_a_stalled_disk_holds_up_nothing_and_the_loss_is_written(tmp_path, monkeypatch):
-    monkeypatch.setattr("mmt.core.queued_output.MOST_WAITING", 100)
+    monkeypatch.setattr("mmt.core.output.streams.MOST_WAITING", 100)
     path = tmp_path / "log.jsonl"
     flowing = threading.Event()
     write = os.write
@@ -146,7 +146,7 @@ def test_a_stalled_disk_holds_up_nothing_and_the_loss_is_written(tmp_path, monke
         flowing.wait(30)
         return write(descriptor, data)
 
-    monkeypatch.setattr("mmt.core.queued_output.os.write", stalled)
+    monkeypatch.setattr("mmt.core.output.streams.os.write", stalled)
     with Logs("leader", path):
         for number in range(300):
             LOG.info("line %d", number)
@@ -160,7 +160,7 @@ def test_a_stalled_disk_holds_up_nothing_and_the_loss_is_written(tmp_path, monke
 
 def test_after_the_clock_jumped_back_lines_go_on(monkeypatch):
     limit, now_s = RepeatLimit(), 1000.0
-    monkeypatch.setattr(mmt.core.logs.time, "monotonic", lambda: now_s)
+    monkeypatch.setattr(mmt.core.output.logs.time, "monotonic", lambda: now_s)
     assert [limit.allow("kind"), limit.allow("kind")] == [1, 0]
     now_s = 5.0
     assert [limit.allow("kind"), limit.allow("kind")] == [2, 0]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mmt.core import palette
+from mmt.core.output import palette
 
 ROOT = Path(__file__).parents[1]
 SCHEMES = {"light": palette.LIGHT, "dark": palette.DARK}

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from mmt.core import process
 from mmt.core.errors import MmtError
-from mmt.core.process import (
+from mmt.core.running import process
+from mmt.core.running.process import (
     PRIORITY,
     ProcessMeter,
     ask_for_short_turns,
@@ -36,7 +36,7 @@ def test_a_process_that_steps_back_gives_up_the_short_turns_of_its_parent():
         pytest.skip("the number of sched_getattr is known for x86_64 and aarch64")
     script = f"""
 import ctypes, struct
-from mmt.core.process import ask_for_short_turns, lower_priority
+from mmt.core.running.process import ask_for_short_turns, lower_priority
 def turn_ns():
     attributes = ctypes.create_string_buffer(48)
     assert ctypes.CDLL(None).syscall({number}, 0, attributes, 48, 0) == 0
@@ -61,7 +61,7 @@ print(asked, kernels, short, turn_ns())
 def test_memory_that_was_freed_between_blocks_that_live_goes_back_to_the_system():
     script = """
 import psutil
-from mmt.core.process import release_freed_memory
+from mmt.core.running.process import release_freed_memory
 def held_mb():
     return psutil.Process().memory_info().rss / 1e6
 blocks = [bytes(8192) + b"x" for _ in range(5000)]
@@ -110,7 +110,7 @@ def test_sleeps_that_end_when_they_are_due_are_asked_of_the_system():
 def test_the_code_of_the_compiler_is_released_and_runs_again():
     program = (
         "import numba, psutil\n"
-        "from mmt.core.process import release_file\n"
+        "from mmt.core.running.process import release_file\n"
         "memory_mb = lambda: psutil.Process().memory_info().rss / 1e6\n"
         "double = numba.njit('f8(f8)')(lambda x: x + x)\n"
         "before_mb = memory_mb()\n"

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.core import queued_output
-from mmt.core.queued_output import (
+from mmt.core.output import streams
+from mmt.core.output.streams import (
     QueuedStream,
     drain_output,
     finish_output,
@@ -52,7 +52,7 @@ def test_what_is_read_is_what_was_written(texts):
 
 
 def test_a_reader_that_takes_nothing_holds_up_nobody(pipe, monkeypatch):
-    monkeypatch.setattr(queued_output, "MOST_WAITING", 100)
+    monkeypatch.setattr(streams, "MOST_WAITING", 100)
     reader, writer = pipe
     stream = QueuedStream(writer, told_of_loss=lambda count: f"lost {count}\n")
     lines = [f"{number:0{PIPE_BYTES // 50}}\n" for number in range(400)]
@@ -111,7 +111,7 @@ def test_a_full_disk_is_said_once():
 
 
 def test_the_end_waits_a_moment_for_a_reader_that_takes_nothing(pipe, monkeypatch):
-    monkeypatch.setattr(queued_output, "_PATIENCE_S", 0.05)
+    monkeypatch.setattr(streams, "_PATIENCE_S", 0.05)
     reader, writer = pipe
     monkeypatch.setattr(QueuedStream, "patience_s", None)
     hurry_output()

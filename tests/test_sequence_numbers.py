@@ -7,15 +7,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.sequence_numbers import (
+    SEQUENCES,
     JumpBound,
     RangeSet,
     largest_advance,
     ranges_of,
     shortest_period_ns,
+    steps_ahead,
 )
 
 bounds = st.integers(0, 60)
 operations = st.lists(st.tuples(st.sampled_from(["add", "remove"]), bounds, bounds), max_size=40)
+
+
+@given(st.integers(0, SEQUENCES - 1), st.integers(-(2**31), 2**31 - 1))
+def test_numbers_wrap_and_the_shorter_way_counts(newest, steps):
+    assert str(steps_ahead((newest + steps) % SEQUENCES, newest)) == str(steps)
 
 
 @settings(max_examples=300)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mmt.core.tables import label
+from mmt.core.output.tables import label
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import mmt.core.ticking
-from mmt.core.ticking import Ticker, TickStatistics, TimeHistogram
+import mmt.core.running.ticking
+from mmt.core.running.ticking import Ticker, TickStatistics, TimeHistogram
 
 PERIOD_NS = 1_000_000
 
@@ -15,8 +15,8 @@ PERIOD_NS = 1_000_000
 @pytest.fixture(params=["timerfd", "call_at"])
 def clock(request, monkeypatch):
     if request.param == "call_at":
-        monkeypatch.setattr(mmt.core.ticking, "open_timer", lambda: None)
-    elif mmt.core.ticking.open_timer() is None:
+        monkeypatch.setattr(mmt.core.running.ticking, "open_timer", lambda: None)
+    elif mmt.core.running.ticking.open_timer() is None:
         pytest.skip("this system has no timerfd")
     return str(request.param)
 
@@ -152,7 +152,7 @@ async def test_without_statistics_only_the_ticks_are_counted():
 
 
 async def test_no_file_stays_open():
-    timer = mmt.core.ticking.open_timer()
+    timer = mmt.core.running.ticking.open_timer()
     if timer is None:
         pytest.skip("this system has no timerfd")
     first = timer.file
@@ -161,7 +161,7 @@ async def test_no_file_stays_open():
         ticker = Ticker(PERIOD_NS, lambda elapsed: None)
         ticker.start()
         ticker.stop()
-    timer = mmt.core.ticking.open_timer()
+    timer = mmt.core.running.ticking.open_timer()
     assert timer.file == first
     timer.close()
 

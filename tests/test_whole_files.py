@@ -14,7 +14,7 @@ from sharing_samples import model_of
 import mmt
 from mmt.cli.common import write_json
 from mmt.core.errors import InputError, MmtError
-from mmt.core.existing_files import append_lines, write_file
+from mmt.core.files.existing import append_lines, write_file
 from mmt.devices.calibrations import save_calibration
 from mmt.evaluation.report_files import write_report_files
 from mmt.session.data import RecordedSession
@@ -44,10 +44,10 @@ KINDS = {
     "coil-7.json": lambda path: save_calibration("coil", "7", {"a": "b" * 9000}, path.parent),
 }
 NOT_PRODUCTS = {
-    "mmt/core/existing_files.py",  # the helper
+    "mmt/core/files/existing.py",  # the helper
     "mmt/session/recorder.py",  # grows as long as the session lasts, and is read when cut off
     "mmt/core/compiled.py",  # caches, and files of the kernel and of drivers
-    "mmt/core/process.py",
+    "mmt/core/running/process.py",
     "mmt_devices/iio/attributes.py",
     "mmt_devices/iio/emulated.py",
     "mmt/cli/scene/runs.py",  # in folders for the moment

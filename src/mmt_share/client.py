@@ -12,8 +12,8 @@ import numpy as np
 from mmt.core.errors import InputError
 from mmt.link.access import Access
 from mmt.link.connection import LeaderConnection, check_url
+from mmt.link.incoming import PeriodLimit, RateLimit
 from mmt.link.protocol import peer_text
-from mmt.link.rate_limit import PeriodLimit, RateLimit
 from mmt.link.websocket import Send
 from mmt_share.changes import ModelReplica
 from mmt_share.lag import FIRST_ANSWERS, ListenerState

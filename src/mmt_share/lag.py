@@ -4,7 +4,7 @@ import struct
 from typing import Any, Final, NamedTuple
 
 from mmt.core.errors import InputError
-from mmt.core.ticking import TimeHistogram
+from mmt.core.running.ticking import TimeHistogram
 from mmt.link.clock_offset import ClockOffset
 
 FIRST_ANSWERS: Final = 8

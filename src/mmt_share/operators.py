@@ -7,7 +7,7 @@ from typing import Final
 
 import socketio
 
-from mmt.core.logs import REPEAT_PERIOD_S, RepeatLimit
+from mmt.core.output.logs import REPEAT_PERIOD_S, RepeatLimit
 from mmt.link.access import Access
 from mmt_share.control_messages import ASK, MOTION, MOTION_HZ, RELEASE
 from mmt_share.relay import ConnectedListener

@@ -21,9 +21,9 @@ from typing import Any, Final
 import msgpack
 
 from mmt.core.errors import MmtError
-from mmt.core.process import lower_priority
-from mmt.core.programs import handle_end_signals
-from mmt.core.queued_output import finish_output, queue_output
+from mmt.core.output.streams import finish_output, queue_output
+from mmt.core.running.process import lower_priority
+from mmt.core.running.programs import handle_end_signals
 from mmt_share.messages import LONGEST_MESSAGE
 from mmt_share.relay import Relay
 from mmt_share.server import SharingServer

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from mmt.link.incoming import PeriodLimit
 from mmt.link.protocol import encode_event
 from mmt.link.queue import Sending, SuspendedSend, begin_send
-from mmt.link.rate_limit import PeriodLimit
 from mmt.link.websocket import Send
 from mmt_share.lag import FIRST_ANSWERS, Lag, ListenerState
 from mmt_share.messages import END

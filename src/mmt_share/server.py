@@ -12,12 +12,12 @@ import socketio
 from aiohttp import web
 
 from mmt.core.errors import InputError, MmtError
-from mmt.core.logs import RepeatLimit
-from mmt.core.process import release_freed_memory
+from mmt.core.output.logs import RepeatLimit
+from mmt.core.running.process import release_freed_memory
 from mmt.link.access import Access, Entrance
-from mmt.link.http import CLOSE_TIMEOUT_S, LinkServer, Page
+from mmt.link.incoming import RateLimit
 from mmt.link.protocol import MAX_SENTENCE, loss_of, peer_text
-from mmt.link.rate_limit import RateLimit
+from mmt.link.serving.http import CLOSE_TIMEOUT_S, LinkServer, Page
 from mmt_share.lag import ListenerState
 from mmt_share.messages import (
     AGAIN,

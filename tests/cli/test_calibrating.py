@@ -8,7 +8,7 @@ import pytest
 import typer
 from command_runs import output_of, refusal, run_json
 
-from mmt.cli import calibrating
+from mmt.cli.device import calibrating
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, UPS, GravityCalibration, rests_from
 from mmt.devices.calibrations import load_calibration
 

@@ -11,11 +11,11 @@ from frame_samples import made_frames
 from player_samples import flat_texture
 
 from mmt.cli.common import run_app
-from mmt.cli.emulated_pair import pair_named
+from mmt.cli.demo import pair_named
 from mmt.cli.main import app
-from mmt.cli.scene_services import DemoRun
+from mmt.cli.running.scene_services import DemoRun
 from mmt.core.errors import InputError
-from mmt.core.existing_files import free_folder, free_path
+from mmt.core.files.existing import free_folder, free_path
 from mmt.session.files import read_session, write_session
 
 KEPT = b"a recording of an hour"

@@ -7,7 +7,7 @@ import sys
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.cli.run_display import command_text, ending_lines, verdict_lines
+from mmt.cli.running.display import command_text, ending_lines, verdict_lines
 from mmt.core.verdict import Facts, verdict
 
 FOUND = verdict(

@@ -12,14 +12,14 @@ import tomli_w
 from rich.console import Console
 from typer.testing import CliRunner
 
-from mmt.cli import scene_services
 from mmt.cli.main import app
+from mmt.cli.running import scene_services
+from mmt.cli.running.scene_services import DemoRun
 from mmt.cli.scene import runs as scene_runs
 from mmt.cli.scene.costs import SceneRun
 from mmt.cli.scene.runs import SceneRunner
-from mmt.cli.scene_services import DemoRun
 from mmt.core.errors import MmtError
-from mmt.core.queued_output import is_queued
+from mmt.core.output.streams import is_queued
 from mmt.scene.files import example_scenes, load_scene
 from mmt.session.files import read_session
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mmt.core.tables import as_text
+from mmt.core.output.tables import as_text
 
 
 @pytest.mark.parametrize(

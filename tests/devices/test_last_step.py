@@ -14,14 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.arrays import Vector, bounded, step_towards
-from mmt.core.guards import ForceGuard, SampleGuard
+from mmt.core.guards import ForceGuard, GuardedDisplay, SampleGuard, VibrationSlew
 from mmt.devices.haptuator.drive import VoltageDrive
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.openhaptics.options import HdOptions, HdRobotOptions
 from mmt.devices.openhaptics.robot import PositionServo
 from mmt.devices.openhaptics.servo import Servo
 from mmt.leader.motion.feedback import StreamedForce
-from mmt.leader.motion.slew import GuardedDisplay, VibrationSlew
 from mmt.testing.simulation.actuator import SimulatedActuator
 from mmt_devices.inverse3.messages import NAMES
 from mmt_devices.inverse3.servo import ChosenDevice, ForceServo

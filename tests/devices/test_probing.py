@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from mmt.core.loop_timer import LoopTimer
-from mmt.core.ticking import open_timer
+from mmt.core.running.loop_timer import LoopTimer
+from mmt.core.running.ticking import open_timer
 from mmt.devices.polling import Retry
 
 PATIENCE_S = 20.0

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from mmt.cli import calibrating, device_testing
+from mmt.cli.device import calibrating, testing
 from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import ALL_CHANNELS, CHANNELS, empty_frames
@@ -317,4 +317,4 @@ def test_a_tool_without_both_sensors_or_with_a_driver_is_refused(tmp_path):
         calibrating.calibrate_tool("virtual-adxl335", [], "probe", 0.2, None)
     with pytest.raises(InputError, match="a scene has its own"):
         calibrating.calibrate_tool("virtual-lab", ["port=x"], "probe", 0.2, None)
-    assert device_testing.is_scene("demo")
+    assert testing.is_scene("demo")

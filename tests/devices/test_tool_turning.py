@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from mmt.cli import calibrating
+from mmt.cli.device import calibrating
 from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import ALL_CHANNELS, empty_frames
-from mmt.core.ticking import Ticker
+from mmt.core.running.ticking import Ticker
 from mmt.devices.tool_load import LoadRemover, ToolLoad, load_from, with_centre
 from mmt.devices.tool_turning import DELAY, SPAN, TurningEstimator
 

@@ -426,7 +426,7 @@ def test_a_command_outside_the_workspace_is_clipped_counted_and_said_once():
 
 
 def test_commands_that_stay_outside_the_workspace_are_said_when_they_leave_it(monkeypatch):
-    monkeypatch.setattr("mmt.core.logs.REPEAT_PERIOD_S", 0.0)
+    monkeypatch.setattr("mmt.core.output.logs.REPEAT_PERIOD_S", 0.0)
     robot = Guarded(box_mm=BOX_MM)
     for _ in range(2):
         robot.run(5, (30.0, 0.0, 5.0))

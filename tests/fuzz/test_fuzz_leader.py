@@ -18,8 +18,8 @@ from mmt.link.access import Access
 from mmt.link.client import FollowerClient
 from mmt.link.endpoint import FollowerEvents
 from mmt.link.handshake import admit
+from mmt.link.incoming import BlockReader
 from mmt.link.protocol import FollowerHello
-from mmt.link.reader import BlockReader
 from mmt.link.websocket import binary_event, decode_packet
 from mmt.scene.files import scene_from_tables
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mmt.cli.scene_services import DemoRun
+from mmt.cli.running.scene_services import DemoRun
 from mmt.core.errors import InputError
 from mmt_lab.bench.strangers import BYSTANDER, KINDS
 from mmt_lab.experiments import services

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from extreme_cases import case_of, those_that_do_not_hold
 
-import mmt.leader.output.playout
+import mmt.leader.output.stream
 import mmt.texture.online.modeller
 from mmt.core.frames import empty_frames
 from mmt_lab.stability.cases import run_case
@@ -59,7 +59,7 @@ def test_a_robot_that_catches_up_too_fast_is_seen():
 
 
 def test_a_clock_that_is_not_watched_does_not_hold(monkeypatch):
-    monkeypatch.setattr(mmt.leader.output.playout, "_CLOCK_STEP_NS", 10**15)
+    monkeypatch.setattr(mmt.leader.output.stream, "_CLOCK_STEP_NS", 10**15)
     cases = services.cases()
     assert not case_of(cases, "follower's clock steps by -10 s").run().held
     assert not case_of(cases, "leader's clock steps by +10 s").run().held

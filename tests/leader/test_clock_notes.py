@@ -2,8 +2,8 @@ from mmt.core.frames import frame_dtype
 from mmt.leader.remote import ClockNotes
 from mmt.link.clock_exchange import ClockResponder
 from mmt.link.clock_offset import ClockJump
+from mmt.link.incoming import BlockReader
 from mmt.link.queue import SendQueue
-from mmt.link.reader import BlockReader
 
 MS = 1_000_000
 PERIOD_NS = 50 * MS

@@ -15,8 +15,7 @@ from mmt.leader.output.concealment import (
     build_concealment,
     course,
 )
-from mmt.leader.output.playout import PlayoutBuffer
-from mmt.leader.output.stream import StreamedVibration
+from mmt.leader.output.stream import PlayoutBuffer, StreamedVibration
 
 MS = 1_000_000
 DELAY = 4

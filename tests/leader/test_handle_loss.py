@@ -13,11 +13,11 @@ from mmt.contact.passivity import PassivitySettings
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.frames import ENERGY_DTYPE, frame_dtype
 from mmt.devices.protocols import InterfaceState
+from mmt.devices.reconnection import OperatorHandle
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.feedback_model import ModelForce
 from mmt.leader.motion.feedback_passive import PassiveForce
 from mmt.leader.motion.hand import HandPart
-from mmt.leader.motion.operator_handle import OperatorHandle
 
 RECOVERY_MM = 0.05
 

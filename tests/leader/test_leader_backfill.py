@@ -6,7 +6,7 @@ from frame_samples import PERIOD_NS, made_frames
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mmt.core.frames import SEQUENCES
+from mmt.core.sequence_numbers import SEQUENCES
 from mmt.leader.backfill import Backfill
 from mmt.leader.numbering import SessionNumbering
 from mmt.link.protocol import FollowerHello

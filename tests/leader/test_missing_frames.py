@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.frames import frame_dtype
-from mmt.leader import missing
-from mmt.leader.missing import MissingFrames
+from mmt.leader import backfill
+from mmt.leader.backfill import MissingFrames
 
 
 def numbered(*numbers):
@@ -146,8 +146,8 @@ def test_a_bad_link_cannot_fill_the_memory():
     numbers = numbered(*range(0, 20_000, 2))
     account.missing.jumped(-1, numbers)
     account.wait(50)
-    assert len(account.asked[0]) == missing.MOST_RANGES
-    assert account.missing.summary["lost"] == 10_000 - 1 - missing.MOST_RANGES
+    assert len(account.asked[0]) == backfill.MOST_RANGES
+    assert account.missing.summary["lost"] == 10_000 - 1 - backfill.MOST_RANGES
 
 
 @settings(max_examples=150)

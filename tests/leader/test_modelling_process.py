@@ -12,7 +12,7 @@ import pytest
 from service_runs import LONGEST_S, Together, small_scene
 
 from mmt.core.errors import InputError, MmtError
-from mmt.core.programs import python_command
+from mmt.core.running.programs import python_command
 from mmt.leader.modelling.process import ModellingProcess
 from mmt.texture.settings import ModellingSettings
 

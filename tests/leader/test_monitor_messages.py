@@ -19,8 +19,7 @@ from mmt.texture.interpolation.vertices import RIM
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.space import ANISOTROPIC
-from mmt.web.binary_messages import pack
-from mmt.web.monitor.live import MOST_SAMPLES, LiveMessages, MonitorTap
+from mmt.web.monitor.live import MOST_SAMPLES, MOST_VIEWERS, LiveMessages, MonitorTap, Viewers
 from mmt.web.monitor.states import (
     completion_header,
     hello_header,
@@ -28,7 +27,7 @@ from mmt.web.monitor.states import (
     surfaces,
     thinned,
 )
-from mmt.web.monitor.viewers import MOST_VIEWERS, Viewers
+from mmt.web.page_server import pack
 
 SCENE = scene_from_tables(
     {"link": {}, "simulated": {}, "hand": {}, "texture": {}, "playout": {}, "actuator": {}}

@@ -6,8 +6,7 @@ from frame_samples import PERIOD_NS, made_frames
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from mmt.core.frames import SEQUENCES
-from mmt.core.sequence_numbers import largest_advance, shortest_period_ns
+from mmt.core.sequence_numbers import SEQUENCES, largest_advance, shortest_period_ns
 from mmt.leader.numbering import FrameRateWatch, SessionNumbering
 
 SECOND = 1_000_000_000

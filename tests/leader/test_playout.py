@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.leader.output.playout import PlayoutBuffer, PlayoutStatistics
+from mmt.leader.output.stream import PlayoutBuffer, PlayoutStatistics
 
 MS = 1_000_000
 

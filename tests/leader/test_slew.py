@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.leader.motion.slew import ForceRamp, GuardedDisplay, VibrationSlew
+from mmt.core.guards import ForceRamp, GuardedDisplay, VibrationSlew
 from mmt.scene.files import scene_from_tables
 
 FORCES = st.tuples(*[st.floats(-40.0, 40.0)] * 3)

@@ -8,9 +8,8 @@ from frame_samples import made_frames
 from scipy import signal
 
 import mmt
-from mmt.leader.output.playout import PlayoutBuffer
-from mmt.leader.output.stream import StreamedVibration
-from mmt.leader.output.streamed_motion import StreamedMotion
+from mmt.leader.output.stream import PlayoutBuffer, StreamedVibration
+from mmt.leader.output.synthesis import StreamedMotion
 from mmt.leader.output.three_axes import ThreeAxes
 from mmt.testing.simulation.textures import get_surface
 

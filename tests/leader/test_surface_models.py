@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mmt.core.existing_files import replacing
+from mmt.core.files.existing import replacing
 from mmt.leader.output.model_output import ModelOutput
 from mmt.leader.output.synthesis import SynthesizingPart
 from mmt.leader.output.vibration import VibrationSwitch

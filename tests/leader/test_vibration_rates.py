@@ -7,11 +7,10 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from mmt.core.frames import frame_dtype
+from mmt.core.guards import VibrationSlew
 from mmt.devices.protocols import InterfaceState
-from mmt.leader.motion.slew import VibrationSlew
 from mmt.leader.output.concealment import LONGEST_FRAMES, build_concealment, course
-from mmt.leader.output.playout import PlayoutBuffer
-from mmt.leader.output.stream import StreamedVibration
+from mmt.leader.output.stream import PlayoutBuffer, StreamedVibration
 from mmt.leader.output.three_axes import ThreeAxes
 from mmt.leader.output.vibration import VibrationPart, VibrationSwitch
 from mmt.leader.part import Session, Tick

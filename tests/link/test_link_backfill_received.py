@@ -7,8 +7,8 @@ from link_samples import CHANNELS, frames
 from mmt.core.frames import frame_dtype
 from mmt.link.backfill import BackfillReceiver
 from mmt.link.endpoint import LeaderEvents
+from mmt.link.incoming import LARGEST_QUANTITY, LATEST_NS
 from mmt.link.protocol import MAX_RANGES, MISSING, encode_event
-from mmt.link.reader import LARGEST_QUANTITY, LATEST_NS
 
 DTYPE = frame_dtype(CHANNELS)
 RANGES = [(2 * k, 2 * k + 1) for k in range(MAX_RANGES + 9)]

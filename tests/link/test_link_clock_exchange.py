@@ -13,14 +13,14 @@ from link_samples import CHANNELS, FollowerNotes, LeaderNotes, commands, frames,
 
 import mmt.link.clock_exchange
 from mmt.core.frames import COMMAND_DTYPE
-from mmt.core.process import clock_id
+from mmt.core.running.process import clock_id
 from mmt.link.client import FollowerClient
 from mmt.link.clock_exchange import ClockRequester, ClockResponder
 from mmt.link.clock_offset import ClockJump
-from mmt.link.emulation import EmulatedNetwork
+from mmt.link.emulated.network import EmulatedNetwork
+from mmt.link.incoming import BlockReader
 from mmt.link.protocol import encode_event
 from mmt.link.queue import SendQueue
-from mmt.link.reader import BlockReader
 from mmt.link.server import LeaderServer
 from mmt.scene import Link, Network
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.link.clock_offset import ClockEstimate, ClockJump, ClockOffset
-from mmt.link.impairments import MessageImpairments
+from mmt.link.emulated.impairments import MessageImpairments
 from mmt.scene import Network
 
 S = 1_000_000_000

@@ -15,9 +15,9 @@ from link_samples import (
     until,
 )
 
-import mmt.core.loop_timer
+import mmt.core.running.loop_timer
 from mmt.link.client import FollowerClient
-from mmt.link.emulation import EmulatedNetwork, EmulatedSendQueue
+from mmt.link.emulated.network import EmulatedNetwork, EmulatedSendQueue
 from mmt.link.protocol import encode_event
 from mmt.link.server import LeaderServer
 from mmt.scene import Link, Network
@@ -48,8 +48,8 @@ async def outbox(capacity=50, **table):
 @pytest.fixture(params=["timerfd", "call_at"])
 def timers(request, monkeypatch):
     if request.param == "call_at":
-        monkeypatch.setattr(mmt.core.loop_timer, "open_timer", lambda: None)
-    elif (timer := mmt.core.loop_timer.open_timer()) is None:
+        monkeypatch.setattr(mmt.core.running.loop_timer, "open_timer", lambda: None)
+    elif (timer := mmt.core.running.loop_timer.open_timer()) is None:
         pytest.skip("this system has no timerfd")
     else:
         timer.close()
@@ -275,7 +275,7 @@ async def test_back_fill_waits_while_the_emulated_bandwidth_is_taken():
 
 
 async def test_settings_that_arrive_in_two_segments_are_taken_and_late_ones_refused(monkeypatch):
-    monkeypatch.setattr(mmt.link.emulation, "HANDSHAKE_S", 0.5)
+    monkeypatch.setattr(mmt.link.emulated.network, "HANDSHAKE_S", 0.5)
     network = EmulatedNetwork(Network(), "down", 1, lambda _: None)
     server = LeaderServer(Link(port=0), CHANNELS, LeaderNotes().events(), network=network)
     await server.start()

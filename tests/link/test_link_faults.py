@@ -21,8 +21,8 @@ from wire_relay import relay
 
 import mmt.link.client
 import mmt.link.connection
-import mmt.link.http
-import mmt.link.server_sockets
+import mmt.link.serving.http
+import mmt.link.serving.sockets
 from mmt.link.client import FollowerClient
 from mmt.link.websocket import client_send
 
@@ -110,7 +110,7 @@ async def test_a_follower_may_give_up_on_a_leader_that_does_not_come_back():
 
 
 async def test_a_silent_wire_is_noticed_on_both_sides_and_the_link_is_taken_up_again(monkeypatch):
-    monkeypatch.setattr(mmt.link.http, "PING_TIMEOUT_S", 1)
+    monkeypatch.setattr(mmt.link.serving.http, "PING_TIMEOUT_S", 1)
     monkeypatch.setattr(mmt.link.connection, "ATTEMPT_S", 0.2)
     up, down = LeaderNotes(), FollowerNotes()
     async with (
@@ -129,7 +129,7 @@ async def test_a_silent_wire_is_noticed_on_both_sides_and_the_link_is_taken_up_a
 
 
 async def test_a_client_that_leaves_before_it_is_answered_is_no_error(monkeypatch, caplog):
-    monkeypatch.setattr(mmt.link.server_sockets, "HANDSHAKE_S", 0.1)
+    monkeypatch.setattr(mmt.link.serving.sockets, "HANDSHAKE_S", 0.1)
     request = (
         b"GET /socket.io/?EIO=4&transport=websocket HTTP/1.1\r\nHost: 127.0.0.1\r\n"
         b"Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
@@ -161,8 +161,8 @@ async def test_where_the_library_hides_its_websocket_its_queue_is_used(monkeypat
     def hidden(self, sid, environ):
         return usual(self, sid, {})
 
-    usual = mmt.link.server_sockets.ServerSockets.send
-    monkeypatch.setattr(mmt.link.server_sockets.ServerSockets, "send", hidden)
+    usual = mmt.link.serving.sockets.ServerSockets.send
+    monkeypatch.setattr(mmt.link.serving.sockets.ServerSockets, "send", hidden)
     monkeypatch.setattr(
         mmt.link.connection,
         "client_send",

@@ -15,15 +15,15 @@ from link_samples import (
     until,
 )
 
-import mmt.link.rate_limit
-import mmt.link.server_sockets
+import mmt.link.incoming
+import mmt.link.serving.sockets
 from mmt.link.protocol import encode_event
 
 
 async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(monkeypatch):
-    monkeypatch.setattr(mmt.link.rate_limit, "MESSAGES_PER_PERIOD", 1)
-    monkeypatch.setattr(mmt.link.rate_limit, "BURST_S", 0.5)
-    monkeypatch.setattr(mmt.link.rate_limit, "GRACE_S", 0.05)
+    monkeypatch.setattr(mmt.link.incoming, "MESSAGES_PER_PERIOD", 1)
+    monkeypatch.setattr(mmt.link.incoming, "BURST_S", 0.5)
+    monkeypatch.setattr(mmt.link.incoming, "GRACE_S", 0.05)
     notes = LeaderNotes()
     async with leader(notes) as server:
         client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
@@ -50,9 +50,9 @@ async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(monkeypa
 
 
 async def test_a_leader_that_floods_ends_the_follower_with_a_reason(monkeypatch):
-    monkeypatch.setattr(mmt.link.rate_limit, "MESSAGES_PER_PERIOD", 1)
-    monkeypatch.setattr(mmt.link.rate_limit, "BURST_S", 0.5)
-    monkeypatch.setattr(mmt.link.rate_limit, "GRACE_S", 0.05)
+    monkeypatch.setattr(mmt.link.incoming, "MESSAGES_PER_PERIOD", 1)
+    monkeypatch.setattr(mmt.link.incoming, "BURST_S", 0.5)
+    monkeypatch.setattr(mmt.link.incoming, "GRACE_S", 0.05)
     notes = FollowerNotes()
     async with leader() as server, follower(server.port, notes) as client:
         await until(lambda: server.can_send)
@@ -66,7 +66,7 @@ async def test_a_leader_that_floods_ends_the_follower_with_a_reason(monkeypatch)
 
 
 async def test_who_is_not_let_in_may_neither_stay_nor_talk(monkeypatch):
-    monkeypatch.setattr(mmt.link.server_sockets, "HANDSHAKE_S", 0.3)
+    monkeypatch.setattr(mmt.link.serving.sockets, "HANDSHAKE_S", 0.3)
     async with leader() as server, aiohttp.ClientSession() as session:
         url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
         async with follower(server.port) as good, session.ws_connect(url) as silent:

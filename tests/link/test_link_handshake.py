@@ -10,12 +10,12 @@ from link_samples import CHANNELS, LeaderNotes, hello
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import frame_dtype
-from mmt.core.process import clock_id
+from mmt.core.running.process import clock_id
 from mmt.link.access import Access
 from mmt.link.clock_exchange import ClockResponder
 from mmt.link.endpoint import Endpoint, ExtraEvent
 from mmt.link.handshake import FollowerSlot, Handshake, admit
-from mmt.link.reader import BlockReader
+from mmt.link.incoming import BlockReader
 
 GOOD = hello(run_id="r").to_auth()
 SCENE = {"access": Access(), "channels": CHANNELS, "rate_hz": 1000}

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from mmt.link.impairments import MessageImpairments
+from mmt.link.emulated.impairments import MessageImpairments
 from mmt.scene import PROFILES, Network
 
 MS = 1_000_000

@@ -11,7 +11,7 @@ from link_samples import commands, frames
 
 from mmt.core.frames import COMMAND_DTYPE
 from mmt.core.sequence_numbers import shortest_period_ns
-from mmt.link.reader import LARGEST_QUANTITY, LATEST_NS, BlockReader
+from mmt.link.incoming import LARGEST_QUANTITY, LATEST_NS, BlockReader
 
 
 def reader():

@@ -24,10 +24,10 @@ from link_samples import (
 )
 from socketio.msgpack_packet import MsgPackPacket
 
-import mmt.link.server_sockets
+import mmt.link.serving.sockets
 import mmt.link.socket_client
+from mmt.link.incoming import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
-from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
 from mmt.link.websocket import (
     DecodedPacket,
     Packet,
@@ -96,7 +96,7 @@ async def test_frames_and_commands_do_not_pass_through_the_library(decoded):
 async def test_where_the_websocket_cannot_be_asked_the_library_hands_over_the_same(
     monkeypatch, decoded
 ):
-    monkeypatch.setattr(mmt.link.server_sockets, "receive_directly", lambda *_: None)
+    monkeypatch.setattr(mmt.link.serving.sockets, "receive_directly", lambda *_: None)
     monkeypatch.setattr(
         mmt.link.socket_client, "client_websocket", lambda *_: aiohttp.ClientWebSocketResponse
     )

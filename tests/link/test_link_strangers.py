@@ -24,14 +24,14 @@ from link_samples import (
     until,
 )
 
-import mmt.link.accepting
-import mmt.link.server_sockets
+import mmt.link.serving.accepting
+import mmt.link.serving.sockets
 from mmt.core.errors import MmtError
 from mmt.link.access import Access
 from mmt.link.client import FollowerClient
-from mmt.link.gate import BYTES as GATE_BYTES
-from mmt.link.gate import Gate
 from mmt.link.protocol import MAX_ANNOTATIONS_BYTES
+from mmt.link.serving.gate import BYTES as GATE_BYTES
+from mmt.link.serving.gate import Gate
 from mmt_lab.bench import strangers as disturbing
 
 TOKEN = "a token that nobody guesses"
@@ -91,13 +91,13 @@ async def connects_within(port, timeout_s, **access):
 @pytest.mark.parametrize("says", [b"", b"GET /socket.io/?EIO=4&transport=websocket HTTP/1.1\r\n"])
 @pytest.mark.parametrize("count", [24, 150])
 async def test_connections_that_stay_idle_do_not_keep_the_follower_out(monkeypatch, says, count):
-    monkeypatch.setattr(mmt.link.accepting, "HANDSHAKE_S", 30.0)  # only their number counts
+    monkeypatch.setattr(mmt.link.serving.accepting, "HANDSHAKE_S", 30.0)  # only their number counts
     async with guarded_leader(monkeypatch) as server, strangers(server.port, count, says):
         await connects_within(server.port, 5.0)
 
 
 async def test_web_sockets_without_a_hello_do_not_keep_the_follower_out(monkeypatch):
-    monkeypatch.setattr(mmt.link.server_sockets, "HANDSHAKE_S", 30.0)
+    monkeypatch.setattr(mmt.link.serving.sockets, "HANDSHAKE_S", 30.0)
     async with (
         guarded_leader(monkeypatch) as server,
         aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as session,
@@ -110,7 +110,7 @@ async def test_web_sockets_without_a_hello_do_not_keep_the_follower_out(monkeypa
 
 
 async def test_idle_connections_before_tls_do_not_keep_the_follower_out(monkeypatch, tmp_path):
-    monkeypatch.setattr(mmt.link.accepting, "HANDSHAKE_S", 30.0)
+    monkeypatch.setattr(mmt.link.serving.accepting, "HANDSHAKE_S", 30.0)
     authority = trustme.CA()
     issued = authority.issue_cert("127.0.0.1")
     authority.cert_pem.write_to_path(tmp_path / "authority.pem")
@@ -127,7 +127,7 @@ async def test_idle_connections_before_tls_do_not_keep_the_follower_out(monkeypa
 
 @pytest.mark.parametrize("says", [b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: "])
 async def test_headers_that_do_not_end_are_closed(monkeypatch, says):
-    monkeypatch.setattr(mmt.link.accepting, "HANDSHAKE_S", 0.3)
+    monkeypatch.setattr(mmt.link.serving.accepting, "HANDSHAKE_S", 0.3)
     async with guarded_leader(monkeypatch) as server, strangers(server.port, 1, says) as (one,):
         assert await is_open(one)
         async with asyncio.timeout(5):
@@ -136,7 +136,7 @@ async def test_headers_that_do_not_end_are_closed(monkeypatch, says):
 
 
 async def test_strangers_of_one_address_displace_only_each_other(monkeypatch):
-    monkeypatch.setattr(mmt.link.accepting, "HANDSHAKE_S", 30.0)
+    monkeypatch.setattr(mmt.link.serving.accepting, "HANDSHAKE_S", 30.0)
     async with (
         guarded_leader(monkeypatch) as server,
         strangers(server.port, 1, address="127.0.0.2") as (quiet,),
@@ -144,14 +144,14 @@ async def test_strangers_of_one_address_displace_only_each_other(monkeypatch):
     ):
         await asyncio.sleep(0.2)
         still_open = [await is_open(stream) for stream in many]
-        assert sum(still_open) == mmt.link.accepting.MOST_OF_ADDRESS
+        assert sum(still_open) == mmt.link.serving.accepting.MOST_OF_ADDRESS
         assert still_open == sorted(still_open)  # the oldest went first
         assert await is_open(quiet)
 
 
 async def test_strangers_of_many_addresses_displace_those_of_the_busiest(monkeypatch):
-    monkeypatch.setattr(mmt.link.accepting, "HANDSHAKE_S", 30.0)
-    monkeypatch.setattr(mmt.link.accepting, "MOST_STRANGERS", 8)
+    monkeypatch.setattr(mmt.link.serving.accepting, "HANDSHAKE_S", 30.0)
+    monkeypatch.setattr(mmt.link.serving.accepting, "MOST_STRANGERS", 8)
     async with (
         guarded_leader(monkeypatch) as server,
         strangers(server.port, 2, address="127.0.0.2") as few,
@@ -177,7 +177,7 @@ async def test_a_follower_that_was_let_in_stays_whatever_strangers_do(monkeypatc
 
 async def test_a_crowd_comes_in_slowly_while_a_session_goes_on_and_all_are_served(monkeypatch):
     turn_s = 0.2
-    monkeypatch.setattr(mmt.link.accepting, "_TURN_S", turn_s)
+    monkeypatch.setattr(mmt.link.serving.accepting, "_TURN_S", turn_s)
     async with leader() as server:
 
         async def crowd_s():
@@ -264,7 +264,7 @@ async def closes(stream):
 async def test_who_sends_more_than_a_hello_needs_is_closed_before_the_time_is_over(
     monkeypatch, says
 ):
-    monkeypatch.setattr(mmt.link.server_sockets, "HANDSHAKE_S", 30.0)
+    monkeypatch.setattr(mmt.link.serving.sockets, "HANDSHAKE_S", 30.0)
     async with guarded_leader(monkeypatch) as server, strangers(server.port, 1, says) as (one,):
         assert await closes(one)
 
@@ -349,7 +349,7 @@ async def test_without_descriptors_the_leader_waits_and_then_accepts(monkeypatch
 
 
 async def test_few_descriptors_allow_few_strangers(monkeypatch):
-    monkeypatch.setattr(mmt.link.accepting, "descriptors", lambda: 40)
+    monkeypatch.setattr(mmt.link.serving.accepting, "descriptors", lambda: 40)
     async with guarded_leader(monkeypatch) as server, strangers(server.port, 30) as many:
         await asyncio.sleep(0.2)
         assert sum([await is_open(stream) for stream in many]) == 10

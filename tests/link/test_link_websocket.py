@@ -11,9 +11,9 @@ import pytest
 from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
 from aiohttp.http_exceptions import BadStatusLine
 
+from mmt.link.incoming import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
 from mmt.link.queue import UnbufferedSend
-from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
 from mmt.link.websocket import (
     DecodedPacket,
     client_send,

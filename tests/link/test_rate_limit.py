@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, PeriodLimit, RateLimit
+from mmt.link.incoming import HANDSHAKE_MESSAGES, HandshakeLimit, PeriodLimit, RateLimit
 
 SECOND = 1_000_000_000
 FULL = 199_998_000

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from mmt.cli.child import Child
+from mmt.cli.running.child import Child
 from mmt.core.errors import MmtError
 from mmt_share.hub.scene import HubScene
 from mmt_share.hub.service import Hub
@@ -132,7 +132,7 @@ async def hub_process(leader, redis):
     """Run ``mmt hub`` until the end of the block."""
     arguments = ["main", "hub", leader, "--redis", redis, "--port", "0", "--json-lines"]
     environment = {**os.environ, "MMT_LISTENING__NAME": "hub"}
-    child = await Child.start("hub", "mmt.cli.child", arguments, environment)
+    child = await Child.start("hub", "mmt.cli.running.child", arguments, environment)
     lines = child.lines()
     try:
         async for line in lines:

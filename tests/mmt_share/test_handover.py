@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
+from mmt.core.guards import FADE_TICKS
 from mmt.devices.protocols import InterfaceState
-from mmt.leader.motion.slew import FADE_TICKS
 from mmt.leader.part import Session, Tick
 from mmt.scene.files import scene_from_tables
 from mmt_share.control_messages import MOTION_DTYPE, control_access, encode_motion

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from sharing_samples import about, model_of
 
 from mmt.core.errors import InputError, without_secrets
-from mmt.link.rate_limit import PeriodLimit
+from mmt.link.incoming import PeriodLimit
 from mmt.scene.files import load_scene
 from mmt_share.client import ListenerClient
 from mmt_share.commands.hub import make_room

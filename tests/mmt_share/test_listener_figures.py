@@ -177,7 +177,7 @@ def test_the_leader_keeps_what_a_person_wants_to_know_at_the_end():
     pytest.importorskip("prometheus_client")
     from prometheus_client import generate_latest
 
-    from mmt.core.exposition import registry_of
+    from mmt.core.output.exposition import registry_of
 
     listeners = Listeners()
     assert b"mmt_listeners 0.0" in generate_latest(registry_of(listeners.metrics))

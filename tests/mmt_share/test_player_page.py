@@ -25,7 +25,7 @@ from mmt.session.data import missing_frames
 from mmt.session.files import read_session
 from mmt.texture.model.json_form import model_json
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt.web.binary_messages import pack
+from mmt.web.page_server import pack
 
 __all__ = ["browser"]
 pytestmark = MARKS

@@ -13,7 +13,8 @@ from service_processes import Service
 from service_runs import Together, small_scene
 from wire_relay import relay
 
-from mmt.core.frames import CHANNELS, SEQUENCES
+from mmt.core.frames import CHANNELS
+from mmt.core.sequence_numbers import SEQUENCES
 from mmt.follower.service import Follower, FollowerSummary
 from mmt.leader.reports import LeaderSummary
 from mmt.link.client import FollowerClient

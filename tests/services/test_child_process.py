@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from mmt.cli.child import KILL, Child, send
+from mmt.cli.running.child import KILL, Child, send
 
 PROGRAMS = {
     "noisy_program": (

@@ -10,11 +10,15 @@ import pytest
 from service_processes import LONGEST_S, Service
 
 import mmt
-from mmt.core.programs import import_path, python_command
+from mmt.core.running.programs import import_path, python_command
 
 SOURCES = Path(mmt.__file__).parent.parent
 ALLOWED = {
-    "sys.executable": {"mmt/core/programs.py", "mmt/core/extras.py", "mmt/cli/run_display.py"},
+    "sys.executable": {
+        "mmt/core/running/programs.py",
+        "mmt/core/extras.py",
+        "mmt/cli/running/display.py",
+    },
     "get_context": {"mmt_lab/harness/processes.py"},
 }
 """Files that may name what starts a process; one has a command for a person."""

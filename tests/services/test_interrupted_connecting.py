@@ -10,7 +10,7 @@ import pytest
 from service_processes import LONGEST_S, Service, scene
 
 from mmt.cli.common import stop_on_signals
-from mmt.core.queued_output import finish_output
+from mmt.core.output.streams import finish_output
 from mmt_devices.inverse3.emulated import EmulatedInverse3
 
 SOON_S = 10.0

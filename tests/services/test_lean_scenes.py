@@ -202,7 +202,7 @@ NEVER = {
     "pylsl",
     "rclpy",
     "rosbags",
-    "mmt.core.exposition",
+    "mmt.core.output.exposition",
     "matplotlib",
     "scipy.signal",
     "mmt.evaluation",
@@ -319,7 +319,7 @@ def test_neither_service_imports_the_other(modules):
 
 
 def test_without_the_table_no_network_is_emulated(modules):
-    emulation = {"mmt.link.emulation", "mmt.link.impairments"}
+    emulation = {"mmt.link.emulated.network", "mmt.link.emulated.impairments"}
     assert all(among(found, emulation) == set() for found in modules.values())
 
 

@@ -11,7 +11,7 @@ from monitor_messages import unpack
 from service_runs import MadeSource, Together, small_scene
 
 from mmt.link.access import TOKEN_VARIABLE
-from mmt.web.monitor.viewers import MOST_VIEWERS
+from mmt.web.monitor.live import MOST_VIEWERS
 
 TOKEN = "a token that nobody guesses"
 

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.cli.emulated_pair import pair_named, write_emulated
+from mmt.cli.demo import pair_named, write_emulated
 from mmt.core.errors import InputError
 from mmt.evaluation.coil import coil_figures
 from mmt.scene.files import load_scene

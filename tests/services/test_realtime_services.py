@@ -9,9 +9,9 @@ from service_processes import session, streamed_s
 
 from mmt.cli import follower, leader, main
 from mmt.cli.common import run_app
-from mmt.cli.scene_services import DemoRun
+from mmt.cli.running.scene_services import DemoRun
 from mmt.core.errors import MmtError
-from mmt.core.process import require_real_time
+from mmt.core.running.process import require_real_time
 from mmt_lab.experiments import services
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's scheduler is asked")

@@ -25,7 +25,7 @@ from waiting import PATIENCE_S, children, until
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError
-from mmt.core.programs import import_path, python_command
+from mmt.core.running.programs import import_path, python_command
 from mmt.session.data import RecordedSession
 from mmt.session.files import export_session, import_session, read_session
 from mmt.session.formats import GROUP

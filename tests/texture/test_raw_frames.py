@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
-from mmt.core.frames import SEQUENCES
+from mmt.core.sequence_numbers import SEQUENCES
 from mmt.scene import Scene
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.online.history import build_model

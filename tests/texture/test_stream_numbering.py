@@ -4,7 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.core.frames import SEQUENCES, empty_frames
+from mmt.core.frames import empty_frames
+from mmt.core.sequence_numbers import SEQUENCES
 from mmt.texture.signals.numbering import StreamNumbering
 
 

@@ -20,8 +20,8 @@ from rich.text import Text
 from mmt.cli.options import simplify_help
 from mmt.core.errors import InputError, MmtError, printable
 from mmt.core.extras import __version__, optional_import
-from mmt.core.programs import on_end_signal, restoring_end_signals
-from mmt.core.queued_output import finish_output, hurry_output, is_queued, queue_output
+from mmt.core.output.streams import finish_output, hurry_output, is_queued, queue_output
+from mmt.core.running.programs import on_end_signal, restoring_end_signals
 
 STANDARD_OUTPUT: Final = Path("-")
 """Value of a file option that stands for standard output."""
@@ -30,7 +30,7 @@ MODEL_NAME: Final = "model.npz"
 """File name of a run's newest model, beside its report."""
 
 Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
-"""Without this option no command replaces a file; see `mmt.core.existing_files`."""
+"""Without this option no command replaces a file; see `mmt.core.files.existing`."""
 
 OPTIONS: Final = {
     "session.duration_s": "--duration",
@@ -149,7 +149,7 @@ def report_option(help_text: str = "Write a report there.") -> Any:
     """Return the option ``--report``: a folder, with a number if it already holds a report."""
 
     def taken(folder: Path | None) -> Path | None:
-        from mmt.core.existing_files import free_folder
+        from mmt.core.files.existing import free_folder
 
         return None if folder is None else free_folder(folder)
 
@@ -168,7 +168,7 @@ def write_json(path: Path | None, content: object) -> None:
         return
     text = json.dumps(content, indent=2) + "\n"
     if path != STANDARD_OUTPUT:
-        from mmt.core.existing_files import write_file
+        from mmt.core.files.existing import write_file
 
         write_file(path, text)
         return
@@ -233,7 +233,7 @@ def stopping_on_signals(stop: Callable[[], None]) -> Iterator[None]:
 
 def summary_table(title: str, summary: Mapping[str, Any]) -> Table:
     """Return a summary's nested mappings as a table with rows of part, figure and value."""
-    from mmt.core.tables import as_text, flatten, plain_table
+    from mmt.core.output.tables import as_text, flatten, plain_table
 
     table = plain_table(title, header=False)
     table.add_column("part", style="bold")

@@ -6,8 +6,9 @@ import sys
 import threading
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final, NamedTuple
 
+import tomli_w
 import typer
 
 from mmt.cli.common import (
@@ -22,25 +23,110 @@ from mmt.cli.common import (
     summary_table,
     write_json,
 )
-from mmt.cli.emulated_pair import SceneFiles, coil_log, hand_log, pair_named, write_emulated
 from mmt.cli.main import GROUP as COMMANDS
 from mmt.cli.options import with_flags
-from mmt.cli.run_display import command_text, print_ending
-from mmt.cli.scene_services import DemoRun, run_services
-from mmt.cli.service import create_side_services
+from mmt.cli.running.display import command_text, print_ending
+from mmt.cli.running.scene_services import DemoRun, run_services
+from mmt.cli.running.service import create_side_services
 from mmt.core.errors import InputError, MmtError
-from mmt.core.existing_files import free_folder
 from mmt.core.extras import require
+from mmt.core.files.existing import free_folder, write_file
+from mmt.core.output.streams import hurry_output, queue_output
 from mmt.core.plugins import offered
-from mmt.core.process import require_real_time
-from mmt.core.programs import on_end_signal
-from mmt.core.queued_output import hurry_output, queue_output
+from mmt.core.running.process import require_real_time
+from mmt.core.running.programs import on_end_signal
 from mmt.devices.drivers import load_device
 from mmt.follower.sources import build_source
 from mmt.scene import Scene
 from mmt.scene.added import Flag, added_flags, tables_of
-from mmt.scene.files import load_scene
+from mmt.scene.files import find_scene, load_scene
 from mmt.testing.emulated.drivers import LabOptions
+
+_EMULATED: Final = {
+    "openhaptics": ("virtual-phantom", {"library", "device"}),
+    "ati-net-ft": ("virtual-net-ft", {"host", "rdt_port", "http_port"}),
+    "adxl335-serial": ("virtual-adxl335", {"port", "baud_rate", "serial"}),
+    "haptuator-sound": ("virtual-haptuator-sound", {"device"}),
+}
+"""By driver: the emulated driver, and options with the device's address, to be removed."""
+_NETWORK: Final = {"profile": "wan"}
+
+
+class SceneFiles(NamedTuple):
+    """The scene files of leader and follower."""
+
+    leader: Path
+    follower: Path
+
+
+def pair_named(name: Path) -> SceneFiles | None:
+    """Return the scenes ``NAME-leader`` and ``NAME-follower``, or None if they do not exist."""
+    for suffix in ("", ".toml"):
+        with suppress(InputError):
+            return SceneFiles(
+                *(find_scene(Path(f"{name}-{side}{suffix}")) for side in SceneFiles._fields)
+            )
+    return None
+
+
+def hand_log(directory: Path) -> Path:
+    """Return the file for the emulated hand's motion."""
+    return directory / "hand.npz"
+
+
+def coil_log(directory: Path) -> Path:
+    """Return the file for the emulated coil's input."""
+    return directory / "coil.npz"
+
+
+def write_emulated(pair: SceneFiles, directory: Path) -> SceneFiles:
+    """Write both scenes with emulated devices and network; return the files.
+
+    A scene without ``[network]`` gets the profile ``wan``; ``MMT_NETWORK__PROFILE`` overrides it.
+
+    Raises
+    ------
+    InputError
+        A scene is not valid, has a driver without an emulated device, or cannot be written.
+    """
+    written = []
+    for file in pair:
+        tables = _emulated(load_scene(file), directory.resolve())
+        target = directory / file.name
+        if target.exists() and target.samefile(file):
+            raise InputError(f"--output {directory}: the scenes are there; name another folder")
+        write_file(target, tomli_w.dumps(tables))
+        written.append(target)
+    return SceneFiles(*written)
+
+
+def _emulated(scene: Scene, directory: Path) -> dict[str, Any]:
+    tables = scene.dump()
+    for key in ("token_file", "certificate", "key", "authority", "host"):
+        tables.get("link", {}).pop(key, None)
+    tables.setdefault("network", _NETWORK)
+    tables.setdefault("recording", {}).update(file=str(directory / "session.mcap"))
+    if "handle" in tables:
+        tables["handle"] = {**_device(tables["handle"]), "log": str(hand_log(directory))}
+    if tables.get("actuator", {}).get("driver"):
+        tables["actuator"] = {**_device(tables["actuator"]), "log": str(coil_log(directory))}
+    devices = tables.get("devices", {})
+    for role in ("robot", "force_sensor", "accelerometer"):
+        if role in devices:
+            devices[role] = _device(devices[role])
+    return tables
+
+
+def _device(table: dict[str, Any]) -> dict[str, Any]:
+    driver = table["driver"]
+    if driver not in _EMULATED:
+        raise InputError(
+            f"the driver {driver} has no emulated device here; {', '.join(_EMULATED)} have one"
+        )
+    emulated, places = _EMULATED[driver]
+    left = {key: value for key, value in table.items() if key not in places}
+    return {**left, "driver": emulated}
+
 
 _DEMO = Path("demo")
 _NICENESS = 5  # of the thread that imports beside the services

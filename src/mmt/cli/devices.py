@@ -10,8 +10,8 @@ from rich.table import Table
 from mmt.cli.common import Force, json_option, output, write_json
 from mmt.cli.main import command_group
 from mmt.core.errors import InputError, MmtError
-from mmt.core.existing_files import require_absent
-from mmt.core.tables import plain_table
+from mmt.core.files.existing import require_absent
+from mmt.core.output.tables import plain_table
 
 if TYPE_CHECKING:
     from mmt.devices.discovery import FoundDriver, FoundPort
@@ -116,7 +116,7 @@ def try_devices(
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
 ) -> None:
     """Read devices and show values, rates, jitter and faults; nothing moves or sounds."""
-    from mmt.cli.device_testing import devices_named, observe_all
+    from mmt.cli.device.testing import devices_named, observe_all
 
     devices = devices_named(what, role, settings or [])
     if not observe_all(devices, duration, calibrate=calibrate, json_file=json_file):
@@ -152,8 +152,8 @@ def calibrate_accelerometer(
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
 ) -> None:
     """Calibrate an ADXL335, or the load of a tool on its force sensor, by gravity; store it."""
-    from mmt.cli.calibrating import Files, calibrate_by_gravity, calibrate_tool
-    from mmt.cli.device_testing import devices_named, is_scene
+    from mmt.cli.device.calibrating import Files, calibrate_by_gravity, calibrate_tool
+    from mmt.cli.device.testing import devices_named, is_scene
     from mmt.devices.drivers import load_device
 
     if tool is not None:
@@ -221,7 +221,7 @@ def equalise_actuator(
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
 ) -> None:
     """Fit a Haptuator's level and equaliser to a sweep, recorded or played now; store both."""
-    from mmt.cli.equalising import EqualiserFit, Live, equalise
+    from mmt.cli.device.equalising import EqualiserFit, Live, equalise
 
     if keep is not None:
         require_absent(keep, force=force)

@@ -13,7 +13,7 @@ from contextlib import suppress
 from types import FrameType
 from typing import Final
 
-from mmt.core.programs import handle_end_signals
+from mmt.core.running.programs import handle_end_signals
 
 INTERRUPTED: Final = 130
 

@@ -10,7 +10,7 @@ from mmt.cli.common import json_option, messages, output, report_option, write_j
 from mmt.cli.main import command_group
 from mmt.core.extras import require
 from mmt.core.kernel_cache import compile_kernels
-from mmt.core.process import release_compiler
+from mmt.core.running.process import release_compiler
 
 if TYPE_CHECKING:
     from mmt.evaluation.document import Block

@@ -7,10 +7,10 @@ import typer
 
 from mmt.cli.common import OPTIONS, run_app, write_line
 from mmt.cli.options import with_options
-from mmt.cli.service import SceneFile, ServiceOptions, ServiceRun, Version
+from mmt.cli.running.service import SceneFile, ServiceOptions, ServiceRun, Version
 from mmt.core.errors import InputError
-from mmt.core.logs import Logs
-from mmt.core.queued_output import queue_output
+from mmt.core.output.logs import Logs
+from mmt.core.output.streams import queue_output
 from mmt.follower.service import Follower
 from mmt.scene import Scene
 from mmt.scene.files import load_scene

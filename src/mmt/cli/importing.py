@@ -11,9 +11,9 @@ from rich.text import Text
 from mmt.cli.common import Force, json_option, messages, output, write_json
 from mmt.cli.options import with_options
 from mmt.core.errors import printable
-from mmt.core.existing_files import require_absent
+from mmt.core.files.existing import require_absent
 from mmt.core.frames import CHANNELS
-from mmt.core.tables import plain_table
+from mmt.core.output.tables import plain_table
 from mmt.session.data import axis_columns
 from mmt.session.importing.stamps import StampChoice
 

@@ -12,7 +12,7 @@ import typer
 
 from mmt.cli.common import MODEL_NAME, OPTIONS, Force, run_app, write_line
 from mmt.cli.options import with_flags, with_options
-from mmt.cli.service import (
+from mmt.cli.running.service import (
     LastingSideService,
     SceneFile,
     ServiceOptions,
@@ -21,11 +21,11 @@ from mmt.cli.service import (
     create_side_services,
 )
 from mmt.core.errors import InputError
-from mmt.core.existing_files import free_folder
 from mmt.core.extras import require
+from mmt.core.files.existing import free_folder
 from mmt.core.kernel_cache import compile_kernels
-from mmt.core.logs import Logs
-from mmt.core.queued_output import is_behind, queue_output
+from mmt.core.output.logs import Logs
+from mmt.core.output.streams import is_behind, queue_output
 from mmt.leader.modelling.process import ModellingProcess
 from mmt.leader.parts import numerics_of
 from mmt.leader.reports import LeaderStatus

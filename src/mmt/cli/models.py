@@ -9,7 +9,7 @@ from mmt.cli.common import Force, json_option, messages, output, summary_table, 
 from mmt.cli.main import command_group
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
-from mmt.core.existing_files import require_absent, write_file
+from mmt.core.files.existing import require_absent, write_file
 from mmt.core.kernel_cache import compile_kernels
 from mmt.scene import Scene, Texture
 from mmt.session.data import RecordedSession

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from mmt.cli.common import MODEL_NAME, output
-from mmt.core.existing_files import write_file
+from mmt.core.files.existing import write_file
 from mmt.evaluation.document import Block, as_rich
 from mmt.evaluation.evaluate import evaluate_surfaces, recorded_scene
 from mmt.evaluation.recorded_surfaces import SurfaceParts

@@ -12,7 +12,7 @@ from rich.table import Table
 from mmt.cli.common import json_option, messages, output, write_json
 from mmt.cli.main import command_group
 from mmt.core.extras import require
-from mmt.core.tables import plain_table
+from mmt.core.output.tables import plain_table
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 

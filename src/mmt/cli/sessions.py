@@ -23,9 +23,9 @@ from mmt.cli.common import (
 from mmt.cli.importing import import_file, inspect_file
 from mmt.cli.main import command_group
 from mmt.core.errors import InputError
-from mmt.core.existing_files import free_path, require_absent, with_number
+from mmt.core.files.existing import free_path, require_absent, with_number
 from mmt.core.kernel_cache import compile_kernels
-from mmt.core.tables import as_text, plain_table
+from mmt.core.output.tables import as_text, plain_table
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 from mmt.session.files import export_session, read_session, write_session

@@ -12,19 +12,16 @@ where a scene asks for it.
 
 import struct
 from collections.abc import Iterable
-from typing import Annotated, Final, Literal, Protocol, TypeVar
+from typing import Annotated, Final, Literal, Protocol
 
 import numpy as np
 from annotated_types import Ge, Le, MultipleOf
 
-from mmt.core.arrays import IntArray, RecordArray, SingleArray
+from mmt.core.arrays import RecordArray, SingleArray
 from mmt.core.errors import InputError
 
 _RATE_TOLERANCE: Final = 0.1
 """Relative tolerance of a frame rate: more than jitter and drift, less than another rate."""
-
-SEQUENCES: Final = 2**32
-"""Sequence numbers have 32 bits: they start again at 0 after 49 days at 1 kHz."""
 
 _LESS: Final = 0.95
 """Share of a rate below which another one is lower; crystals and resonators deviate by less."""
@@ -39,8 +36,6 @@ AccelerationRateHz = Annotated[
     int, Ge(FRAMES_HZ), Le(FRAMES_HZ * MOST_SAMPLES), MultipleOf(FRAMES_HZ)
 ]
 """Samples of acceleration a second; a whole number in each frame."""
-
-Number = TypeVar("Number", int, IntArray)
 
 Channel = Literal["position", "force", "acceleration", "orientation"]
 
@@ -94,14 +89,6 @@ the surface on it."""
 
 CONTACT_GATHERED: Final = 5
 """Contact samples in one message."""
-
-
-def steps_ahead(number: Number, newest: int) -> Number:
-    """Return how far numbers are ahead of the newest one, negative if they are behind.
-
-    The numbers wrap at `SEQUENCES`, and the shorter way round counts (RFC 1982).
-    """
-    return (number - newest + SEQUENCES // 2) % SEQUENCES - SEQUENCES // 2
 
 
 def ordered_channels(channels: Iterable[str]) -> tuple[Channel, ...]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from mmt.core.extras import optional_import
-from mmt.core.programs import python_command
+from mmt.core.running.programs import python_command
 
 _MOST_PROCESSES: Final = 4
 """Each process first imports the modules and the compiler: more are hardly faster."""

@@ -1,10 +1,15 @@
-"""Sequence numbers: sets of them as ranges, and how fast those of a sender may grow."""
+"""Sequence numbers: how far apart, sets of them as ranges, and how fast a sender's may grow."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator
-from typing import Final
+from typing import Final, TypeVar
 
 from mmt.core.arrays import IntArray
+
+SEQUENCES: Final = 2**32
+"""Sequence numbers have 32 bits: they start again at 0 after 49 days at 1 kHz."""
+
+Number = TypeVar("Number", int, IntArray)
 
 Range = tuple[int, int]
 """The numbers from the first up to, but not including, the second."""
@@ -14,6 +19,14 @@ _MARGIN_NS: Final = 2_000_000_000
 
 _CATCH_UP_FACTOR: Final = 2
 """How many times faster than its rate a sender may be while it catches up."""
+
+
+def steps_ahead(number: Number, newest: int) -> Number:
+    """Return how far numbers are ahead of the newest one, negative if they are behind.
+
+    The numbers wrap at `SEQUENCES`, and the shorter way round counts (RFC 1982).
+    """
+    return (number - newest + SEQUENCES // 2) % SEQUENCES - SEQUENCES // 2
 
 
 class RangeSet:

@@ -15,7 +15,7 @@ import platformdirs
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import InputError, MmtError
-from mmt.core.existing_files import write_file
+from mmt.core.files.existing import write_file
 
 
 def calibration_file(device: str, serial: str, directory: Path | None = None) -> Path:

@@ -18,8 +18,8 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final, NoReturn
 
 from mmt.core.errors import MmtError, short_message
-from mmt.core.process import prefer_even_ticks
-from mmt.core.programs import handle_end_signals, python_command
+from mmt.core.running.process import prefer_even_ticks
+from mmt.core.running.programs import handle_end_signals, python_command
 
 ENDED: Final = b"E"
 """Message: the process ends; the body is the reason as text."""

@@ -14,7 +14,8 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import SEQUENCES, frame_struct
+from mmt.core.frames import frame_struct
+from mmt.core.sequence_numbers import SEQUENCES
 from mmt.devices.lanes import Lane, Waiting
 
 HOLD_BACK_NS: Final = 1_250_000

@@ -13,13 +13,13 @@ from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.frames import (
     FIELD_OF_CHANNEL,
     FRAMES_HZ,
-    SEQUENCES,
     Channel,
     frame_dtype,
     missing_band,
     ordered_channels,
 )
 from mmt.core.rotations import turn_into_scene
+from mmt.core.sequence_numbers import SEQUENCES
 from mmt.devices.frame_assembly import FrameAssembler, ReadingAges
 from mmt.devices.lanes import Lane, OrientationLane, PolledLane
 from mmt.devices.polling import PhasePoller, Retry

@@ -15,7 +15,7 @@ from scipy import signal
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
-from mmt.core.untrusted_files import load_arrays
+from mmt.core.files.untrusted import load_arrays
 from mmt.testing.emulated.coil import coil_acceleration_m_s2
 from mmt.testing.emulated.phantom import series_n_mm
 from mmt.testing.simulation.known_surfaces import vibration_of

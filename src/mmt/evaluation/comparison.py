@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from mmt.core.errors import InputError
-from mmt.core.tables import label
+from mmt.core.output.tables import label
 from mmt.evaluation.document import ReportTable
 from mmt.evaluation.headlines import Headline, headline_table, headlines
 from mmt.evaluation.report_files import FIGURES

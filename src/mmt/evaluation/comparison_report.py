@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from mmt.core.errors import InputError
-from mmt.core.palette import LIGHT
+from mmt.core.output.palette import LIGHT
 from mmt.evaluation.comparison import COLUMNS, Comparison
 from mmt.evaluation.document import (
     Block,

@@ -223,7 +223,7 @@ def as_rich(*tables: ReportTable) -> "Group":
     """
     from rich.console import Group
 
-    from mmt.core.tables import plain_table
+    from mmt.core.output.tables import plain_table
 
     shown: list[RenderableType] = []
     for table in tables:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from mmt.core.arrays import FloatArray
-from mmt.core.palette import LIGHT, SERIES, SIGNED
+from mmt.core.output.palette import LIGHT, SERIES, SIGNED
 from mmt.evaluation.results import Evaluation, HeldOutSegment, Score
 from mmt.texture.settings import JND_DB, MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, CriterionScale
 

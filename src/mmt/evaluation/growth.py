@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
 from mmt.core.arrays import FloatArray
-from mmt.core.palette import GRADED, LIGHT
+from mmt.core.output.palette import GRADED, LIGHT
 from mmt.evaluation.figures import readiness
 from mmt.evaluation.results import Evaluation
 from mmt.texture.completion.distance import CELL_CENTRES, DIVISIONS, cell_distances, cells_of

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.core.existing_files import write_file
-from mmt.core.palette import style_sheet
+from mmt.core.files.existing import write_file
+from mmt.core.output.palette import style_sheet
 from mmt.evaluation.document import (
     Block,
     Folded,
@@ -129,7 +129,7 @@ def write_report_files(
     Raises
     ------
     InputError, MmtError
-        See `mmt.core.existing_files.replacing`.
+        See `mmt.core.files.existing.replacing`.
     """
     page = directory / "report.html"
     for shown in _pictures(blocks):

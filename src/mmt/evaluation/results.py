@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field, is_dataclass
 from typing import Any, Literal
 
 from mmt.core.arrays import FloatArray
-from mmt.core.plottable import Plottable
+from mmt.core.output.plottable import Plottable
 from mmt.evaluation.grid_errors import HeadingErrors
 from mmt.evaluation.texts import DEFINITIONS
 from mmt.session.operators import ControlPeriod, control_sentence

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.figure import Figure
 
-from mmt.core.palette import LIGHT, SERIES
+from mmt.core.output.palette import LIGHT, SERIES
 from mmt.evaluation.document import Block, Heading, Paragraph, ReportTable, table_of
 from mmt.evaluation.recorded_surfaces import SurfaceParts
 from mmt.evaluation.report_files import picture

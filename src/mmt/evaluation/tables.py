@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from mmt.core.tables import as_text, flatten, label
+from mmt.core.output.tables import as_text, flatten, label
 from mmt.evaluation.document import Block, Heading, ReportTable, SmallTables, table_of
 from mmt.evaluation.grid_errors import SECTOR_DEG, SectorErrors
 from mmt.evaluation.levels import WORST, across

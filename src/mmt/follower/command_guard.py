@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Any, Final, Literal
 
 from mmt.core.arrays import RecordArray, Vector, clipped, difference, step_towards
-from mmt.core.frames import steps_ahead
-from mmt.core.logs import RepeatLimit
+from mmt.core.output.logs import RepeatLimit
+from mmt.core.sequence_numbers import steps_ahead
 from mmt.follower.round_trips import EchoCheck, SilenceLimit
 from mmt.scene import Link
 

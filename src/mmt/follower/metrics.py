@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from mmt.core.exposition import (
+from mmt.core.output.exposition import (
     counter,
     gauge,
     histogram,
@@ -13,10 +13,10 @@ from mmt.core.exposition import (
     session,
     tick_metrics,
 )
-from mmt.core.ticking import Ticker
+from mmt.core.running.ticking import Ticker
 from mmt.link.access import FOLLOWERS, Access
 from mmt.link.client import FollowerClient
-from mmt.link.http import Listener, guarded_application, metrics_page
+from mmt.link.serving.http import Listener, guarded_application, metrics_page
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric

@@ -8,12 +8,12 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.core.ending import Ending
 from mmt.core.errors import FAILED, MmtError
 from mmt.core.extras import require
-from mmt.core.logs import details_for_log
-from mmt.core.process import ProcessCost, ProcessMeter, prefer_even_ticks
-from mmt.core.ticking import Ticker
+from mmt.core.output.logs import details_for_log
+from mmt.core.running.ending import Ending
+from mmt.core.running.process import ProcessCost, ProcessMeter, prefer_even_ticks
+from mmt.core.running.ticking import Ticker
 from mmt.core.verdict import has_failed
 from mmt.follower.guarded_source import GuardedSource
 from mmt.follower.sources import DeviceBackedSource, build_source
@@ -26,7 +26,7 @@ from mmt.scene import Link, Scene
 if TYPE_CHECKING:
     from mmt.core.arrays import RecordArray
     from mmt.follower.feedback import FollowerFeedback
-    from mmt.link.http import Listener
+    from mmt.link.serving.http import Listener
 
 LOG: Final = logging.getLogger("mmt.follower")
 

@@ -1,17 +1,251 @@
-"""Request missing frames from the follower, for the recording and the model only."""
+"""Missing frames: accounted for, requested again, and passed to those that can use them."""
 
 import time
+from bisect import bisect_right
+from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from mmt.core.arrays import RecordArray
-from mmt.core.frames import SEQUENCES
-from mmt.core.sequence_numbers import Range
-from mmt.leader.missing import MissingFrames, Note
+import numpy as np
+
+from mmt.core.arrays import BoolArray, RecordArray
+from mmt.core.sequence_numbers import SEQUENCES, Range, RangeSet
 from mmt.leader.numbering import SessionNumbering
 
 if TYPE_CHECKING:
     from mmt.link.protocol import FollowerHello
+
+
+PERIOD_TICKS: Final = 50
+"""Time between two checks for gaps to record and to request."""
+
+AGAIN_TICKS: Final = 1000
+"""Time after which a range is requested again if it has not come: a lossy link loses answers too,
+even while other answers come."""
+
+LEAST_PATIENCE_TICKS: Final = 3000
+"""Time without an answer after which frames are given up; longer if the follower buffers more.
+
+A link that is stalled, or that has time for live frames only, does not answer either.
+"""
+
+MOST_RANGES: Final = 200
+"""Largest number of ranges; beyond it the oldest are given up, so that a bad link cannot fill
+the memory."""
+
+WORTH_SAYING: Final = 100
+"""Gaps of fewer frames are recorded but not announced."""
+
+
+class Note(Protocol):
+    """Records an event, and announces it to the user if wanted."""
+
+    def __call__(self, sentence: str, *, announce: bool, **details: object) -> None:
+        """Record a sentence, with details for programs."""
+
+
+@dataclass
+class _Gap:
+    first: int
+    stop: int
+    lost: int = 0
+
+
+class MissingFrames:
+    """Keep account of missing frames, in the session's numbering.
+
+    A jump in the numbers of the live frames is a gap. A gap is recorded first, then requested.
+    Each frame is accepted once. Frames that the follower no longer keeps, or does not send in
+    time, count as lost. Time is counted in the leader's ticks while the follower is connected;
+    no clock is read.
+
+    Parameters
+    ----------
+    most
+        Most frames of a gap to request; the newest ones are requested.
+    ask
+        Called with the missing ranges of numbers to request.
+    note
+        Called to record a gap, and to record that it is closed.
+    """
+
+    def __init__(self, most: int, ask: Callable[[list[Range]], None], note: Note) -> None:
+        self._most = most
+        self._ask = ask
+        self._note = note
+        self._keeps = 0  # frames that the connected follower buffers
+        self._missing = RangeSet()
+        self._unasked = RangeSet()
+        self._asked: deque[tuple[int, list[Range]]] = deque()  # with the time, oldest first
+        self._unnoted: list[Range] = []
+        self._gaps: list[_Gap] = []
+        self._idle_ticks = self._ticks = self._now_ticks = 0
+        self._resolved = False
+        self._seen = self._filled = self._lost = self._unwanted = 0
+
+    @property
+    def first(self) -> int | None:
+        """The smallest number that may still come, or None if no frame is missing."""
+        return self._missing.first
+
+    @property
+    def summary(self) -> dict[str, int]:
+        """Numbers of frames missing, filled in, lost, still awaited, and received unasked."""
+        return {
+            "missing": self._seen,
+            "filled": self._filled,
+            "lost": self._lost,
+            "waiting": self._missing.count,
+            "unwanted": self._unwanted,
+        }
+
+    def connect(self, keep_frames: int) -> None:
+        """Note a follower that buffers this many frames; request all missing frames from it."""
+        self._keeps = min(keep_frames, self._most)
+        self._unasked = RangeSet(self._missing)
+        self._asked.clear()
+        self._idle_ticks = 0
+
+    def give_up_all(self) -> None:
+        """Give up all missing frames, for instance if the follower that had them is gone."""
+        self._lose(list(self._missing))
+
+    def add_unsent(self, frames: int) -> None:
+        """Count frames as missing and lost that were never sent, because no follower ran."""
+        self._seen += frames
+        self._lost += frames
+
+    def jumped(self, newest: int, frames: RecordArray) -> None:
+        """Note the gaps within frames (n,), and between them and the newest frame before."""
+        before = newest
+        for number in frames["sequence"].tolist():
+            if number > before + 1:
+                self.add_gap(before + 1, number)
+            before = number
+
+    def add_gap(self, first: int, stop: int) -> None:
+        """Note that the numbers from `first` up to `stop` did not arrive."""
+        self._seen += stop - first
+        self._gaps.append(_Gap(first, stop))
+        self._unnoted.append((first, stop))
+        self._missing.add(first, stop)
+        self._unasked.add(first, stop)
+        if stop - first > self._keeps:
+            self._lose([(first, stop - self._keeps)])
+        while len(self._missing) > MOST_RANGES:
+            self._lose([next(iter(self._missing))])
+
+    def take_missing(self, frames: RecordArray) -> RecordArray:
+        """Return those of the frames (n,) that were missing, ascending; count them as filled in."""
+        numbers = frames["sequence"].tolist()
+        wanted: BoolArray = np.array([self._missing.remove(n, n + 1) == 1 for n in numbers])
+        taken = frames[wanted]
+        self._unwanted += len(frames) - len(taken)
+        if len(taken):
+            self._filled += len(taken)
+            self._idle_ticks = 0
+            self._resolved = True
+            taken = taken[np.argsort(taken["sequence"])]
+        return taken
+
+    def give_up(self, ranges: list[Range]) -> None:
+        """Give up ranges that the follower does not have."""
+        self._idle_ticks = 0
+        self._lose(ranges)
+
+    def tick(self, elapsed: int) -> bool:
+        """Record, request and give up what is due; return whether frames came or were given up."""
+        self._ticks += elapsed
+        if self._ticks < PERIOD_TICKS:
+            return False
+        self._ticks = 0
+        self._now_ticks += PERIOD_TICKS
+        if self._unnoted:
+            self._note_gaps()
+        if self._missing:
+            self._idle_ticks += PERIOD_TICKS
+            if self._idle_ticks >= max(self._keeps, LEAST_PATIENCE_TICKS):
+                self.give_up_all()
+            else:
+                self._ask_for_missing()
+        closed, self._resolved = self._resolved, False
+        if closed:
+            self._note_closed()
+        return closed
+
+    def close(self) -> None:
+        """Give up all missing frames and record this, at the end of the session."""
+        if self._unnoted:
+            self._note_gaps()
+        self.give_up_all()
+        self._note_closed()
+
+    def outstanding(self) -> list[Range]:
+        """Return the missing ranges, to be requested at the end of a session."""
+        self._unasked.clear()
+        return list(self._missing)
+
+    def _ask_for_missing(self) -> None:
+        """Request ranges that were not requested yet, or so long ago that the answer is lost."""
+        while self._asked and self._now_ticks - self._asked[0][0] >= AGAIN_TICKS:
+            for asked in self._asked.popleft()[1]:
+                for first, stop in self._missing.within(*asked):
+                    self._unasked.add(first, stop)
+        if self._unasked:
+            self._asked.append((self._now_ticks, list(self._unasked)))
+            self._ask(list(self._unasked))
+            self._unasked.clear()
+
+    def _lose(self, ranges: list[Range]) -> None:
+        for first, stop in ranges:
+            for low, high in self._missing.within(first, stop):
+                self._lose_of_gaps(low, high)
+            self._lost += self._missing.remove(first, stop)
+            self._unasked.remove(first, stop)
+        self._resolved = True
+
+    def _lose_of_gaps(self, low: int, high: int) -> None:
+        """Count numbers as lost in the gaps that contain them; gaps ascend without overlap."""
+        place = bisect_right(self._gaps, low, key=lambda gap: gap.stop)
+        while place < len(self._gaps) and self._gaps[place].first < high:
+            gap = self._gaps[place]
+            gap.lost += min(high, gap.stop) - max(low, gap.first)
+            place += 1
+
+    def _note_gaps(self) -> None:
+        ranges, self._unnoted = self._unnoted, []
+        frames = sum(stop - first for first, stop in ranges)
+        self._note(
+            f"{frames} frames are missing",
+            announce=frames >= WORTH_SAYING,
+            kind="gap",
+            frames=frames,
+            ranges=ranges,
+        )
+
+    def _note_closed(self) -> None:
+        """Record the gaps of which no frame is awaited any more."""
+        closed: list[_Gap] = []
+        open_still: list[_Gap] = []
+        for gap in self._gaps:
+            waits = bool(self._missing.within(gap.first, gap.stop))
+            (open_still if waits else closed).append(gap)
+        if not closed:
+            return
+        self._gaps = open_still
+        frames = sum(gap.stop - gap.first for gap in closed)
+        lost = sum(gap.lost for gap in closed)
+        parts = [f"{frames - lost} are filled in"] if frames > lost else []
+        parts += [f"{lost} are lost"] if lost else []
+        self._note(
+            f"of the missing frames {', '.join(parts)}",
+            announce=frames >= WORTH_SAYING,
+            kind="filled",
+            frames=frames,
+            lost=lost,
+            ranges=[(gap.first, gap.stop) for gap in closed],
+        )
 
 
 class Backfill:

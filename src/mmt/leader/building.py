@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from mmt.leader.motion.hand import HandPart
     from mmt.leader.output.model_output import ModelOutput, OtherGenerator
     from mmt.leader.output.stream import StreamedVibration
-    from mmt.leader.output.streamed_motion import StreamedMotion
-    from mmt.leader.output.synthesis import SynthesizingPart
+    from mmt.leader.output.synthesis import StreamedMotion, SynthesizingPart
     from mmt.leader.output.vibration import VibrationPart
     from mmt.leader.recording import RecordingPart
 
@@ -68,7 +67,7 @@ def motion(session: Session, parts: LeaderParts) -> Part | None:
     """Make the streamed motion, if no hand drives the scene's model."""
     if session.scene.commands:
         return None
-    from mmt.leader.output.streamed_motion import StreamedMotion
+    from mmt.leader.output.synthesis import StreamedMotion
 
     parts.motion = StreamedMotion.build(session)
     return parts.motion
@@ -133,7 +132,7 @@ def completing(session: Session, parts: LeaderParts) -> Part:
 
 def metrics(session: Session, _: LeaderParts) -> Part:
     """Make the part that serves metrics."""
-    from mmt.leader.metrics import MetricsPart
+    from mmt.leader.reports import MetricsPart
 
     return MetricsPart.build(session)
 

@@ -6,8 +6,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import SEQUENCES, steps_ahead
-from mmt.core.sequence_numbers import largest_advance, shortest_period_ns
+from mmt.core.sequence_numbers import SEQUENCES, largest_advance, shortest_period_ns, steps_ahead
 
 _SAME_CLOCK_NS: Final = 1_000_000_000
 """Times that differ from the expected time by more than this come from another clock."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol, TypeVar
 
 from mmt.core.arrays import FloatArray, RecordArray, Vector
-from mmt.core.ending import Ending
 from mmt.core.errors import MmtError
-from mmt.core.ticking import Ticker
+from mmt.core.running.ending import Ending
+from mmt.core.running.ticking import Ticker
 from mmt.core.verdict import Facts, Verdict, verdict
 from mmt.devices.leader_reports import InterfaceState
 from mmt.leader.run_log import Journal, RunLog
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.leader.backfill import Backfill
-    from mmt.link.http import Page
     from mmt.link.protocol import FollowerHello, LinkStatistics
     from mmt.link.server import LeaderServer
+    from mmt.link.serving.http import Page
     from mmt.scene import Scene
     from mmt.texture.online.updates import ModelUpdate
 

@@ -166,7 +166,7 @@ class RecordingPart(Part):
         recorder = self.recorder
         if recorder is None:
             return
-        from mmt.core.exposition import counter
+        from mmt.core.output.exposition import counter
 
         yield counter("recorded_frames", "Frames in the recording.", recorder.frames)
         yield counter("recording_dropped_frames", "Frames that found no room.", recorder.dropped)

@@ -9,7 +9,7 @@ import numpy as np
 from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import FAILED
 from mmt.core.frames import COMMAND_DTYPE
-from mmt.core.process import ProcessMeter
+from mmt.core.running.process import ProcessMeter
 from mmt.core.sequence_numbers import Range
 from mmt.leader.backfill import Backfill
 from mmt.leader.numbering import FrameRateWatch, SessionNumbering
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from mmt.leader.modelling.pipeline import Modelling
     from mmt.link.clock_exchange import RemoteClock
     from mmt.link.clock_offset import ClockJump
-    from mmt.link.http import Page
     from mmt.link.protocol import FollowerHello, LinkStatistics
     from mmt.link.server import LeaderServer
+    from mmt.link.serving.http import Page
 
 _NOTE_PERIOD_NS: Final = 10_000_000_000
 _SILENT_NS: Final = 500_000_000

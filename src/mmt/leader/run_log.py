@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.core import logs
-from mmt.core.process import ProcessMeter
-from mmt.core.ticking import TimeHistogram
+from mmt.core.output import logs
+from mmt.core.running.process import ProcessMeter
+from mmt.core.running.ticking import TimeHistogram
 
 if TYPE_CHECKING:
     from mmt.leader.surface_log import SurfaceLog

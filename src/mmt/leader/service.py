@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.core import logs
 from mmt.core.errors import MmtError
-from mmt.core.process import prefer_even_ticks
-from mmt.core.ticking import Ticker
+from mmt.core.output import logs
+from mmt.core.running.process import prefer_even_ticks
+from mmt.core.running.ticking import Ticker
 from mmt.leader.part import Session, Tick
 from mmt.leader.parts import build_parts
 from mmt.leader.remote import RemoteFollower
@@ -190,7 +190,7 @@ class Leader:
         prefer_even_ticks()
 
     def _pages(self) -> list[Any]:
-        from mmt.link.http import health_page
+        from mmt.link.serving.http import health_page
 
         served = [health_page(lambda: self.health.as_dict(self.status()))]
         return served + [page for pages in self.parts.verbs("pages") for page in pages()]

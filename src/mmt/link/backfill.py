@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import socketio
 
-from mmt.core.frames import FIELD_OF_CHANNEL, SEQUENCES, channels_of
-from mmt.core.sequence_numbers import Range, ranges_of
+from mmt.core.frames import FIELD_OF_CHANNEL, channels_of
+from mmt.core.sequence_numbers import SEQUENCES, Range, ranges_of
 from mmt.link.endpoint import LeaderEvents, call
+from mmt.link.incoming import LARGEST_QUANTITY, LATEST_NS, BlockReader
 from mmt.link.protocol import (
     BACKFILL,
     GONE,
@@ -25,7 +26,6 @@ from mmt.link.protocol import (
     ranges_of_payload,
 )
 from mmt.link.queue import SendQueue
-from mmt.link.reader import LARGEST_QUANTITY, LATEST_NS, BlockReader
 
 
 class BackfillReceiver:

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Final
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import COMMAND_DTYPE
-from mmt.core.ticking import TimeHistogram
+from mmt.core.running.ticking import TimeHistogram
 from mmt.link.access import Access
 from mmt.link.clock_exchange import ClockRequester
 from mmt.link.connection import LeaderConnection
 from mmt.link.endpoint import Endpoint, ExtraEvent, FollowerEvents
 from mmt.link.frame_sender import BackfillSender, FrameSender
+from mmt.link.incoming import BlockReader
 from mmt.link.protocol import (
     CLOCK,
     COMMANDS,
@@ -33,12 +34,11 @@ from mmt.link.protocol import (
     peer_text,
     reason_of,
 )
-from mmt.link.reader import BlockReader
 from mmt.link.socket_client import ACKNOWLEDGE_S, CLOSE_TIMEOUT_S
 from mmt.link.websocket import Send
 
 if TYPE_CHECKING:
-    from mmt.link.emulation import EmulatedNetwork
+    from mmt.link.emulated.network import EmulatedNetwork
 
 LOG: Final = logging.getLogger("mmt.link")
 

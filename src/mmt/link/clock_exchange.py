@@ -12,11 +12,11 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Final
 
-from mmt.core.process import clock_id
+from mmt.core.running.process import clock_id
 from mmt.link.clock_offset import ClockEstimate, ClockJump, ClockOffset
+from mmt.link.incoming import BlockReader
 from mmt.link.protocol import CLOCK, argument_of, encode_event
 from mmt.link.queue import SendQueue
-from mmt.link.reader import BlockReader
 
 _REQUEST: Final = struct.Struct("<IqIq")
 _RESPONSE: Final = struct.Struct("<Iqqq")

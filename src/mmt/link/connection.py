@@ -14,8 +14,8 @@ import socketio
 
 from mmt.core.errors import InputError, MmtError
 from mmt.link.access import Access, check_scheme
+from mmt.link.incoming import RateLimit
 from mmt.link.protocol import MAX_MESSAGE_BYTES, MAX_SENTENCE, loss_of, peer_text
-from mmt.link.rate_limit import RateLimit
 from mmt.link.socket_client import ATTEMPT_S, SocketClient
 from mmt.link.websocket import Handlers, Send, client_send
 

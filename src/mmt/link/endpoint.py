@@ -10,18 +10,17 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import MmtError
+from mmt.core.running.ticking import TimeHistogram
 from mmt.core.sequence_numbers import Range
-from mmt.core.ticking import TimeHistogram
 from mmt.link.clock_offset import ClockJump
+from mmt.link.incoming import BlockReader, RateLimit
 from mmt.link.protocol import FollowerHello, LinkStatistics, encode_event
 from mmt.link.queue import SendQueue
-from mmt.link.rate_limit import RateLimit
-from mmt.link.reader import BlockReader
 from mmt.scene import Scene
 
 if TYPE_CHECKING:
     from mmt.core.frames import FeedbackSide
-    from mmt.link.emulation import EmulatedNetwork
+    from mmt.link.emulated.network import EmulatedNetwork
 
 LOG: Final = logging.getLogger("mmt.link")
 
@@ -155,7 +154,7 @@ def emulated_network(
     """Return the network that the scene emulates on this side, or None."""
     if scene.network is None:
         return None
-    from mmt.link.emulation import EmulatedNetwork
+    from mmt.link.emulated.network import EmulatedNetwork
 
     return EmulatedNetwork(scene.network, direction, scene.session.seed, say)
 

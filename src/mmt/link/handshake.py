@@ -11,12 +11,11 @@ import socketio
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import Channel
-from mmt.core.logs import RepeatLimit
-from mmt.core.process import clock_id
+from mmt.core.output.logs import RepeatLimit
+from mmt.core.running.process import clock_id
 from mmt.link.access import REFUSED, Access
 from mmt.link.clock_exchange import ClockResponder
 from mmt.link.endpoint import Endpoint, LeaderEvents
-from mmt.link.http import LinkServer
 from mmt.link.protocol import (
     MAX_SENTENCE,
     NETWORK,
@@ -25,10 +24,11 @@ from mmt.link.protocol import (
     loss_of,
     peer_text,
 )
+from mmt.link.serving.http import LinkServer
 from mmt.link.websocket import Send
 
 if TYPE_CHECKING:
-    from mmt.link.emulation import EmulatedNetwork
+    from mmt.link.emulated.network import EmulatedNetwork
 
 LOG: Final = logging.getLogger("mmt.link")
 

@@ -11,16 +11,9 @@ import msgpack
 import numpy as np
 
 from mmt.core.errors import InputError, printable
-from mmt.core.frames import (
-    MOST_SAMPLES,
-    SEQUENCES,
-    Channel,
-    frame_dtype,
-    ordered_channels,
-    samples_per_frame,
-)
-from mmt.core.process import clock_id
-from mmt.core.sequence_numbers import Range
+from mmt.core.frames import MOST_SAMPLES, Channel, frame_dtype, ordered_channels, samples_per_frame
+from mmt.core.running.process import clock_id
+from mmt.core.sequence_numbers import SEQUENCES, Range
 
 PROTOCOL_VERSION: Final = 1
 SEVERAL_SAMPLES_VERSION: Final = 2
@@ -113,7 +106,7 @@ class FollowerHello:
     extra
         Name of the scene's further event, empty for none.
     clock_id
-        Identifies the clock of the frames' times; see `mmt.core.process.clock_id`.
+        Identifies the clock of the frames' times; see `mmt.core.running.process.clock_id`.
     keep_frames
         How many of its newest frames the follower buffers to send again, 0 for none.
     run_id

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Final
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import COMMAND_DTYPE, Channel, frame_dtype, ordered_channels
 from mmt.core.frames import samples_per_frame as samples_of
+from mmt.core.running.ticking import TimeHistogram
 from mmt.core.sequence_numbers import Range, shortest_period_ns
-from mmt.core.ticking import TimeHistogram
 from mmt.link.access import Access
 from mmt.link.backfill import BackfillReceiver
 from mmt.link.clock_exchange import ClockResponder
 from mmt.link.endpoint import Endpoint, ExtraEvent, LeaderEvents
 from mmt.link.handshake import FollowerSlot, Handshake, admit
-from mmt.link.http import CLOSE_TIMEOUT_S, LinkServer, Page
+from mmt.link.incoming import BlockReader
 from mmt.link.protocol import (
     CLOCK,
     COMMANDS,
@@ -32,11 +32,11 @@ from mmt.link.protocol import (
     peer_text,
     reason_of,
 )
-from mmt.link.reader import BlockReader
+from mmt.link.serving.http import CLOSE_TIMEOUT_S, LinkServer, Page
 from mmt.scene import Link
 
 if TYPE_CHECKING:
-    from mmt.link.emulation import EmulatedNetwork
+    from mmt.link.emulated.network import EmulatedNetwork
 
 LOG: Final = logging.getLogger("mmt.link")
 

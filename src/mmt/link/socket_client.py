@@ -10,8 +10,8 @@ from typing import Final
 import aiohttp
 import socketio
 
+from mmt.link.incoming import RateLimit
 from mmt.link.protocol import MAX_MESSAGE_BYTES, MAX_SENTENCE, peer_text
-from mmt.link.rate_limit import RateLimit
 from mmt.link.websocket import Handlers, Packet, client_websocket, wire_logger
 
 LOG: Final = logging.getLogger("mmt.link")

@@ -28,10 +28,10 @@ from aiohttp import ClientWebSocketResponse, WSCloseCode, WSMessage, WSMsgType, 
 from aiohttp.http_exceptions import HttpProcessingError
 from socketio.msgpack_packet import MsgPackPacket
 
-from mmt.core.logs import RepeatLimit
+from mmt.core.output.logs import RepeatLimit
+from mmt.link.incoming import HandshakeLimit, RateLimit
 from mmt.link.protocol import EVENT_NAMESPACE, MAX_MESSAGE_BYTES, MSGPACK_EVENT
 from mmt.link.queue import Sending, UnbufferedSend
-from mmt.link.rate_limit import HandshakeLimit, RateLimit
 
 LOG: Final = logging.getLogger("mmt.link")
 

@@ -32,7 +32,7 @@ class Flag(NamedTuple):
     """Tables that the flag adds, with default values, if the scene's file lacks them."""
     command: Literal["leader", "demo"] = "leader"
     side_service: str = ""
-    """``module:function`` that makes a `mmt.cli.service.SideService`, or "" for none.
+    """``module:function`` that makes a `mmt.cli.running.service.SideService`, or "" for none.
 
     The demo also makes it without the flag if the scene has the tables.
     """

@@ -20,7 +20,7 @@ from mmt.core.frames import (
     channels_of,
     samples_per_frame,
 )
-from mmt.core.plottable import Plottable
+from mmt.core.output.plottable import Plottable
 
 FRAME_PERIOD_NS = 1_000_000
 """Frames come at 1 kHz."""

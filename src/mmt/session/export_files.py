@@ -10,8 +10,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.existing_files import replacing
 from mmt.core.extras import require
+from mmt.core.files.existing import replacing
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, FRAMES_HZ
 from mmt.core.units import QUANTITIES
 from mmt.session.data import RecordedSession, to_json

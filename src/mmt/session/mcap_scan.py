@@ -31,7 +31,7 @@ from mcap.stream_reader import MAGIC_SIZE, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from mmt.core.errors import InputError
-from mmt.core.untrusted_files import require_fetched
+from mmt.core.files.untrusted import require_fetched
 from mmt.session.mcap_records import HEAD, INDEX_DAMAGED, RecordWalk, intact, open_records
 
 MOST_MIB: Final = "MMT_MOST_MIB"

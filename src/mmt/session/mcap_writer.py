@@ -16,8 +16,8 @@ from mcap.writer import CompressionType, Writer
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
-from mmt.core.existing_files import replacing
 from mmt.core.extras import __version__
+from mmt.core.files.existing import replacing
 from mmt.core.frames import FRAMES_HZ, MOST_SAMPLES, Channel, channels_of
 from mmt.session.data import (
     FRAME_PERIOD_NS,

@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.core.existing_files import exists_error, numbered
+from mmt.core.files.existing import exists_error, numbered
 from mmt.core.frames import Channel, frame_dtype, ordered_channels, samples_per_frame
 from mmt.session.assembling import BlockAssembler, OutputAssembler
 from mmt.session.data import JsonObject, to_json

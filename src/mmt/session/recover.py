@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import BinaryIO, ParamSpec
 
 from mmt.core.errors import InputError
-from mmt.core.existing_files import replacing
+from mmt.core.files.existing import replacing
 from mmt.session.data import duration_s, json_object, missing_frames
 from mmt.session.mcap_reader import parse_event, scanned_frames
 from mmt.session.mcap_scan import Scan, scan_mcap

@@ -7,7 +7,8 @@ import numpy as np
 
 from mmt.core.arrays import IntArray, RecordArray
 from mmt.core.errors import InputError
-from mmt.core.frames import FIELD_OF_CHANNEL, SEQUENCES, Channel, frame_dtype, ordered_channels
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel, frame_dtype, ordered_channels
+from mmt.core.sequence_numbers import SEQUENCES
 from mmt.session.data import FRAME_PERIOD_NS, RecordedSession, duration_s, missing_frames
 
 JOINT_STEP: Final = 2

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.errors import InputError
-from mmt.core.existing_files import replacing
 from mmt.core.extras import require
+from mmt.core.files.existing import replacing
 from mmt.core.frames import FRAMES_HZ, acceleration_samples
 from mmt.session.data import RecordedSession
 

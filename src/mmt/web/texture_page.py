@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from mmt.core.errors import InputError
-from mmt.core.palette import style_sheet
+from mmt.core.output.palette import style_sheet
 from mmt.texture.model.json_form import model_json
 from mmt.texture.model.texture_model import TextureModel
 

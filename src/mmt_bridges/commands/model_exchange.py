@@ -8,7 +8,7 @@ import typer
 from mmt.cli.common import Force, json_option, messages, output, summary_table, write_json
 from mmt.cli.models import SUFFIX, describe
 from mmt.core.errors import InputError
-from mmt.core.existing_files import require_absent, write_file
+from mmt.core.files.existing import require_absent, write_file
 
 if TYPE_CHECKING:
     from mmt.core.arrays import FloatArray

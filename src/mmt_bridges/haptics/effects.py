@@ -9,7 +9,7 @@ from scipy.io import wavfile
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.core.existing_files import write_file
+from mmt.core.files.existing import write_file
 from mmt.rendering.calls import close, open_textures, render, touch
 from mmt.texture.model.texture_model import TextureModel
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.core.existing_files import write_file
+from mmt.core.files.existing import write_file
 from mmt_bridges.haptics.effects import EffectFile, checked_full_scale
 from mmt_bridges.haptics.spiht import MOST_PLANES, encode_block
 

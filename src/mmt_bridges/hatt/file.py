@@ -16,7 +16,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.bounds import finite_number
 from mmt.core.errors import InputError, short_message
-from mmt.core.untrusted_files import parse_xml
+from mmt.core.files.untrusted import parse_xml
 
 _LARGEST_BYTES: Final = 1 << 26
 _ACCELERATION: Final = {"m/s^2": 1.0, "m/s2": 1.0, "m/s/s": 1.0, "mm/s^2": 1e-3, "g": 9.80665}

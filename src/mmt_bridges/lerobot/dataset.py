@@ -13,8 +13,8 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.errors import InputError
-from mmt.core.existing_files import exists_error
 from mmt.core.extras import require
+from mmt.core.files.existing import exists_error
 from mmt.core.frames import FRAMES_HZ, Channel
 from mmt.session.data import RecordedSession, axis_columns
 from mmt.session.folders import replacing_folder

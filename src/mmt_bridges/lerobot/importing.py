@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
+from mmt.core.files.untrusted import require_fetched
 from mmt.core.frames import FRAMES_HZ
-from mmt.core.untrusted_files import require_fetched
 from mmt.session.data import RecordedSession
 from mmt.session.importing.columns import SourceColumns, distinct, reading
 from mmt.session.importing.options import ImportOptions

@@ -16,7 +16,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import FAILED, MmtError
-from mmt.core.queued_output import finish_output, queue_output
+from mmt.core.output.streams import finish_output, queue_output
 from mmt_bridges.lerobot.settings import Settings, session_scene
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def run(settings: Settings) -> str:
     """
     from mmt.core.extras import optional_import
     from mmt.core.kernel_cache import compile_kernels
-    from mmt.core.logs import Logs
+    from mmt.core.output.logs import Logs
     from mmt.leader.parts import numerics_of
 
     scene = session_scene(settings)
@@ -95,12 +95,12 @@ async def _run(settings: Settings, scene: "Scene") -> str:
 
 async def _follow(settings: Settings, scene: "Scene", leader: "Leader") -> None:
     """Run the follower as a process of its own; the session ends with it."""
-    from mmt.cli.child import Child
+    from mmt.cli.running.child import Child
 
     assert scene.link is not None and leader.port is not None  # noqa: S101, PT018
     url = scene.link.url(leader.port)
     arguments = ["follower", settings.scene, "--leader", url, "--json-lines"]
-    child = await Child.start("follower", "mmt.cli.child", arguments, on_warning=_event)
+    child = await Child.start("follower", "mmt.cli.running.child", arguments, on_warning=_event)
     try:
         async for line in child.lines():
             if line["kind"] == "event":

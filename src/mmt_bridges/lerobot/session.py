@@ -14,7 +14,7 @@ from typing import Any, Final, Literal
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, InputError, MmtError
-from mmt.core.programs import python_command
+from mmt.core.running.programs import python_command
 from mmt.scene import Scene
 from mmt.scene.files import find_scene
 from mmt_bridges.lerobot.settings import Settings, session_scene

@@ -19,7 +19,7 @@ import numpy as np
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import require
-from mmt.core.programs import python_command
+from mmt.core.running.programs import python_command
 from mmt.leader.part import Session
 from mmt.leader.publishing import Block, Marker, PublishingPart
 from mmt.session.data import to_json

@@ -20,8 +20,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from mmt.core.errors import short_message
 from mmt.core.frames import Channel, frame_dtype
-from mmt.core.process import lower_priority
-from mmt.core.programs import handle_end_signals
+from mmt.core.running.process import lower_priority
+from mmt.core.running.programs import handle_end_signals
 from mmt_bridges.ros.messages import (
     CHANNEL_TOPICS,
     EVENTS,

@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple
 
 from mmt.core.errors import InputError, short_message
-from mmt.core.untrusted_files import require_fetched
+from mmt.core.files.untrusted import require_fetched
 from mmt.session.mcap_scan import iterate_mcap, most_bytes
 from mmt.session.mcap_writer import FRAMES_TOPIC
 from mmt_bridges.ros.ros1_records import bag_messages

@@ -14,8 +14,8 @@ from typing import Any, Final, NamedTuple
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, InputError, MmtError
-from mmt.core.process import follow_real_time
 from mmt.core.quaternions import Quaternion
+from mmt.core.running.process import follow_real_time
 from mmt_devices.franka.control import PositionControl
 from mmt_devices.franka.options import ArmOptions
 from mmt_devices.franka.problems import OF_MODE, ArmProblem, explain, is_of_arm

@@ -6,7 +6,7 @@ from typing import Final, Literal
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.core.process import ticks_in_real_time
+from mmt.core.running.process import ticks_in_real_time
 from mmt.devices.driver_process import DriverProcess, text_of
 from mmt_devices.inverse3 import exchange as to
 from mmt_devices.inverse3.exchange import ABSENT, Inverse3State, ServiceAnswer

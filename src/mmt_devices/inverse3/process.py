@@ -14,8 +14,8 @@ from typing import Any, Final
 import aiohttp
 
 from mmt.core.errors import MmtError
-from mmt.core.process import be_real_time
-from mmt.core.ticking import Ticker
+from mmt.core.running.process import be_real_time
+from mmt.core.running.ticking import Ticker
 from mmt.devices.driver_process import COUNT, DriverPipes, run_process
 from mmt_devices.inverse3.exchange import CALIBRATED, COMMAND, FOUND, LOST, STATE, pack_state
 from mmt_devices.inverse3.messages import (

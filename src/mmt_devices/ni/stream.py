@@ -15,7 +15,7 @@ from nidaqmx.stream_readers import AnalogMultiChannelReader
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import DeviceLost
-from mmt.core.process import follow_real_time
+from mmt.core.running.process import follow_real_time
 from mmt.devices.board_sharing import StreamData
 from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import VoltageReading

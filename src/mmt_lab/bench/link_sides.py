@@ -17,7 +17,7 @@ from aiohttp import web
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import CHANNELS, COMMAND_DTYPE
-from mmt.core.process import be_real_time, prefer_even_ticks
+from mmt.core.running.process import be_real_time, prefer_even_ticks
 from mmt.link.client import FollowerClient
 from mmt.link.endpoint import FollowerEvents, LeaderEvents
 from mmt.link.protocol import FollowerHello

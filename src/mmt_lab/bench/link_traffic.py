@@ -11,7 +11,7 @@ from typing import Final, Literal
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.core.ticking import Ticker, TimeHistogram
+from mmt.core.running.ticking import Ticker, TimeHistogram
 
 Kind = Literal["ours", "bare"]
 

@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 
 import msgpack
 
-from mmt.core.process import lower_priority
+from mmt.core.running.process import lower_priority
 from mmt.link.protocol import CONNECT_PACKET, EVENT_NAMESPACE
 from mmt.link.websocket import LINK_PATH
 from mmt_lab.harness.processes import leave_process_session

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mmt.core.arrays import FloatArray
-from mmt.core.palette import LIGHT
+from mmt.core.output.palette import LIGHT
 from mmt.evaluation.document import ReportTable
 from mmt.evaluation.levels import PooledFigure, across, band_edges_hz, root_mean_square
 from mmt.evaluation.texts import number

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence, Set
 from typing import Final
 
 from mmt.core.errors import MmtError
-from mmt.core.process import require_real_time
+from mmt.core.running.process import require_real_time
 from mmt_lab.bench.device_path.running import SetUp, SetUpFigures, measure_set_up
 from mmt_lab.harness.experiment import RealTime
 from mmt_lab.harness.findings import Cell, Findings, FindingsTable, SkippedMethod, Target

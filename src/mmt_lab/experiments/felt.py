@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mmt.core.arrays import BoolArray, FloatArray
-from mmt.core.palette import SERIES
+from mmt.core.output.palette import SERIES
 from mmt.devices.haptuator.options import DATA_SHEET_LOW_HZ
 from mmt.evaluation.document import ReportTable
 from mmt.evaluation.figures import style_axes

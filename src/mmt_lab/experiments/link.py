@@ -22,7 +22,7 @@ import typer
 
 from mmt.core.errors import InputError
 from mmt.core.frames import check_acceleration_rate
-from mmt.core.process import require_real_time
+from mmt.core.running.process import require_real_time
 from mmt_lab.bench.link_sides import PATIENCE_S, SideReport, follow, lead
 from mmt_lab.bench.link_traffic import Kind, Turn, TurnFigures
 from mmt_lab.bench.lossy_path import measure_losses

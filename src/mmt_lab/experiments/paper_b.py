@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from mmt.core.palette import LIGHT
+from mmt.core.output.palette import LIGHT
 from mmt.evaluation.document import Block, ReportTable, table_of
 from mmt.evaluation.report_files import picture
 from mmt.testing.simulation.textures import GRAINED

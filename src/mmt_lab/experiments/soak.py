@@ -21,7 +21,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from mmt.cli.common import messages, stop_on_signals
 from mmt.core.errors import InputError
-from mmt.core.existing_files import free_path
+from mmt.core.files.existing import free_path
 from mmt_lab.harness.experiment import Seed
 from mmt_lab.harness.findings import Findings
 from mmt_lab.soak import faults as kinds

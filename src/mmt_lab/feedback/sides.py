@@ -5,12 +5,12 @@ from typing import Final, Literal
 
 from mmt.contact.passivity import PassivitySettings
 from mmt.core.arrays import Vector
+from mmt.core.guards import ForceDisplay
 from mmt.devices.leader_reports import InterfaceState
 from mmt.follower.feedback import FollowerFeedback
 from mmt.follower.feedback import build_feedback as build_follower_feedback
 from mmt.leader.motion.feedback import Feedback
 from mmt.leader.motion.feedback_part import build_feedback as build_leader_feedback
-from mmt.leader.motion.slew import ForceDisplay
 from mmt.scene import ForceFeedback, Hand, Link, Scene, Simulated
 from mmt.testing.simulation import RATE_HZ
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray, RecordArray, Vector
 from mmt.core.frames import CHANNELS
-from mmt.link.impairments import MessageImpairments
+from mmt.link.emulated.impairments import MessageImpairments
 from mmt.scene import Hand, Network, Simulated
 from mmt.testing.simulation import PERIOD_NS, nominal_compliance_mm_n
 from mmt.testing.simulation.follower import SimulatedFollower

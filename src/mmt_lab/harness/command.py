@@ -11,7 +11,7 @@ from typer.core import TyperGroup
 
 from mmt.cli.common import json_option, messages, output, print_error, report_option, write_json
 from mmt.cli.options import simplify_help
-from mmt.core.tables import plain_table
+from mmt.core.output.tables import plain_table
 from mmt_lab.harness.experiment import listed, load
 from mmt_lab.harness.findings import Findings
 

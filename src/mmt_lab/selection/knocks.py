@@ -7,7 +7,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.core.untrusted_files import parse_xml
+from mmt.core.files.untrusted import parse_xml
 
 RATE_HZ: Final = 1000.0
 KNOCK_S: Final = 0.4

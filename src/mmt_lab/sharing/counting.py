@@ -18,8 +18,8 @@ import numpy as np
 
 from mmt.core.errors import InputError
 from mmt.link.access import Access
+from mmt.link.incoming import PeriodLimit
 from mmt.link.protocol import CONNECT_PACKET, EVENT_NAMESPACE, MSGPACK_EVENT, encode_event
-from mmt.link.rate_limit import PeriodLimit
 from mmt.link.websocket import LINK_PATH
 from mmt.texture.model.file_arrays import file_arrays
 from mmt_share.changes import ModelReplica, digest

@@ -10,7 +10,7 @@ import time
 from multiprocessing.connection import Connection
 
 from mmt.core.errors import MmtError
-from mmt.core.process import lower_priority
+from mmt.core.running.process import lower_priority
 from mmt_lab.harness.processes import leave_process_session
 from mmt_lab.sharing.counting import ListenerCounts, run_listeners
 from mmt_share.client import STATES_HZ, ListenerClient

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 import psutil
 
-from mmt.cli.child import KILL, send
+from mmt.cli.running.child import KILL, send
 from mmt.core.errors import InputError, MmtError
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.findings import Findings

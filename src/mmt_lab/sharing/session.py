@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any, Final
 
-from mmt.cli.child import Child
+from mmt.cli.running.child import Child
 from mmt.core.errors import MmtError
 from mmt_lab.harness.processes import background_processes, received
 
@@ -69,10 +69,10 @@ class ListenedSession:
         prefix: Sequence[str] = (),
         environment: Mapping[str, str] = MappingProxyType({}),
     ) -> Service:
-        """Start a command of `mmt.cli.child`, with additions to its environment."""
+        """Start a command of `mmt.cli.running.child`, with additions to its environment."""
         child = await Child.start(
             command[0],
-            "mmt.cli.child",
+            "mmt.cli.running.child",
             [*command, "--json-lines"],
             {**os.environ, **environment},
             prefix=prefix,

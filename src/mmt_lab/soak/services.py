@@ -11,7 +11,7 @@ from typing import Any, Final, Self
 
 import psutil
 
-from mmt.cli.child import Child
+from mmt.cli.running.child import Child
 from mmt.core.errors import MmtError
 from mmt_lab.harness.proxy import Proxy
 from mmt_lab.soak.judging import PATIENCE_S, ServiceSample
@@ -116,7 +116,7 @@ class SoakServices:
         self, name: str, arguments: list[str], watch: Callable[[Child], Coroutine[Any, Any, None]]
     ) -> Child:
         arguments = [name, _SCENE, *arguments, "--json-lines"]
-        child = await Child.start(name, "mmt.cli.child", arguments, self._environment)
+        child = await Child.start(name, "mmt.cli.running.child", arguments, self._environment)
         self._stack.push_async_callback(child.kill)
         self._watching.append(asyncio.create_task(watch(child)))
         return child

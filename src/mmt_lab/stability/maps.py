@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from mmt.core.palette import GRADED, LIGHT, SERIES
+from mmt.core.output.palette import GRADED, LIGHT, SERIES
 from mmt_lab.stability.loop_theory import stability_loop
 
 _LEAST_GROWTH: Final = 1e-6

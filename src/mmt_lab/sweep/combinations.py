@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 import mmt
 from mmt.core.errors import InputError
-from mmt.core.existing_files import append_lines, write_file
+from mmt.core.files.existing import append_lines, write_file
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.scene.leader_tables import TEXTURE_TABLE, Texture
 from mmt.session.data import RecordedSession

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 import psutil
 
 from mmt.core.errors import InputError, MmtError
-from mmt.core.programs import import_path, python_command
+from mmt.core.running.programs import import_path, python_command
 from mmt.leader.part import Part, Session
 from mmt_methods.generators.process import FIT, RENDER, RESET
 from mmt_methods.generators.registry import origin
@@ -209,7 +209,7 @@ class GeneratingPart(Part):
 
     def metrics(self) -> "Iterable[Metric]":
         """Return metrics of fits and blocks."""
-        from mmt.core.exposition import counter, gauge
+        from mmt.core.output.exposition import counter, gauge
 
         vibration = self.vibration
         yield gauge("generator_heard", "Whether the generator is rendered.", vibration.is_rendered)

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.core.ticking import TimeHistogram
+from mmt.core.running.ticking import TimeHistogram
 from mmt.leader.output.model_crossfade import Renderer, crossfaded
 
 BLOCK_MS: Final = 10

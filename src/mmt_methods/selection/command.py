@@ -9,8 +9,8 @@ import typer
 from mmt.cli.common import Force, json_option, messages, output, write_json
 from mmt.cli.models import SUFFIX
 from mmt.core.errors import InputError
-from mmt.core.existing_files import require_absent, write_file
-from mmt.core.palette import LIGHT
+from mmt.core.files.existing import require_absent, write_file
+from mmt.core.output.palette import LIGHT
 from mmt.scene import Texture
 
 if TYPE_CHECKING:

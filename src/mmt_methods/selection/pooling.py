@@ -9,7 +9,7 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray
 from mmt.core.errors import InputError, MmtError
-from mmt.core.untrusted_files import load_arrays
+from mmt.core.files.untrusted import load_arrays
 from mmt.session.data import RecordedSession
 from mmt.texture.autoregression.burg import burg_batch
 from mmt.texture.autoregression.forms import reflection_to_lsf

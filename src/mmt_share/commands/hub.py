@@ -20,9 +20,9 @@ from mmt.cli.common import (
     write_line,
 )
 from mmt.core.extras import require
-from mmt.core.logs import Logs
-from mmt.core.queued_output import queue_output
-from mmt.link.accepting import descriptors
+from mmt.core.output.logs import Logs
+from mmt.core.output.streams import queue_output
+from mmt.link.serving.accepting import descriptors
 from mmt_share.commands.visitors_page import reachable_url
 from mmt_share.hub.scene import HubScene, load_hub_scene
 
@@ -39,7 +39,7 @@ _SPACING_S: Final = 5.0
 """Time between two lines that say how many are listening."""
 _FILES: Final = 8
 """Files per listener: a server admits two connections for each listener, and uses a quarter of its
-files for them; see `mmt.link.accepting.Acceptor`."""
+files for them; see `mmt.link.serving.accepting.Acceptor`."""
 
 
 def hub(

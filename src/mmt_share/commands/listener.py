@@ -8,7 +8,7 @@ import typer
 from mmt.cli.common import OPTIONS, run_app
 from mmt.cli.leader import LeaderRun
 from mmt.cli.options import with_options
-from mmt.cli.service import ServiceOptions, Version
+from mmt.cli.running.service import ServiceOptions, Version
 from mmt.core.errors import InputError
 from mmt.scene.files import load_scene
 

@@ -14,8 +14,8 @@ from mmt.cli.common import (
 )
 from mmt.cli.models import SUFFIX
 from mmt.core.errors import InputError
-from mmt.core.existing_files import require_absent
-from mmt.core.tables import plain_table
+from mmt.core.files.existing import require_absent
+from mmt.core.output.tables import plain_table
 
 if TYPE_CHECKING:
     from mmt_share.store.client import RemoteStore

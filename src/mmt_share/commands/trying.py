@@ -15,7 +15,7 @@ from mmt.cli.importing import ReadingOptions, SourceFile, print_report, print_wa
 from mmt.cli.models import SUFFIX, built
 from mmt.cli.options import with_options
 from mmt.core.errors import InputError
-from mmt.core.existing_files import require_absent, write_file
+from mmt.core.files.existing import require_absent, write_file
 from mmt.core.kernel_cache import compile_kernels
 from mmt.link.access import Access
 from mmt.scene import Link

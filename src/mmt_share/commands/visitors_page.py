@@ -18,7 +18,7 @@ from io import StringIO
 from typing import IO, Any, Final
 
 from mmt.core.errors import InputError
-from mmt.core.programs import python_command
+from mmt.core.running.programs import python_command
 from mmt.link.access import Access
 from mmt.scene import Scene
 from mmt.scene.table import ServedTable
@@ -69,7 +69,7 @@ class VisitorsPage:
         port = _free_port()
         self._process = subprocess.Popen(  # noqa: S603 - our own program; returns at once
             [
-                *python_command("-m", "mmt.cli.child", "main", "play", "--from", url),
+                *python_command("-m", "mmt.cli.running.child", "main", "play", "--from", url),
                 *("--host", "0.0.0.0", "--port", str(port), "--open"),  # noqa: S104 - it is asked for
             ],
             stdin=subprocess.PIPE,

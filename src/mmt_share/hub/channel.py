@@ -13,8 +13,8 @@ from redis.asyncio.retry import Retry
 from redis.backoff import NoBackoff
 from redis.exceptions import AuthenticationError, NoPermissionError, RedisError
 
-from mmt.core.ending import cancel_until_ended
 from mmt.core.errors import InputError, MmtError, without_secrets
+from mmt.core.running.ending import cancel_until_ended
 
 LOG: Final = logging.getLogger("mmt_share")
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from mmt.core.errors import InputError
+from mmt.link.incoming import PeriodLimit
 from mmt.link.protocol import encode_event
-from mmt.link.rate_limit import PeriodLimit
 from mmt_share.changes import ModelReplica
 from mmt_share.messages import CHANGE, END, MODEL, STATE, STATE_DTYPE, WELCOME
 from mmt_share.relay import Relay

@@ -8,8 +8,8 @@ from collections import deque
 from collections.abc import Callable, Coroutine
 from typing import Any, Final
 
-from mmt.core.ending import cancel_until_ended
 from mmt.core.errors import InputError, MmtError
+from mmt.core.running.ending import cancel_until_ended
 from mmt_share.client import ListenerClient
 from mmt_share.hub.channel import HubChannel
 from mmt_share.hub.copy import HubCopy

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import Vector, difference, step_towards
 from mmt.core.errors import InputError, printable
+from mmt.core.guards import FADE_TICKS
 from mmt.devices.leader_reports import InterfaceState
-from mmt.leader.motion.slew import FADE_TICKS
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Link, Texture
 from mmt_share.control_messages import (

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.contact.rendering import LocalContact
 from mmt.core.arrays import RecordArray, Vector, bounded
+from mmt.core.guards import ForceDisplay
 from mmt.devices.leader_reports import InterfaceState
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.feedback_model import ModelSettings
 from mmt.leader.motion.passivity_ports import PassivityPorts
-from mmt.leader.motion.slew import ForceDisplay
 
 if TYPE_CHECKING:
     from mmt_share.operator import OperatorClient

@@ -170,7 +170,7 @@ class HandOver:
 
 def control_metrics(now: State, figures: Mapping[str, Any]) -> Iterator["Metric"]:
     """Yield metrics of whose hand moves the robot, and of how often and long control was away."""
-    from mmt.core.exposition import counter, state
+    from mmt.core.output.exposition import counter, state
 
     hand = {"own": "leader", "given": "listener"}.get(now, "none")
     text = "Whose hand moves the robot; none while it holds."

@@ -48,7 +48,7 @@ class Listeners:
 
     def metrics(self) -> "Iterable[Metric]":
         """Yield metrics of the number of listeners, of the messages sent, and of the lag."""
-        from mmt.core.exposition import counter, gauge, labelled
+        from mmt.core.output.exposition import counter, gauge, labelled
 
         figures = self.figures
         yield gauge("listeners", "Listeners that are connected.", self.now)

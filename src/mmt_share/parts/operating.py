@@ -11,11 +11,11 @@ from mmt_share.parts.hand_motion import Clutch
 from mmt_share.tables import Operating
 
 if TYPE_CHECKING:
+    from mmt.core.guards import ForceDisplay
     from mmt.leader.building import LeaderParts
     from mmt.leader.motion.feedback import Feedback
     from mmt.leader.motion.feedback_model import ModelSettings
     from mmt.leader.motion.hand_contact import FollowerContact
-    from mmt.leader.motion.slew import ForceDisplay
 
 
 class OperatingPart(Part):

@@ -12,7 +12,7 @@ import msgpack
 import numpy as np
 
 from mmt.core.errors import MmtError
-from mmt.core.programs import python_command
+from mmt.core.running.programs import python_command
 from mmt.leader.part import Part, Session, Tick
 from mmt.link.protocol import encode_event
 from mmt.texture.model.file import arrays_of

@@ -11,7 +11,7 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.texture.model.json_form import model_json
 from mmt.texture.model.texture_model import TextureModel
-from mmt.web.binary_messages import pack
+from mmt.web.page_server import pack
 from mmt_share.player.messages import Step
 from mmt_share.player.recording import TouchRecorder
 from mmt_share.player.results import ResultsFile

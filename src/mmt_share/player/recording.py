@@ -15,7 +15,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.core.existing_files import require_absent
+from mmt.core.files.existing import require_absent
 from mmt.core.frames import CHANNELS, MOST_SAMPLES, empty_frames
 from mmt.rendering import close, open_textures, render, touch
 from mmt.session.data import FRAME_PERIOD_NS

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from mmt.core.errors import InputError, MmtError
-from mmt.core.existing_files import append_lines
+from mmt.core.files.existing import append_lines
 
 COLUMNS: Final = (
     "time_utc",

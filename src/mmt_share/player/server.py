@@ -16,10 +16,9 @@ from aiohttp import WSMsgType, web
 
 from mmt.core.errors import InputError, MmtError
 from mmt.link.access import TOKEN_VARIABLE, Access, Entrance
-from mmt.link.http import Listener
-from mmt.link.rate_limit import RateLimit
-from mmt.web.binary_messages import pack
-from mmt.web.page_server import add_page, open_socket, page_files
+from mmt.link.incoming import RateLimit
+from mmt.link.serving.http import Listener
+from mmt.web.page_server import add_page, open_socket, pack, page_files
 from mmt_share.player.messages import line, parse, steps_of, whole_number
 from mmt_share.player.player import Player
 from mmt_share.player.study import BEST

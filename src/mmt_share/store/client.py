@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from mmt.core.errors import InputError, MmtError
-from mmt.core.existing_files import write_error
+from mmt.core.files.existing import write_error
 from mmt.core.requests import Answer, AnswerError, open_answer
 from mmt.link.access import Access, check_scheme
 from mmt.link.connection import check_url

@@ -10,7 +10,7 @@ from mmt_share.store.store import DIGITS, LARGEST_BYTES, Entry, ModelStore
 
 if TYPE_CHECKING:
     from mmt.link.access import Access
-    from mmt.link.http import Page
+    from mmt.link.serving.http import Page
 
 MODELS: Final = "/models"
 

@@ -15,7 +15,7 @@ from typing import Any, Final, Self
 
 from mmt.core.bounds import check, finite_number
 from mmt.core.errors import InputError, MmtError, printable
-from mmt.core.existing_files import write_file
+from mmt.core.files.existing import write_file
 from mmt.texture.model.file import unpack
 
 LARGEST_BYTES: Final = 1 << 20

@@ -21,8 +21,8 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings
 from mmt.web.viewing import traces
-from mmt.web.viewing.events import LinkRecord, session_events
 from mmt.web.viewing.recording import ViewedRecording
+from mmt.web.viewing.traces import LinkRecord, session_events
 
 SETTINGS = ModellingSettings()
 

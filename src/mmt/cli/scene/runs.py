@@ -11,8 +11,8 @@ from typing import Any
 import tomli_w
 from rich.console import Console
 
+from mmt.cli.running.scene_services import DemoRun, run_services
 from mmt.cli.scene.costs import OF_PROCESSES, SceneRun
-from mmt.cli.scene_services import DemoRun, run_services
 from mmt.core.errors import MmtError
 from mmt.scene import Replay, Scene
 from mmt.scene.added import added_parts

@@ -8,7 +8,7 @@ from typing import Final
 
 from mmt.core.bounds import finite_number
 from mmt.core.errors import InputError, short_message
-from mmt.core.untrusted_files import parse_xml
+from mmt.core.files.untrusted import parse_xml
 from mmt.devices.ati.calibration import (
     Calibration,
     force_in_newton,

@@ -13,7 +13,7 @@ import usb.core
 import usb.util
 
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.core.process import follow_real_time
+from mmt.core.running.process import follow_real_time
 from mmt.devices.discovery import NO_LIBUSB
 from mmt.devices.labjack.packets import (
     CONFIG_U6,

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from mmt.core.arrays import Vector
 from mmt.core.guards import ForceGuard
-from mmt.core.process import follow_real_time
+from mmt.core.running.process import follow_real_time
 from mmt.devices.openhaptics.constants import (
     COMM_ERROR,
     CONTINUE,

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, Final
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.leader.modelling.process import ModellingProcess
-from mmt.leader.modelling.results import Models, UpdateResult, received
 from mmt.leader.modelling.segmenting import LONGEST_QUEUE_S, SegmentingTask
 from mmt.leader.modelling.stage import (
     Figures,
@@ -26,6 +25,7 @@ from mmt.leader.modelling.stage import (
     StageTask,
     modelling_metrics,
 )
+from mmt.leader.modelling.stages import Models, UpdateResult, received
 from mmt.leader.part import Part, Session, Tick
 from mmt.texture.modeller_factory import ModellerFactory
 from mmt.texture.online.updates import ModelUpdate, NewSamples

@@ -19,12 +19,12 @@ from typing import IO, TYPE_CHECKING, Any, Self
 
 from mmt.core.errors import MmtError
 from mmt.core.extras import require
-from mmt.core.process import ProcessMeter, lower_priority, release_compiler
-from mmt.core.programs import handle_end_signals, python_command
+from mmt.core.running.process import ProcessMeter, lower_priority, release_compiler
+from mmt.core.running.programs import handle_end_signals, python_command
 from mmt.texture.modeller_factory import ModellerFactory
 
 if TYPE_CHECKING:
-    from mmt.core.process import ProcessCost
+    from mmt.core.running.process import ProcessCost
     from mmt.scene import Scene
     from mmt.texture.settings import ModellingSettings
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Final, Literal
 
-from mmt.core.ticking import TimeHistogram
+from mmt.core.running.ticking import TimeHistogram
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
@@ -228,7 +228,7 @@ class StageTask:
 
 def modelling_metrics(tasks: "dict[str, Figures]", log: "RunLog") -> Iterator["Metric"]:
     """Yield the figures of the model, and of each task that makes it."""
-    from mmt.core.exposition import counter, gauge, labelled
+    from mmt.core.output.exposition import counter, gauge, labelled
 
     seconds = list(log.update_seconds)
     yield counter("model_updates", "Updates of the model.", len(seconds))

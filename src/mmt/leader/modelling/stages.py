@@ -1,22 +1,67 @@
-"""The stages of the modelling, which the leader's tasks call by name and by number of a work.
+"""Stages of the modelling, which run in a process of their own, and the results that it returns.
 
 They run in a process of their own (`mmt.leader.modelling.process`), so that no step delays a tick
 by holding the interpreter lock.
 """
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.modelling.results import Models, UnchangedModel, UpdateResult, with_models
 from mmt.texture.modeller_factory import ModellerFactory
-from mmt.texture.online.updates import ModelUpdate, ReadyModel, UpdateWork
+from mmt.texture.online.updates import ModelUpdate, NewSamples, ReadyModel, UpdateWork
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
+    from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.online.surface_changes import SurfaceStatement
     from mmt.texture.surfaces.modeller import SurfaceModeller
+
+
+Models = dict[int | None, "TextureModel | None"]
+"""The newest model of each surface by number, or by None if surfaces are not told apart."""
+
+
+class UnchangedModel(ReadyModel):
+    """Placeholder for the model in the last update of the surface; `received` replaces it."""
+
+
+@dataclass(frozen=True)
+class UpdateResult:
+    """Result of an update.
+
+    Attributes
+    ----------
+    update
+        The update, or None if it is not announced.
+    kept
+        Numbers of the surfaces whose models are kept; None if surfaces are not told apart.
+    samples
+        Observed samples, and segments added and removed; None unless they were asked for.
+    """
+
+    update: ModelUpdate | None
+    kept: tuple[int, ...] | None
+    samples: NewSamples | None
+
+
+def received(update: ModelUpdate, models: Models) -> ModelUpdate:
+    """Return an update with all its models filled in, and store these in `models`."""
+
+    def source(each: ModelUpdate) -> ReadyModel:
+        if not isinstance(each.source, UnchangedModel):
+            models[each.surface] = each.model
+        return ReadyModel(models[each.surface])
+
+    return with_models(update, source)
+
+
+def with_models(update: ModelUpdate, source: Callable[[ModelUpdate], ReadyModel]) -> ModelUpdate:
+    """Return an update with new sources of its models; surfaces that were left come first."""
+    left = tuple(with_models(each, source) for each in update.left)
+    return replace(update, left=left, source=source(update))
 
 
 class Stages:

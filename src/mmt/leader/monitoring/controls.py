@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import InputError, MmtError
-from mmt.core.existing_files import write_file
+from mmt.core.files.existing import write_file
 from mmt.leader.part import Session
-from mmt.web.binary_messages import pack
+from mmt.web.page_server import pack
 
 if TYPE_CHECKING:
     from mmt.leader.modelling.pipeline import Modelling

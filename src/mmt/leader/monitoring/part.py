@@ -14,21 +14,20 @@ from mmt.leader.monitoring.controls import Controls
 from mmt.leader.part import Part, Session, Tick
 from mmt.link.access import Access
 from mmt.scene import Monitor
-from mmt.web.binary_messages import pack
 from mmt.web.monitor import states
-from mmt.web.monitor.live import LiveMessages, MonitorTap
-from mmt.web.monitor.viewers import Viewer, Viewers
+from mmt.web.monitor.live import LiveMessages, MonitorTap, Viewer, Viewers
 from mmt.web.page_server import (
     GOING_AWAY,
     add_page,
     monitor_files,
     open_socket,
+    pack,
 )
 
 if TYPE_CHECKING:
     from mmt.leader.output.stream import StreamedVibration
     from mmt.leader.output.vibration import VibrationPart
-    from mmt.link.http import Page
+    from mmt.link.serving.http import Page
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.online.updates import ModelUpdate
 

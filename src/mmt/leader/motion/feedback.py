@@ -8,8 +8,8 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray, Vector, bounded
 from mmt.core.frames import FeedbackSide
+from mmt.core.guards import SILENCE_TICKS, ForceDisplay, ForceRamp
 from mmt.devices.leader_reports import InterfaceState
-from mmt.leader.motion.slew import SILENCE_TICKS, ForceDisplay, ForceRamp
 
 if TYPE_CHECKING:
     from mmt.contact.estimation import ContactModel

@@ -14,10 +14,10 @@ from mmt.contact.passivity import PassivitySettings
 from mmt.contact.rendering import LocalContact, RenderingSettings
 from mmt.core.arrays import RecordArray, Vector, bounded
 from mmt.core.frames import CONTACT, CONTACT_DTYPE
+from mmt.core.guards import SILENCE_TICKS, ForceDisplay
 from mmt.devices.leader_reports import InterfaceState
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.passivity_ports import PassivityPorts
-from mmt.leader.motion.slew import SILENCE_TICKS, ForceDisplay
 
 _M: Final = 1e-3
 _HANDOVER_S: Final = 0.02

@@ -4,8 +4,8 @@ import math
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from mmt.core.arrays import RecordArray
+from mmt.core.guards import FADE_TICKS, SILENCE_TICKS, ForceDisplay, GuardedDisplay
 from mmt.leader.motion.feedback import Feedback, StreamedForce
-from mmt.leader.motion.slew import FADE_TICKS, SILENCE_TICKS, ForceDisplay, GuardedDisplay
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import ForceFeedback, Texture
 

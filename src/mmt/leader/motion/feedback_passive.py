@@ -9,10 +9,10 @@ from mmt.contact.energies import EnergyCounts, EnergyReport
 from mmt.contact.passivity import PassivitySettings
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import ENERGY, ENERGY_DTYPE
+from mmt.core.guards import SILENCE_TICKS, ForceDisplay
 from mmt.devices.leader_reports import InterfaceState
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.passivity_ports import PassivityPorts
-from mmt.leader.motion.slew import SILENCE_TICKS, ForceDisplay
 
 
 class PassiveForce(StreamedForce):

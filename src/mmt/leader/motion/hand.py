@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.devices.protocols import LeaderInterface
+    from mmt.devices.reconnection import OperatorHandle
     from mmt.leader.motion.hand_contact import FollowerContact
-    from mmt.leader.motion.operator_handle import OperatorHandle
 
 
 _NO_OFFSET: Final[Vector] = (0.0, 0.0, 0.0)
@@ -93,7 +93,7 @@ class HandPart(Part):
             contact = FollowerContact(session, scene.handle.surface_stiffness_n_mm)
         if scene.handle.on_lost == "stop":
             return cls(session, device, contact=contact)
-        from mmt.leader.motion.operator_handle import OperatorHandle
+        from mmt.devices.reconnection import OperatorHandle
 
         link = scene.link or Link()
         handle = OperatorHandle(device, link.recovery_mm_s / scene.session.rate_hz)
@@ -169,7 +169,7 @@ def loss_metrics(device: Any) -> "Iterable[Metric]":
     """Return whether a reconnecting device is lost, and how often it was; nothing for None."""
     if device is None:
         return
-    from mmt.core.exposition import counter, gauge
+    from mmt.core.output.exposition import counter, gauge
 
     yield gauge(f"{device.what}_lost", f"Whether the {device.what} is lost.", device.lost)
     yield counter(f"{device.what}_losses", f"Losses of the {device.what}.", device.losses)

@@ -1,16 +1,24 @@
-"""The part that plays the vibration of each frame at once.
+"""Streamed vibration, played through a buffer that bridges the jitter of the network.
+
+Frames of vibration are played in the order of their sequence numbers, one a tick, a delay after
+the quickest frame would have arrived. The delay follows the measured jitter. A frame that is
+missing at its turn is concealed (`mmt.leader.output.concealment`). When the stream stops, the
+buffer runs empty and the output falls silent, so that no frame older than the buffer is played. A
+step in either clock is detected, the follower's by its sequence numbers and the leader's by its
+ticks, and the clocks are compared anew.
 
 Plain Python filters, a few microseconds a frame, so that a leader that only streams needs
 neither numba nor scipy.
 """
 
+from bisect import bisect_right
+from collections import deque
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.output.concealment import LONGEST_FRAMES, build_concealment
-from mmt.leader.output.playout import PlayoutBuffer
+from mmt.leader.output.concealment import LONGEST_FRAMES, Concealment, FadeOut, build_concealment
 from mmt.leader.part import Part, Session
 from mmt.scene import Texture
 from mmt.texture.settings import VibrationAxis
@@ -23,6 +31,179 @@ from mmt.texture.signals.biquad import (
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
+
+
+_RING: Final = 4096
+_WINDOW_TICKS: Final = 2000
+_SPREAD_EVERY: Final = 100
+_SLIP_EVERY: Final = 20
+_RESYNC_FRAMES: Final = 50
+_MARGIN_FRAMES: Final = 2
+_CLOCK_STEP_NS: Final = 100_000_000
+
+
+@dataclass(frozen=True)
+class PlayoutStatistics:
+    """Delay and counts of the buffer.
+
+    ``delay_ms`` is the current delay between the time at which the quickest frame would have
+    arrived and its turn. ``bridged`` counts frames that were missing at their turn, ``late``
+    frames that came after it, ``slips`` single frames skipped or repeated to hold the delay, and
+    ``resyncs`` jumps after an interruption.
+    """
+
+    delay_ms: float
+    played: int
+    bridged: int
+    late: int
+    slips: int
+    resyncs: int
+
+
+class PlayoutBuffer:
+    """A jitter buffer for one channel of vibration.
+
+    Parameters
+    ----------
+    delay_ms
+        Fixed delay, or "auto": the 99th percentile of the arrivals' lateness over the last
+        two seconds, plus two frames. Frames that are later than the longest delay do not
+        count, because no delay would save them.
+    longest_delay_ms
+        Bound of the automatic delay.
+    period_ns
+        Time between frames.
+    concealment
+        Fills in for missing frames; None fades out and in, with one sample a frame.
+    """
+
+    def __init__(
+        self,
+        delay_ms: float | Literal["auto"] = "auto",
+        longest_delay_ms: float = 100.0,
+        period_ns: int = 1_000_000,
+        concealment: Concealment | None = None,
+    ) -> None:
+        self._concealment = concealment or FadeOut()
+        self._period_ns = period_ns
+        self._automatic = delay_ms == "auto"
+        self._longest = max(1, round(longest_delay_ms * 1e6 / period_ns))
+        fixed = _MARGIN_FRAMES if delay_ms == "auto" else round(delay_ms * 1e6 / period_ns)
+        self._delay = min(max(fixed, 0), self._longest)
+        self._values: list[Sequence[float]] = [()] * _RING
+        self._sequences = [-1] * _RING
+        self._newest = -1
+        self._next: int | None = None
+        self._lags: deque[int] = deque(maxlen=_WINDOW_TICKS)
+        self._anchor: tuple[int, int] | None = None  # (sequence, time_ns) of the newest frame
+        self._quickest_ns = 0
+        self._now_ns: int | None = None
+        self._ticks = 0
+        self._played = self._bridged = self._late = self._slips = self._resyncs = 0
+
+    def push(self, sequence: int, time_ns: int, arrival_ns: int, values: Sequence[float]) -> None:
+        """Take a frame's samples, its follower's time stamp and the leader's arrival time."""
+        lag = arrival_ns - time_ns
+        if self._anchor is not None:
+            expected_ns = self._anchor[1] + (sequence - self._anchor[0]) * self._period_ns
+            if abs(time_ns - expected_ns) > _CLOCK_STEP_NS:
+                self._forget_clocks()
+        self._lags.append(lag)
+        if self._anchor is None or lag < self._quickest_ns:
+            self._quickest_ns = lag
+        if self._next is not None and sequence < self._next:
+            self._late += 1
+        if sequence > self._newest:
+            self._newest = sequence
+            self._anchor = (sequence, time_ns)
+        place = sequence % _RING
+        self._values[place] = values
+        self._sequences[place] = sequence
+
+    def pull(self, now_ns: int) -> Sequence[float]:
+        """Return the samples of this tick; call once for each tick, missed ones included."""
+        self._ticks += 1
+        if self._now_ns is not None:
+            step_ns = now_ns - self._now_ns - self._period_ns
+            if abs(step_ns) > _CLOCK_STEP_NS:
+                self._forget_clocks()
+        self._now_ns = now_ns
+        if self._anchor is not None:
+            if self._ticks % _SPREAD_EVERY == 0:
+                self._follow_jitter()
+            self._hold_delay(self._due(now_ns, self._anchor))
+        if self._next is None:
+            return self._concealment.bridge()
+        sequence = self._next
+        self._next = sequence + 1
+        place = sequence % _RING
+        if self._sequences[place] == sequence:
+            self._played += 1
+            return self._concealment.play(self._values[place])
+        if sequence <= self._newest + self._longest:
+            self._bridged += 1
+        return self._concealment.bridge()
+
+    def statistics(self) -> PlayoutStatistics:
+        """Return the counts so far."""
+        return PlayoutStatistics(
+            delay_ms=self._delay * self._period_ns / 1e6,
+            played=self._played,
+            bridged=self._bridged,
+            late=self._late,
+            slips=self._slips,
+            resyncs=self._resyncs,
+        )
+
+    def age_ms(self, clock_offset_ns: int | None) -> float | None:
+        """Return how long after its measurement a frame is played (ms), or None if unknown.
+
+        Parameters
+        ----------
+        clock_offset_ns
+            The follower's clock minus this one, or None if it is not known.
+        """
+        if clock_offset_ns is None or self._anchor is None:
+            return None
+        quickest_ns = self._quickest_ns + clock_offset_ns
+        return round((quickest_ns + self._delay * self._period_ns) / 1e6, 3)
+
+    def _forget_clocks(self) -> None:
+        """Compare the clocks anew from the next frame on; frames in the buffer are still played."""
+        self._lags.clear()
+        self._anchor = None
+
+    def _due(self, now_ns: int, anchor: tuple[int, int]) -> int:
+        """Return the sequence number whose turn it is at this time."""
+        sequence, time_ns = anchor
+        since = now_ns - self._quickest_ns - time_ns
+        return sequence + since // self._period_ns - self._delay
+
+    def _follow_jitter(self) -> None:
+        lags = sorted(self._lags)
+        self._quickest_ns = lags[0]
+        if not self._automatic:
+            return
+        saved = bisect_right(lags, lags[0] + self._longest * self._period_ns)
+        spread = lags[min(saved - 1, (99 * saved) // 100)] - lags[0]
+        wanted = -(-spread // self._period_ns) + _MARGIN_FRAMES
+        self._delay = min(int(wanted), self._longest)
+
+    def _hold_delay(self, due: int) -> None:
+        """Slip by one frame now and then; jump after an interruption or in silence."""
+        if self._next is None:
+            self._next = due if due >= 0 else None
+            return
+        off = due - self._next
+        if abs(off) > _RESYNC_FRAMES:
+            self._next = due
+            self._resyncs += 1
+        elif abs(off) > 1 and self._concealment.silent:
+            self._next = due
+        elif abs(off) > 1 and self._ticks % _SLIP_EVERY == 0:
+            self._next += 1 if off > 0 else -1
+            self._slips += 1
+
 
 _PEAK_DECAY: Final = 0.995
 _PEAKS: Final = 2.0
@@ -91,7 +272,7 @@ class StreamedVibration(Part):
 
     def metrics(self) -> "Iterable[Metric]":
         """Return the current delay."""
-        from mmt.core.exposition import gauge
+        from mmt.core.output.exposition import gauge
 
         delay_s = self.buffer.statistics().delay_ms / 1e3
         yield gauge("playout_delay_seconds", "Delay of the playout buffer.", delay_s)

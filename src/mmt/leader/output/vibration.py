@@ -9,8 +9,8 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
+from mmt.core.guards import VibrationSlew
 from mmt.leader.motion.hand import loss_metrics
-from mmt.leader.motion.slew import VibrationSlew
 from mmt.leader.output.renderer import MotionFollowing, SynthesizedVibration, TouchDownRenderer
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Actuator, Texture
@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from mmt.devices.reconnection import ReconnectingActuator
     from mmt.leader.output.model_crossfade import Renderer
     from mmt.leader.output.stream import StreamedVibration
-    from mmt.leader.output.streamed_motion import StreamedMotion
-    from mmt.leader.output.synthesis import Landing
+    from mmt.leader.output.synthesis import Landing, StreamedMotion
 
 Mode = Literal["silent", "streamed", "fading", "synthesized"]
 
@@ -316,7 +315,7 @@ class VibrationPart(Part):
 
     def metrics(self) -> "Iterable[Metric]":
         """Return the mode of vibration, and the actuator's losses."""
-        from mmt.core.exposition import state
+        from mmt.core.output.exposition import state
 
         text = "What drives the actuator."
         yield state("vibration_mode", text, "mode", self.mode, get_args(Mode))

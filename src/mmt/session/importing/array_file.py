@@ -11,8 +11,8 @@ import numpy as np
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.extras import require
+from mmt.core.files.untrusted import load_arrays
 from mmt.core.frames import FRAMES_HZ, MOST_SAMPLES, frame_dtype
-from mmt.core.untrusted_files import load_arrays
 from mmt.session.data import FRAME_PERIOD_NS
 from mmt.session.importing.cells import columns_of, numbers_in
 from mmt.session.importing.columns import (

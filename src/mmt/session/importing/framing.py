@@ -8,14 +8,8 @@ import numpy as np
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.core.frames import (
-    ALL_CHANNELS,
-    FIELD_OF_CHANNEL,
-    MOST_SAMPLES,
-    SEQUENCES,
-    Channel,
-    frame_dtype,
-)
+from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, MOST_SAMPLES, Channel, frame_dtype
+from mmt.core.sequence_numbers import SEQUENCES
 from mmt.session.data import FRAME_PERIOD_NS, FRAME_PERIOD_S, sample_times
 from mmt.session.importing.resampling import RATE_HZ, resample
 from mmt.session.importing.samples import Samples

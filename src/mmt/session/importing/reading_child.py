@@ -30,7 +30,7 @@ from typing import IO, Any, Final, NamedTuple, ParamSpec, TypeVar
 import psutil
 
 from mmt.core.errors import InputError, MmtError, short_message
-from mmt.core.programs import handle_end_signals, import_path, python_command
+from mmt.core.running.programs import handle_end_signals, import_path, python_command
 from mmt.session.folders import size_bytes
 from mmt.session.importing.options import ImportOptions
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
+from mmt.core.files.untrusted import require_fetched
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, FRAMES_HZ, Channel, samples_per_frame
 from mmt.core.rotations import turn_into_scene
-from mmt.core.untrusted_files import require_fetched
 from mmt.session.data import RecordedSession
 from mmt.session.formats import find_format, suffixes
 from mmt.session.importing.checks import ImportReport, assess

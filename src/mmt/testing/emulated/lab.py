@@ -8,7 +8,7 @@ import sys
 from typing import Final
 
 from mmt.core.plugins import load, offered
-from mmt.core.process import ask_for_short_turns
+from mmt.core.running.process import ask_for_short_turns
 from mmt.testing.emulated.clockwork import Clockwork
 from mmt.testing.emulated.lab_process import LabDevice, run_lab
 from mmt.testing.emulated.world import TICK_NS, World

@@ -15,8 +15,8 @@ from contextlib import suppress
 from typing import Any, Final, Protocol
 
 from mmt.core.errors import MmtError
-from mmt.core.process import SWITCH_INTERVAL_S
-from mmt.core.programs import python_command
+from mmt.core.running.process import SWITCH_INTERVAL_S
+from mmt.core.running.programs import python_command
 
 _START_S: Final = 20.0
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
-from mmt.core.untrusted_files import load_arrays
+from mmt.core.files.untrusted import load_arrays
 from mmt.testing.simulation import PERIOD_S, RATE_HZ
 
 MOTION_BAND_HZ: Final = 40.0

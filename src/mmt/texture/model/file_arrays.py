@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.errors import InputError
-from mmt.core.untrusted_files import load_arrays
+from mmt.core.files.untrusted import load_arrays
 from mmt.texture.settings import CHANNELS
 
 Arrays = dict[str, Any]

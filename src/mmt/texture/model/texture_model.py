@@ -18,8 +18,8 @@ import numpy.typing as npt
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.bounds import RateHz, check
 from mmt.core.errors import InputError
-from mmt.core.existing_files import replacing
-from mmt.core.plottable import Plottable
+from mmt.core.files.existing import replacing
+from mmt.core.output.plottable import Plottable
 from mmt.texture.interpolation.interpolant import (
     DIMENSIONS,
     MODEL_ORDER,

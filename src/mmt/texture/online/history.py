@@ -12,7 +12,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.bounds import check
 from mmt.core.errors import InputError
 from mmt.core.frames import check_frame_rate, check_frames, samples_per_frame
-from mmt.core.plottable import Plottable
+from mmt.core.output.plottable import Plottable
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.log import ModelLog
 from mmt.texture.online.modeller import OnlineModeller

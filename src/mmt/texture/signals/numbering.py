@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import IntArray, RecordArray
-from mmt.core.frames import SEQUENCES
+from mmt.core.sequence_numbers import SEQUENCES
 
 _LONGEST_GAP: Final = 2**20  # frames, 17 min at 1 kHz, that may be missing at a wrap
 _GRID: Final = 1000

@@ -10,8 +10,7 @@ import aiohttp
 from mmt.core.errors import InputError, MmtError
 from mmt.link.access import TOKEN_VARIABLE, Access, check_scheme
 from mmt.link.connection import check_url, connection_advice
-from mmt.web.binary_messages import header_of
-from mmt.web.page_server import REFUSED
+from mmt.web.page_server import REFUSED, header_of
 
 _TIMEOUT_S: Final = 10.0
 _NOT_FOUND: Final = 404

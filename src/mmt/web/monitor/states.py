@@ -10,10 +10,10 @@ import numpy.typing as npt
 from mmt.core.extras import __version__
 from mmt.scene import Scene, Texture
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
-from mmt.web.binary_messages import pack
+from mmt.web.page_server import pack
 
 if TYPE_CHECKING:
-    from mmt.core.ticking import Ticker, TimeHistogram
+    from mmt.core.running.ticking import Ticker, TimeHistogram
     from mmt.link.server import LeaderServer
     from mmt.texture.completion.criterion import Progress
     from mmt.texture.model.texture_model import TextureModel

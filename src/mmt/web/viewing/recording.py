@@ -10,11 +10,11 @@ from mmt.scene.files import scene_of_recording
 from mmt.session.mcap_index import open_windows
 from mmt.session.windows import SessionWindows, Window
 from mmt.texture.model.texture_model import TextureModel
-from mmt.web.binary_messages import pack
 from mmt.web.monitor import states
+from mmt.web.page_server import pack
 from mmt.web.viewing import traces
-from mmt.web.viewing.events import LinkRecord, session_events, switch_s
 from mmt.web.viewing.rebuilding import ModelRebuild, ModelState
+from mmt.web.viewing.traces import LinkRecord, session_events, switch_s
 
 LONGEST_COURSE_S: Final = 60.0
 """Longest span of force and position in one message."""

@@ -14,7 +14,7 @@ from aiohttp import web
 
 from mmt.core.errors import InputError
 from mmt.link.access import Access, Entrance
-from mmt.link.http import Listener
+from mmt.link.serving.http import Listener
 from mmt.web.page_server import add_page, monitor_files
 from mmt.web.viewing.recording import ViewedRecording
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import MmtError
-from mmt.core.ticking import Ticker
+from mmt.core.running.ticking import Ticker
 from mmt_devices.universal_robots.emulated.arm import (
     EMERGENCY_STOP,
     PLAYING,

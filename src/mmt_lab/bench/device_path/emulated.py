@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection
 from typing import Any, Final
 
 from mmt.core.arrays import Vector
-from mmt.core.process import PRIORITY, prefer_even_ticks, wake_on_time
+from mmt.core.running.process import PRIORITY, prefer_even_ticks, wake_on_time
 from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.adxl335.gravity import nominal
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board

@@ -14,8 +14,8 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import CHANNELS
-from mmt.core.process import be_real_time, prefer_even_ticks
-from mmt.core.ticking import Ticker
+from mmt.core.running.process import be_real_time, prefer_even_ticks
+from mmt.core.running.ticking import Ticker
 from mmt.devices.drivers import load_device
 from mmt.devices.source import PERIOD_NS, DeviceSource
 from mmt.testing.emulated.hd import EmulatedHd

@@ -16,7 +16,7 @@ import psutil
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.frames import empty_frames
-from mmt.leader.output.playout import PlayoutBuffer
+from mmt.leader.output.stream import PlayoutBuffer
 from mmt.scene import Hand, Link
 from mmt.session.mcap_reader import scanned_frames
 from mmt.session.mcap_scan import scan_mcap

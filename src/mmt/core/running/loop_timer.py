@@ -4,7 +4,7 @@ import asyncio
 import time
 from collections.abc import Callable
 
-from mmt.core.ticking import TimerFile, open_timer
+from mmt.core.running.ticking import TimerFile, open_timer
 
 
 class LoopTimer:

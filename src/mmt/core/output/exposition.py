@@ -16,7 +16,7 @@ from prometheus_client.core import (
 )
 
 from mmt.core.extras import __version__
-from mmt.core.ticking import TickStatistics, TimeHistogram
+from mmt.core.running.ticking import TickStatistics, TimeHistogram
 
 _AROUND_A_TICK_S: Final = (9e-4, 9.5e-4, 9.8e-4, 1e-3, 1.02e-3, 1.05e-3, 1.1e-3, 1.2e-3, 1.5e-3)
 BOUNDS_S: Final = (

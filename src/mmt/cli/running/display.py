@@ -13,7 +13,7 @@ from rich.segment import ControlType
 from rich.text import Text
 
 from mmt.cli.common import output
-from mmt.core.queued_output import is_behind
+from mmt.core.output.streams import is_behind
 from mmt.core.verdict import State, Verdict
 
 _STYLES: Final[dict[State, str]] = {

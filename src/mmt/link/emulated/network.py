@@ -17,10 +17,10 @@ from typing import Any, Final, Literal
 from aiohttp import web
 
 from mmt.core.errors import InputError
-from mmt.core.loop_timer import LoopTimer
-from mmt.link.accepting import HANDSHAKE_S
-from mmt.link.impairments import MessageImpairments
+from mmt.core.running.loop_timer import LoopTimer
+from mmt.link.emulated.impairments import MessageImpairments
 from mmt.link.queue import SendQueue
+from mmt.link.serving.accepting import HANDSHAKE_S
 from mmt.scene import Network
 from mmt.scene.files import table_from
 

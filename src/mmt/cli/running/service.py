@@ -24,11 +24,11 @@ from mmt.cli.common import (
     write_json,
     write_line,
 )
-from mmt.cli.run_display import StatusLine, print_ending
+from mmt.cli.running.display import StatusLine, print_ending
 from mmt.core.errors import MmtError
 from mmt.core.extras import __version__, optional_import
-from mmt.core.logs import Logs, details
-from mmt.core.queued_output import drain_output
+from mmt.core.output.logs import Logs, details
+from mmt.core.output.streams import drain_output
 from mmt.scene import Scene, Service
 from mmt.scene.added import Flag, imported
 
@@ -194,7 +194,7 @@ class ServiceRun(ABC, Generic[AnyService]):
         options, logger = self.options, logging.getLogger(f"mmt.{self.name}")
         require_one_output(options.json_file, json_lines=options.json_lines)
         if options.realtime:
-            from mmt.core.process import require_real_time
+            from mmt.core.running.process import require_real_time
 
             require_real_time()
         if options.verbose and not options.json_lines:
@@ -234,7 +234,7 @@ class ServiceRun(ABC, Generic[AnyService]):
 
         def ready() -> None:
             if self.options.realtime:
-                from mmt.core.process import be_real_time
+                from mmt.core.running.process import be_real_time
 
                 be_real_time()
             self.on_ready(service)

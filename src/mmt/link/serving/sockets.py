@@ -9,9 +9,9 @@ from typing import Final
 import socketio
 from aiohttp import WSCloseCode, web
 
-from mmt.link.accepting import HANDSHAKE_S, admit_connection
+from mmt.link.incoming import HandshakeLimit, RateLimit
 from mmt.link.queue import UnbufferedSend
-from mmt.link.rate_limit import HandshakeLimit, RateLimit
+from mmt.link.serving.accepting import HANDSHAKE_S, admit_connection
 from mmt.link.websocket import LINK_PATH, Handlers, Send, receive_directly
 
 _NAMESPACE: Final = "/"

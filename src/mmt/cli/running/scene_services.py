@@ -8,10 +8,10 @@ from typing import Any, Final
 
 from rich.console import Console
 
-from mmt.cli.child import Child
 from mmt.cli.common import messages, open_page, stopping_on_signals
-from mmt.cli.run_display import StatusLine
-from mmt.cli.service import SideService
+from mmt.cli.running.child import Child
+from mmt.cli.running.display import StatusLine
+from mmt.cli.running.service import SideService
 from mmt.scene import Scene
 from mmt.scene.added import added_flags
 
@@ -151,7 +151,7 @@ class _Services:
     async def _start(self, name: str, arguments: list[str]) -> Child:
         child = await Child.start(
             name,
-            "mmt.cli.child",
+            "mmt.cli.running.child",
             [name, *arguments],
             self.environment,
             lambda sentence: self.line.print_line(f"{name}: {sentence}"),

@@ -1,7 +1,7 @@
 """Run a service as a child process that reports in JSON lines.
 
-``python -m mmt.cli.child leader`` runs ``mmt-leader``, and ends it in order when standard input is
-closed, which the system does however the parent ends.
+``python -m mmt.cli.running.child leader`` runs ``mmt-leader``, and ends it in order when standard
+input is closed, which the system does however the parent ends.
 """
 
 import asyncio
@@ -16,7 +16,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from mmt.cli.entry import start
-from mmt.core.programs import python_command
+from mmt.core.running.programs import python_command
 
 _LONGEST_LINE: Final = 2**20
 _KEPT_MESSAGES: Final = 2**16
@@ -24,7 +24,7 @@ _KEPT_MESSAGES: Final = 2**16
 KILL: Final = signal.SIGKILL if sys.platform != "win32" else signal.SIGTERM
 """Signal that ends a process at once, on every system."""
 _WARNING: Final = b"warning: "
-"""Prefix of a line with a warning; see `mmt.core.logs`."""
+"""Prefix of a line with a warning; see `mmt.core.output.logs`."""
 
 
 class Child:

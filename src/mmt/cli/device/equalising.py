@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from mmt.cli.common import messages, noting, output, raise_problems, write_json
-from mmt.cli.device_testing import devices_named, options_from
+from mmt.cli.device.testing import devices_named, options_from
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.core.existing_files import replacing
-from mmt.core.untrusted_files import load_arrays
+from mmt.core.files.existing import replacing
+from mmt.core.files.untrusted import load_arrays
 from mmt.devices.drivers import load_device
 from mmt.devices.haptuator.drive import store_level
 from mmt.devices.haptuator.equaliser import fit_equaliser

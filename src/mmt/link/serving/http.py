@@ -11,10 +11,10 @@ from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
 
 from mmt.core.errors import InputError, MmtError
-from mmt.link.accepting import Acceptor, admit_connection, watch_connections
 from mmt.link.access import FOLLOWERS, Access, Entrance, check_listening, is_address, is_loopback
 from mmt.link.protocol import MAX_MESSAGE_BYTES, PING_INTERVAL_S, PING_TIMEOUT_S
-from mmt.link.server_sockets import ServerSockets
+from mmt.link.serving.accepting import Acceptor, admit_connection, watch_connections
+from mmt.link.serving.sockets import ServerSockets
 from mmt.link.websocket import LINK_PATH, Packet, wire_logger
 from mmt.scene.table import ServedTable
 
@@ -113,7 +113,7 @@ class Listener:
     busy
         Returns whether a session is under way, which many strangers at once would disturb.
     most
-        Most connections at once; see `mmt.link.accepting.Acceptor`.
+        Most connections at once; see `mmt.link.serving.accepting.Acceptor`.
     origins
         Other sites whose pages may connect, see `own_pages_only`.
     """

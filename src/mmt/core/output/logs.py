@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from mmt.core.errors import InputError, MmtError, printable
-from mmt.core.queued_output import QueuedStream
+from mmt.core.output.streams import QueuedStream
 
 LEVELS: Final = ("debug", "info", "warning", "error")
 

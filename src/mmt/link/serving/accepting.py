@@ -24,10 +24,10 @@ from weakref import WeakValueDictionary
 from aiohttp import web
 from aiohttp.typedefs import Handler
 
-from mmt.core.logs import RepeatLimit
+from mmt.core.output.logs import RepeatLimit
 
 if TYPE_CHECKING:
-    from mmt.link.gate import Gate
+    from mmt.link.serving.gate import Gate
 
 LOG: Final = logging.getLogger("mmt.link")
 
@@ -181,7 +181,7 @@ class Acceptor:
             The host or the port cannot be used.
         """
         if guarded:
-            from mmt.link.gate import Gate
+            from mmt.link.serving.gate import Gate
 
             self._gate = Gate
         loop, make = asyncio.get_running_loop(), runner.server

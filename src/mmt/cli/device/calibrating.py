@@ -13,11 +13,11 @@ import numpy as np
 import typer
 
 from mmt.cli.common import messages, noting, output, raise_problems, summary_table, write_json
-from mmt.cli.device_testing import devices_named, is_scene
+from mmt.cli.device.testing import devices_named, is_scene
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
-from mmt.core.existing_files import write_file
-from mmt.core.ticking import Ticker
+from mmt.core.files.existing import write_file
+from mmt.core.running.ticking import Ticker
 from mmt.devices import tool_load
 from mmt.devices.adxl335 import sensor as adxl335
 from mmt.devices.adxl335.gravity import (

@@ -1,0 +1,1 @@
+"""``mmt device``: test, calibrate and equalise devices."""

@@ -1,0 +1,1 @@
+"""Run services from a command line, and show how they run."""

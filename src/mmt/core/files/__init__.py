@@ -1,0 +1,1 @@
+"""Files: whole when written, checked when read."""

@@ -1,0 +1,1 @@
+"""What a program says: streams, logs, metrics, tables, plots and their colours."""

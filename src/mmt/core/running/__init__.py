@@ -1,0 +1,1 @@
+"""The running program: its process, signals, ticks, timers and end."""

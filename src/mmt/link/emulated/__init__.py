@@ -1,0 +1,1 @@
+"""The emulated network between follower and leader."""
