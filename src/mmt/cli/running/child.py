@@ -1,7 +1,7 @@
 """Run a service as a child process that reports in JSON lines.
 
-``python -m mmt.cli.running.child leader`` runs ``mmt-leader``, and ends it in order when standard
-input is closed, which the system does however the parent ends.
+``python -m mmt.cli.running.child leader`` runs ``mmt-leader``, and ends it in order when the parent
+ends.
 """
 
 import asyncio
@@ -9,13 +9,13 @@ import json
 import os
 import signal
 import sys
-import threading
 import time
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, Final
 
 from mmt.cli.entry import start
+from mmt.core.running.child_process import when_parent_ends
 from mmt.core.running.programs import python_command
 
 _LONGEST_LINE: Final = 2**20
@@ -166,12 +166,6 @@ def _parsed(raw: bytes) -> dict[str, Any]:
     return {"kind": "event", "event": raw.decode(errors="replace").strip()}
 
 
-def _end_with_starter() -> None:
-    while os.read(0, 1):
-        pass
-    os.kill(os.getpid(), signal.SIGTERM)
-
-
 if __name__ == "__main__":
-    threading.Thread(target=_end_with_starter, name="starter", daemon=True).start()
+    when_parent_ends(lambda: os.kill(os.getpid(), signal.SIGTERM))
     start(sys.argv.pop(1))

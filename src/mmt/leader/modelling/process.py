@@ -1,26 +1,20 @@
 """The modelling process, which shares no interpreter lock with the leader's ticks.
 
-The leader writes pickled calls of `Stages` to the standard input of this child process and reads
-an answer to each from its standard output. The process ends when its input is closed, so that no
-leader leaves one behind.
+The leader sends this child process calls of `Stages`, and gets an answer to each.
 """
 
 import gc
-import os
-import pickle
-import signal
-import subprocess
 import sys
 from asyncio import wrap_future
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from threading import Event
-from typing import IO, TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from mmt.core.errors import MmtError
 from mmt.core.extras import require
+from mmt.core.running.child_process import ChildProcess, Parent
 from mmt.core.running.process import ProcessMeter, lower_priority, release_compiler
-from mmt.core.running.programs import handle_end_signals, python_command
 from mmt.texture.modeller_factory import ModellerFactory
 
 if TYPE_CHECKING:
@@ -45,7 +39,7 @@ class ModellingProcess:
         self.numerics = ModellerFactory(settings, period_s).numerics
         """Names of the modules that the process imports before it models."""
         self._waiting: list[tuple[object, ...]] = []
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: ChildProcess | None = None
         self._meter: ProcessMeter | None = None
         self._closed = Event()
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="modelling")
@@ -76,12 +70,7 @@ class ModellingProcess:
         if self._process is None:
             for package in ("numba", "scipy"):
                 require(package)  # else it would end with a traceback
-            self._process = subprocess.Popen(  # noqa: S603 - our own module
-                python_command("-m", __name__, *self.numerics),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                start_new_session=sys.platform != "win32",
-            )
+            self._process = ChildProcess("-m", __name__, *self.numerics)
 
     def start(self) -> Future[None]:
         """Start to model, launch if necessary; return a future that is done when ready."""
@@ -122,8 +111,7 @@ class ModellingProcess:
             self._process.kill()
         self._worker.shutdown(cancel_futures=True)
         if self._process is not None:
-            with suppress(OSError), self._process:  # unsent data cannot be flushed
-                pass
+            self._process.close()
 
     def _start(self) -> None:
         if self._closed.is_set():
@@ -138,12 +126,9 @@ class ModellingProcess:
     def _exchange(self, message: object) -> Any:
         process = self._process
         assert process is not None  # noqa: S101 - it is started before anything else
-        assert process.stdin is not None  # noqa: S101 - it was asked for
-        assert process.stdout is not None  # noqa: S101 - it was asked for
         try:
-            _write(process.stdin, message)
-            fault, answer = pickle.load(process.stdout)  # noqa: S301 - from ours
-        except (EOFError, OSError, pickle.UnpicklingError) as error:
+            fault, answer = process.ask(message)
+        except EOFError as error:
             code = process.wait()
             how = f"was ended by signal {-code}" if code < 0 else f"has ended with code {code}"
             raise MmtError(f"the process that models {how}") from error
@@ -152,34 +137,26 @@ class ModellingProcess:
         return answer
 
 
-def _write(stream: IO[bytes], message: object) -> None:
-    pickle.dump(message, stream, pickle.HIGHEST_PROTOCOL)
-    stream.flush()
-
-
 def main() -> None:
-    """Run the process until its input is closed."""
-    handle_end_signals(signal.SIG_IGN)  # the leader says when it ends
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # printed text must not mix with the answers
+    """Run the process until the leader has gone."""
+    leader = Parent()
     with suppress(EOFError, BrokenPipeError):
         try:
-            _answer(answers)
+            _answer(leader)
         except (EOFError, BrokenPipeError):
             raise  # the leader has ended
         except Exception as error:
-            _write(answers, (f"{type(error).__name__}: {error}", None))
+            leader.send((f"{type(error).__name__}: {error}", None))
             raise
 
 
-def _answer(answers: IO[bytes]) -> None:
+def _answer(leader: Parent) -> None:
     from mmt.core.compiled import are_cached, collect_kernels, compile_collected
 
     kernels = collect_kernels(sys.argv[1:])
     if are_cached(kernels):
         compile_collected(kernels)
-    calls = sys.stdin.buffer
-    setup = pickle.load(calls)  # noqa: S301 - from the leader
+    setup = leader.receive()
     compile_collected(kernels)  # at the first start the leader has had them compiled meanwhile
     from mmt.leader.modelling.stages import Stages
 
@@ -187,11 +164,10 @@ def _answer(answers: IO[bytes]) -> None:
     gc.collect()
     gc.freeze()
     release_compiler()
-    _write(answers, (None, None))
+    leader.send((None, None))
     lower_priority()  # the leader's ticks come first
-    while True:
-        name, arguments, named = pickle.load(calls)  # noqa: S301 - from the leader
-        _write(answers, (None, getattr(stages, name)(*arguments, **named)))
+    for name, arguments, named in leader:
+        leader.send((None, getattr(stages, name)(*arguments, **named)))
 
 
 if __name__ == "__main__":

@@ -11,9 +11,7 @@ fail instead, which libraries report as damage of the file, or wait for ever.
 import logging
 import math
 import os
-import pickle
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -24,13 +22,13 @@ from contextlib import suppress
 from logging.handlers import QueueHandler
 from pathlib import Path
 from queue import SimpleQueue
-from tempfile import TemporaryFile
-from typing import IO, Any, Final, NamedTuple, ParamSpec, TypeVar
+from typing import Any, Final, NamedTuple, ParamSpec, TypeVar
 
 import psutil
 
 from mmt.core.errors import InputError, MmtError, short_message
-from mmt.core.running.programs import handle_end_signals, import_path, python_command
+from mmt.core.running.child_process import ChildProcess, Parent, when_parent_ends
+from mmt.core.running.programs import import_path
 from mmt.session.folders import size_bytes
 from mmt.session.importing.options import ImportOptions
 
@@ -43,7 +41,6 @@ _TIME_S: Final = 60.0
 _TIME_S_PER_MB: Final = 5.0
 """Workbooks take 2 s/MB on two busy cores, bags of short messages 0.7, other formats 0.03."""
 _LOOK_S: Final = 0.01
-_SHOWN_BYTES: Final = 1000
 
 _PROGRAM: Final = "from mmt.session.importing.reading_child import main; main()"
 
@@ -114,36 +111,23 @@ def read_limited(
 def _ask(request: object, limits: _Limits) -> _Answer | str:
     """Return a child's answer to a request, or why there is none."""
     done, over = threading.Event(), list[str]()
-    with TemporaryFile() as printed:
-        process = subprocess.Popen(  # noqa: S603 - our own module
-            python_command("-c", _PROGRAM),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=printed,
-            env={**os.environ, "PYTHONPATH": import_path()},
-            start_new_session=sys.platform != "win32",  # Ctrl-C reaches this process alone
-        )
-        watch = threading.Thread(target=_watch, args=(process, limits, done, over), daemon=True)
-        try:
-            with process:
-                watch.start()
-                assert process.stdin is not None  # noqa: S101 - it was asked for
-                assert process.stdout is not None  # noqa: S101 - it was asked for
-                pickle.dump(request, process.stdin)
-                process.stdin.flush()
-                answer: _Answer = pickle.load(process.stdout)  # noqa: S301 - from our own child
-            return _more("memory") if isinstance(answer.error, MemoryError) else answer
-        except (EOFError, OSError, pickle.UnpicklingError):
-            return over[0] if over else _how_ended(process.wait(), printed)
-        finally:
-            done.set()
-            process.kill()
-            process.wait()
+    environment = {**os.environ, "PYTHONPATH": import_path()}
+    process = ChildProcess("-c", _PROGRAM, keeps_errors=True, env=environment)
+    watch = threading.Thread(target=_watch, args=(process, limits, done, over), daemon=True)
+    try:
+        watch.start()
+        answer: _Answer = process.ask(request)
+        process.end(None)  # what its library has open is closed; the watch goes on
+        return _more("memory") if isinstance(answer.error, MemoryError) else answer
+    except EOFError:
+        code = process.wait()
+        return over[0] if over else _how_ended(code, process.close())
+    finally:
+        done.set()
+        process.close()
 
 
-def _watch(
-    process: "subprocess.Popen[bytes]", limits: _Limits, done: threading.Event, over: list[str]
-) -> None:
+def _watch(process: ChildProcess, limits: _Limits, done: threading.Event, over: list[str]) -> None:
     """End a process that exceeds a limit; `over` gets what the process did."""
     end_s = time.monotonic() + limits.time_s
     with suppress(psutil.Error):  # the process has ended
@@ -161,31 +145,26 @@ def _more(what: str) -> str:
     return f"it took more {what} than it may"
 
 
-def _how_ended(code: int, printed: IO[bytes]) -> str:
+def _how_ended(code: int, last_words: str) -> str:
     how = f"with code {code}"
     if code < 0 and sys.platform != "win32":
         how = f"by {signal.Signals(-code).name}"
-    printed.seek(max(0, printed.seek(0, os.SEEK_END) - _SHOWN_BYTES))
-    last = printed.read().decode(errors="replace").strip().rpartition("\n")[2]
-    said = f" ({short_message(last)})" if last else ""
+    said = f" ({short_message(last_words)})" if last_words else ""
     return f"the library that reads it ended {how}{said}, as on a damaged file"
 
 
 def main() -> None:
-    """Read as the request at standard input says, and write the answer to standard output."""
-    handle_end_signals(signal.SIG_IGN)  # the parent says when this ends
+    """Read as the parent's request says, and send the answer."""
+    parent = Parent()
     reads_here.set()
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # printed text must not mix with the answer
-    time_s, read, args, kwargs = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent
+    time_s, read, args, kwargs = parent.receive()
     if sys.platform != "win32":
         signal.alarm(math.ceil(time_s) + 1)  # if the parent ends while a library holds the lock
     has_read = threading.Event()
-    threading.Thread(target=_end_with_parent, args=(has_read,), daemon=True).start()
+    when_parent_ends(lambda: has_read.is_set() or os._exit(1))
     answer = _answer(read, args, kwargs)
     has_read.set()
-    pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)
-    answers.close()
+    parent.send(answer)
 
 
 def _answer(read: Callable[..., Any], args: Any, kwargs: Any) -> _Answer:
@@ -204,11 +183,3 @@ def _answer(read: Callable[..., Any], args: Any, kwargs: Any) -> _Answer:
     records = [log.get() for _ in range(log.qsize())]
     warned = [(str(w.message), w.category, w.filename, w.lineno) for w in caught]
     return _Answer(error, result, records, warned)
-
-
-def _end_with_parent(has_read: threading.Event) -> None:
-    """End this process when its input is closed, which the system does however the parent ends."""
-    while os.read(0, 1):
-        pass
-    if not has_read.is_set():
-        os._exit(1)
