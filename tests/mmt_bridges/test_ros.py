@@ -116,7 +116,7 @@ class Running:
         self.part = part
         self.session.parts.add(part)
         part.connect()
-        self.process = part._outlet.process  # to be killed and stopped
+        self.process = part._outlet  # to be killed and stopped
 
     def send(self, frames):
         self.remote.follower_time_ns = int(frames["time_ns"][-1])

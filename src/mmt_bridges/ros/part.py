@@ -4,8 +4,6 @@ A process with a node, `mmt_bridges.ros.process`, publishes them. Stamps are UTC
 """
 
 import asyncio
-import json
-import subprocess
 import sys
 import time
 from collections import deque
@@ -14,12 +12,11 @@ from contextlib import suppress
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final
 
-import msgpack
 import numpy as np
 
+from mmt.core.running.child_process import ChildProcess
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import require
-from mmt.core.running.programs import python_command
 from mmt.leader.part import Session
 from mmt.leader.publishing import Block, Marker, PublishingPart
 from mmt.session.data import to_json
@@ -126,12 +123,12 @@ class RosPart(PublishingPart["RosProcess"]):
             process.kill()
         super().close()
         if process is not None:
-            process.release()
+            process.close()
 
     def _leave(self) -> None:
         self._end()
         if self._outlet is not None:
-            self._outlet.end()
+            self._outlet.end(None)
 
     def _push(self) -> None:
         super()._push()
@@ -140,8 +137,8 @@ class RosPart(PublishingPart["RosProcess"]):
             self._pushed["models"] += 1
 
 
-class RosProcess:
-    """The process that publishes; methods raise `MmtError` if the process has ended.
+class RosProcess(ChildProcess):
+    """The process that publishes; methods that push raise `MmtError` if the process has ended.
 
     Parameters
     ----------
@@ -155,22 +152,13 @@ class RosProcess:
     """
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
-        self.process = subprocess.Popen(  # noqa: S603 - our own module
-            python_command("-m", "mmt_bridges.ros.process"),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            start_new_session=sys.platform != "win32",
-        )
-        assert self.process.stdin is not None  # noqa: S101 - it was asked for
-        assert self.process.stdout is not None  # noqa: S101 - it was asked for
-        self._input, self._output = self.process.stdin, self.process.stdout
+        super().__init__("-m", "mmt_bridges.ros.process")
         with suppress(OSError):  # it has ended already, and has written why
-            self._send(settings)
-        answer = self._read_line()
-        if "problem" in answer:
-            self.kill()
-            self.release()
-            raise InputError(f"[ros] cannot publish: {answer['problem']}")
+            self.send(settings)
+        problem = self._problem()
+        if problem is not None:
+            self.close()
+            raise InputError(f"[ros] cannot publish: {problem}")
 
     def push_frames(self, blocks: Sequence[Block]) -> None:
         """Push blocks of frames, with their times converted to UTC."""
@@ -187,34 +175,15 @@ class RosProcess:
         """Push a model's file."""
         self._write({"model": model})
 
-    def end(self) -> None:
-        """Close the process's input; wait until it has published all it has, and ended."""
-        with suppress(OSError):  # it has ended by itself
-            self._input.close()
-        self.process.wait()
-
-    def kill(self) -> None:
-        """Kill the process, and wait until it has ended."""
-        self.process.kill()
-        self.process.wait()
-
-    def release(self) -> None:
-        """Close the pipes, after the process and the thread that wrote to it have ended."""
-        for pipe in (self._input, self._output):
-            with suppress(OSError):  # unsent bytes
-                pipe.close()
-
     def _write(self, message: object) -> None:
         try:
-            self._send(message)
+            self.send(message)
         except OSError as error:
-            raise MmtError(str(self._read_line()["problem"])) from error
+            raise MmtError(str(self._problem())) from error
 
-    def _send(self, message: object) -> None:
-        self._input.write(msgpack.packb(message))
-        self._input.flush()
-
-    def _read_line(self) -> dict[str, Any]:
-        """Return the next line that the process writes, or a problem if it has ended without."""
-        line = self._output.readline()
-        return json.loads(line) if line else {"problem": "the process that publishes has ended"}
+    def _problem(self) -> Any:
+        """Return what the process says next: its problem, or None once the topics exist."""
+        try:
+            return self.receive()
+        except EOFError:
+            return "the process that publishes has ended"

@@ -1,27 +1,22 @@
 """The process that publishes on topics of ROS 2, by rclpy.
 
-It is a child of the leader, so that rclpy does not delay the leader's ticks. Standard input takes
-msgpack maps: first the settings of `Publisher`, then ``{"frames": bytes}``, ``{"event": [UTC in ns,
-JSON]}`` and ``{"model": bytes}``. The process ends when this input is closed. To standard output it
-writes a JSON line when the topics exist, and one with a ``problem`` if it fails.
+It is a child of the leader, so that rclpy does not delay the leader's ticks. The leader sends the
+settings of `Publisher`, then ``{"frames": bytes}``, ``{"event": [UTC in ns, JSON]}`` and
+``{"model": bytes}``. The process answers None when the topics exist, and a sentence if it fails.
 """
 
 import json
-import os
-import signal
-import sys
 from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module
-from typing import Any, Final, TextIO
+from typing import Any, Final
 
-import msgpack
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
+from mmt.core.running.child_process import Parent
 from mmt.core.errors import short_message
 from mmt.core.frames import Channel, frame_dtype
 from mmt.core.running.process import lower_priority
-from mmt.core.running.programs import handle_end_signals
 from mmt_bridges.ros.messages import (
     CHANNEL_TOPICS,
     EVENTS,
@@ -34,8 +29,6 @@ from mmt_bridges.ros.messages import (
     Topic,
 )
 
-_CHUNK: Final = 65_536
-_LONGEST: Final = 1 << 30
 _KEPT_FRAMES: Final = 1000
 """Frames that can be sent again to a subscriber that has lost some: one second."""
 _KEPT: Final[dict[Topic, int]] = {EVENTS: 100, LOG: 100, SCENE: 1, MODEL: 1}
@@ -119,35 +112,18 @@ class Publisher:
         )
 
 
-def _input() -> Iterator[Any]:
-    """Yield the messages on standard input until it is closed."""
-    unpacker = msgpack.Unpacker(max_buffer_size=_LONGEST)
-    while chunk := os.read(sys.stdin.fileno(), _CHUNK):
-        unpacker.feed(chunk)
-        yield from unpacker
-
-
 def main() -> None:
-    """Run the process."""
-    handle_end_signals(signal.SIG_IGN)  # the leader says when it ends
+    """Publish until the leader has gone; tell it when the topics exist, or the problem."""
+    leader = Parent()
     lower_priority()  # so that subscribers do not delay the leader's ticks
-    with os.fdopen(os.dup(sys.stdout.fileno()), "w") as leader:
-        os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # keeps a middleware's prints apart
-        _publish(leader)
-
-
-def _publish(leader: TextIO) -> None:
-    """Publish until the input ends; tell the leader when the topics exist, or the problem."""
-    messages = _input()
     try:
-        publisher = Publisher(**next(messages))
-        print(json.dumps({"ready": True}), file=leader, flush=True)
-        for message in messages:
+        publisher = Publisher(**leader.receive())
+        leader.send(None)
+        for message in leader:
             publisher.publish(message)
         publisher.close()
     except Exception as error:  # noqa: BLE001 - the leader tells it
-        problem = short_message(error) or type(error).__name__
-        print(json.dumps({"problem": problem}), file=leader, flush=True)
+        leader.send(short_message(error) or type(error).__name__)
 
 
 if __name__ == "__main__":
