@@ -7,7 +7,6 @@ process ends when the driver's end of the pipes closes, which happens however th
 import contextlib
 import json
 import os
-import signal
 import struct
 import subprocess
 import sys
@@ -17,9 +16,9 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, Final, NoReturn
 
+from mmt.core.running.child_process import ChildProcess, Parent
 from mmt.core.errors import MmtError, short_message
 from mmt.core.running.process import prefer_even_ticks
-from mmt.core.running.programs import handle_end_signals, python_command
 
 ENDED: Final = b"E"
 """Message: the process ends; the body is the reason as text."""
@@ -64,7 +63,7 @@ class DriverProcess:
         self._counts = counts
         self.ended: str | None = None
         """Why the process has ended, None while it runs."""
-        self.child: subprocess.Popen[bytes] | None = None
+        self.child: ChildProcess | None = None
         self._files = (-1, -1)
         self._received = bytearray()
         self._lock = threading.Lock()
@@ -74,16 +73,12 @@ class DriverProcess:
 
     def start(self) -> None:
         """Start the process."""
-        self.child = subprocess.Popen(  # noqa: S603 - our own module
-            python_command("-m", self._module, json.dumps(self._arguments)),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
+        self.child = ChildProcess(
+            *("-m", self._module, json.dumps(self._arguments)),
+            own_session=False,
             stderr=subprocess.DEVNULL,  # libraries write there what the pipe reports already
             bufsize=0,
-            process_group=0,  # Ctrl-C is for the service, which releases the device first
         )
-        assert self.child.stdin is not None  # noqa: S101 - a pipe was asked for
-        assert self.child.stdout is not None  # noqa: S101 - likewise
         self._files = (self.child.stdin.fileno(), self.child.stdout.fileno())
         for file in self._files:
             os.set_blocking(file, False)
@@ -131,14 +126,9 @@ class DriverProcess:
             if child is None:
                 return
             self.ended = self.ended or reason
-            for pipe in (child.stdin, child.stdout):
-                if pipe is not None:
-                    pipe.close()
-        try:
-            child.wait(_CLOSE_S if self._heard else _UNHEARD_CLOSE_S)
-        except subprocess.TimeoutExpired:
-            child.kill()  # this ends its connections, which stops a device as well
-            child.wait()
+        # if it is killed, its connections end, which stops a device as well
+        child.end(_CLOSE_S if self._heard else _UNHEARD_CLOSE_S)
+        child.close()
 
 
 class DriverPipes:
@@ -193,10 +183,9 @@ def run_process(run: Callable[[dict[str, Any], DriverPipes], None], device: str)
     device
         Name of the device in messages.
     """
-    handle_end_signals(signal.SIG_IGN)  # the driver says when it ends
+    driver = Parent()
+    messages = driver.output.fileno()
     prefer_even_ticks()
-    messages = os.dup(1)
-    os.dup2(2, 1)  # the output of a library is no message
     os.set_blocking(0, False)
     os.set_blocking(messages, False)
     pipes = DriverPipes(0, messages)
