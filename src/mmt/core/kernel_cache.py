@@ -7,8 +7,8 @@ import subprocess
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from mmt.core.running.child_process import ChildProcess
 from mmt.core.extras import optional_import
-from mmt.core.running.programs import python_command
 
 _MOST_PROCESSES: Final = 4
 """Each process first imports the modules and the compiler: more are hardly faster."""
@@ -57,11 +57,10 @@ def compile_kernels(
 def _compile_beside(modules: Sequence[str]) -> None:
     shares = min(os.cpu_count() or 1, _MOST_PROCESSES)
     processes = [
-        subprocess.Popen(  # noqa: S603 - this interpreter, and names of modules
-            python_command("-c", _PROGRAM, json.dumps([modules, share, shares])),
+        ChildProcess(
+            *("-c", _PROGRAM, json.dumps([modules, share, shares])),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C reaches this program alone, which stops them
         )
         for share in range(shares)
     ]
@@ -70,8 +69,7 @@ def _compile_beside(modules: Sequence[str]) -> None:
             process.wait()
     finally:
         for process in processes:
-            with process:
-                process.kill()
+            process.close()
 
 
 def compile_share(modules: Sequence[str], share: int, shares: int) -> None:

@@ -3,9 +3,7 @@
 import atexit
 import json
 import logging
-import os
 import queue
-import subprocess
 import threading
 from contextlib import suppress
 from dataclasses import asdict
@@ -13,8 +11,8 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from mmt.core.arrays import Vector
+from mmt.core.running.child_process import ChildProcess
 from mmt.core.errors import DeviceLost, InputError, MmtError
-from mmt.core.running.programs import python_command
 from mmt.scene import Scene
 from mmt.scene.files import find_scene
 from mmt_bridges.lerobot.settings import Settings, session_scene
@@ -40,7 +38,7 @@ class SharedSession:
         self._scene: Scene | None = None
         self._users: set[object] = set()
         self._asking = threading.Lock()
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: ChildProcess | None = None
         self._reading: threading.Thread | None = None
         self._lines: queue.Queue[dict[str, Any]] = queue.Queue()
         self.given: list[float] | None = None
@@ -118,7 +116,7 @@ class SharedSession:
         request = json.dumps({"ask": what, "mm": action_mm}).encode() + b"\n"
         with self._asking:
             process = self._process
-            if process is None or process.stdin is None:
+            if process is None:
                 raise DeviceLost("the session of mmt has ended")
             with suppress(OSError):  # it has ended, and has written why
                 process.stdin.write(request)
@@ -142,12 +140,8 @@ class SharedSession:
     def _start(self) -> None:
         _ = self.scene  # raises if it cannot be used
         self.given, self._lines = None, queue.Queue()
-        self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and settings
-            python_command("-m", "mmt_bridges.lerobot.process", json.dumps(asdict(self._settings))),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            start_new_session=os.name == "posix",  # Ctrl-C is for LeRobot, which disconnects
-        )
+        settings = json.dumps(asdict(self._settings))
+        self._process = ChildProcess("-m", "mmt_bridges.lerobot.process", settings)
         atexit.register(self._close)  # LeRobot does not disconnect after each of its errors
         self._reading = threading.Thread(target=self._read, args=(self._process,), daemon=True)
         self._reading.start()
@@ -163,9 +157,8 @@ class SharedSession:
             self._close()
             raise MmtError(begun[_ENDED])
 
-    def _read(self, process: "subprocess.Popen[bytes]") -> None:
+    def _read(self, process: ChildProcess) -> None:
         """Queue the answers of the process; log its events, and what drivers print."""
-        assert process.stdout is not None  # noqa: S101 - it was asked for
         lines, why = self._lines, "the process of mmt has ended unexpectedly"
         for raw in process.stdout:
             line = _parsed(raw)
@@ -183,16 +176,9 @@ class SharedSession:
         self._process = self._reading = None
         if process is None or reading is None:
             return
-        assert process.stdin is not None and process.stdout is not None  # noqa: S101, PT018
-        with suppress(OSError):  # the last request cannot be sent any more
-            process.stdin.close()
-        try:
-            process.wait(_END_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        process.end(_END_S)
         reading.join(_END_S)
-        process.stdout.close()
+        process.close()
 
 
 def _parsed(raw: bytes) -> dict[str, Any]:

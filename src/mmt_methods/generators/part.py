@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import psutil
 
+from mmt.core.running.child_process import ChildProcess
 from mmt.core.errors import InputError, MmtError
-from mmt.core.running.programs import import_path, python_command
+from mmt.core.running.programs import import_path
 from mmt.leader.part import Part, Session
 from mmt_methods.generators.process import FIT, RENDER, RESET
 from mmt_methods.generators.registry import origin
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
 _LONGEST_START_S: Final = 120.0
 LONGEST_UPDATE_S: Final = 60.0
 """A fit that takes longer ends the generator."""
-_LEAVE_S: Final = 1.0
 
 
 class GeneratingPart(Part):
@@ -72,7 +72,7 @@ class GeneratingPart(Part):
         fade = round(fade_s * session.acceleration_rate_hz)
         self.vibration = GeneratedVibration(generator, synthesizer, fade, session.samples_per_frame)
         self._crossfade_samples = fade
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._processes: dict[str, ChildProcess] = {}
         self._ways: dict[str, Connection] = {}
         self._sender = ThreadPoolExecutor(max_workers=1, thread_name_prefix="generator")
         self._waiting = 0  # updates not fitted yet
@@ -143,11 +143,7 @@ class GeneratingPart(Part):
         """End both processes."""
         self._end()
         for process in self._processes.values():
-            try:
-                process.wait(_LEAVE_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            process.close()
         self._sender.shutdown(cancel_futures=True)
         for way in self._ways.values():
             way.close()
@@ -306,17 +302,17 @@ class GeneratingPart(Part):
         return seconds, memory_mb
 
 
-def _start(role: str, *connections: Connection) -> "subprocess.Popen[bytes]":
+def _start(role: str, *connections: Connection) -> ChildProcess:
     """Start a process with our import path, which Ctrl-C does not reach.
 
     It stays in our session: if Linux groups processes by session, niceness counts only within one.
     """
     descriptors = [connection.fileno() for connection in connections]
-    return subprocess.Popen(  # noqa: S603 - our own module
-        python_command("-m", "mmt_methods.generators.process", role, *map(str, descriptors)),
+    return ChildProcess(
+        *("-m", "mmt_methods.generators.process", role, *map(str, descriptors)),
+        own_session=False,
         stdin=subprocess.DEVNULL,
         stdout=2,  # a program may read the leader's stdout
         pass_fds=descriptors,
-        process_group=0,
         env={**os.environ, "PYTHONPATH": import_path()},
     )

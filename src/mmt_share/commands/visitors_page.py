@@ -9,16 +9,14 @@ import asyncio
 import os
 import socket
 import subprocess
-import sys
-import tempfile
 import time
 from collections.abc import Coroutine
 from contextlib import suppress
 from io import StringIO
-from typing import IO, Any, Final
+from typing import Any, Final
 
+from mmt.core.running.child_process import ChildProcess
 from mmt.core.errors import InputError
-from mmt.core.running.programs import python_command
 from mmt.link.access import Access
 from mmt.scene import Scene
 from mmt.scene.table import ServedTable
@@ -45,8 +43,7 @@ class VisitorsPage:
 
     def __init__(self, token: str | None = None, *, code: bool = True) -> None:
         self._token, self._code = token, code
-        self._process: subprocess.Popen[bytes] | None = None
-        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
+        self._process: ChildProcess | None = None
         self.address: str | None = None
         """Address of the page, or None until it is served."""
 
@@ -67,16 +64,12 @@ class VisitorsPage:
         process has ended instead, the text says why.
         """
         port = _free_port()
-        self._process = subprocess.Popen(  # noqa: S603 - our own program; returns at once
-            [
-                *python_command("-m", "mmt.cli.running.child", "main", "play", "--from", url),
-                *("--host", "0.0.0.0", "--port", str(port), "--open"),  # noqa: S104 - it is asked for
-            ],
-            stdin=subprocess.PIPE,
+        self._process = ChildProcess(
+            *("-m", "mmt.cli.running.child", "main", "play", "--from", url),
+            *("--host", "0.0.0.0", "--port", str(port), "--open"),  # noqa: S104 - it is asked for
+            keeps_errors=True,
             stdout=subprocess.DEVNULL,
-            stderr=self._errors,
             env=os.environ | ({} if self._token is None else {TOKEN_VARIABLE: self._token}),
-            start_new_session=sys.platform != "win32",
         )
         while self._process.poll() is None:
             with suppress(OSError):
@@ -85,9 +78,7 @@ class VisitorsPage:
                 self.address = f"http://{_own_address()}:{port}/player/"
                 return f"feel it at {self.address}{qr_code(self.address) if self._code else ''}"
             await asyncio.sleep(_POLL_S)
-        self._errors.seek(0)
-        last_line = self._errors.read().decode(errors="replace").strip().rpartition("\n")[2]
-        return f"no page for visitors: {last_line or 'its process has ended'}"
+        return f"no page for visitors: {self._process.close() or 'its process has ended'}"
 
     def wait(self) -> None:
         """Wait until the page's process ends.
@@ -99,17 +90,10 @@ class VisitorsPage:
 
     def close(self) -> None:
         """End the page's process."""
-        self._errors.close()
         process, self._process = self._process, None
-        if process is None:
-            return
-        assert process.stdin is not None  # noqa: S101 - it was asked for
-        process.stdin.close()
-        try:
-            process.wait(_LONGEST_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        if process is not None:
+            process.end(_LONGEST_S)
+            process.close()
 
 
 def visitors_page(scene: Scene, *, terminal: bool) -> VisitorsPage:

@@ -17,7 +17,7 @@ from typing import IO, Any, Final
 
 from mmt.core.running.programs import handle_end_signals, python_command
 
-_SHOWN_BYTES: Final = 1000
+_SHOWN_BYTES: Final = 10_000
 
 
 class ChildProcess(subprocess.Popen[bytes]):
