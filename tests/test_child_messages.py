@@ -60,7 +60,7 @@ def test_messages_pass_and_printed_text_does_not_mix_with_them(child):
     process = child(ECHO)
     for message in (None, {"a": (1, 2.5)}, b"x" * 1_000_000):
         assert process.ask(message, LONGEST_S) == message
-    process.end(None)
+    process.end(LONGEST_S)
     assert process.returncode == 0
     assert process.close() == "the last words"
 
@@ -69,7 +69,7 @@ def test_an_ended_child_is_an_end_of_the_messages_and_its_last_line_is_kept(chil
     process = child("import sys; sys.exit('first\\nwhy')")
     with pytest.raises(EOFError):
         process.ask(b"x" * 1_000_000)
-    assert process.wait() == 1
+    assert process.wait(LONGEST_S) == 1
     assert process.close() == "why"
 
 
