@@ -19,6 +19,7 @@ import psutil
 
 from mmt.core.running.child_process import ChildProcess
 from mmt.core.errors import InputError, MmtError
+from mmt.core.running.process import ProcessCost, ProcessMeter
 from mmt.core.running.programs import import_path
 from mmt.leader.part import Part, Session
 from mmt_methods.generators.process import FIT, RENDER, RESET
@@ -82,7 +83,7 @@ class GeneratingPart(Part):
         self._heard = False
         self._heard_from_s: float | None = None
         self._ended = False
-        self._ready: tuple[float, float] | None = None  # time, and processor time until then
+        self._meters: list[ProcessMeter] = []  # empty before both are ready
         self._cost: dict[str, float] = {}
         modelling.return_samples(self._feed)
 
@@ -137,7 +138,7 @@ class GeneratingPart(Part):
         for role in (FIT, RENDER):
             self._await_ready(role)
         self.vibration.channel = self._ways[RENDER]
-        self._ready = time.monotonic(), self._measured()[0]
+        self._meters = [ProcessMeter(process.pid) for process in self._processes.values()]
 
     def close(self) -> None:
         """End both processes."""
@@ -282,24 +283,15 @@ class GeneratingPart(Part):
 
     def _end(self) -> None:
         """Kill both processes without waiting, and keep their costs."""
-        if self._ready is not None and not self._cost:
-            seconds, memory_mb = self._measured()
-            wall_s = time.monotonic() - self._ready[0]
-            share = (seconds - self._ready[1]) / max(wall_s, 1e-3)
-            self._cost = {"core_share": round(share, 3), "memory_mb": round(memory_mb, 1)}
+        if self._meters and not self._cost:
+            share = memory_mb = 0.0
+            for meter in self._meters:
+                with suppress(psutil.Error):  # it has ended by itself
+                    cost = meter.read()
+                    share, memory_mb = share + cost.core_share, memory_mb + cost.memory_mb
+            self._cost = ProcessCost(share, memory_mb).as_dict()
         for process in self._processes.values():
             process.kill()
-
-    def _measured(self) -> tuple[float, float]:
-        """Return the processor time in seconds, and the memory in MB, of both processes."""
-        seconds = memory_mb = 0.0
-        for process in self._processes.values():
-            with suppress(psutil.Error):
-                running = psutil.Process(process.pid)
-                times = running.cpu_times()
-                seconds += times.user + times.system
-                memory_mb += running.memory_info().rss / 1e6
-        return seconds, memory_mb
 
 
 def _start(role: str, *connections: Connection) -> ChildProcess:
