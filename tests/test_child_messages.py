@@ -24,7 +24,7 @@ print("the last words")
 SLEEPER = "import time; time.sleep(1000)"
 ENDS_WITH_PARENT = """
 import os, time
-from mmt.core.running.child_process import when_parent_ends
+from mmt.core.running.programs import when_parent_ends
 when_parent_ends(lambda: os._exit(7))
 print(flush=True)
 time.sleep(1000)

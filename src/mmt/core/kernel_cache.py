@@ -7,8 +7,8 @@ import subprocess
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from mmt.core.running.child_process import ChildProcess
 from mmt.core.extras import optional_import
+from mmt.core.running.child_process import ChildProcess
 
 _MOST_PROCESSES: Final = 4
 """Each process first imports the modules and the compiler: more are hardly faster."""

@@ -16,8 +16,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, Final, NoReturn
 
-from mmt.core.running.child_process import ChildProcess, Parent
 from mmt.core.errors import MmtError, short_message
+from mmt.core.running.child_process import ChildProcess, Parent
 from mmt.core.running.process import prefer_even_ticks
 
 ENDED: Final = b"E"

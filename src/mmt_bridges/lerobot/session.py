@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from mmt.core.arrays import Vector
-from mmt.core.running.child_process import ChildProcess
 from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.running.child_process import ChildProcess
 from mmt.scene import Scene
 from mmt.scene.files import find_scene
 from mmt_bridges.lerobot.settings import Settings, session_scene

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mmt.core.running.child_process import ChildProcess
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import require
+from mmt.core.running.child_process import ChildProcess
 from mmt.leader.part import Session
 from mmt.leader.publishing import Block, Marker, PublishingPart
 from mmt.session.data import to_json

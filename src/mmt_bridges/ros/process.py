@@ -13,9 +13,9 @@ from typing import Any, Final
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
-from mmt.core.running.child_process import Parent
 from mmt.core.errors import short_message
 from mmt.core.frames import Channel, frame_dtype
+from mmt.core.running.child_process import Parent
 from mmt.core.running.process import lower_priority
 from mmt_bridges.ros.messages import (
     CHANNEL_TOPICS,

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import psutil
 
-from mmt.core.running.child_process import ChildProcess
 from mmt.core.errors import InputError, MmtError
+from mmt.core.running.child_process import ChildProcess
 from mmt.core.running.process import ProcessCost, ProcessMeter
 from mmt.core.running.programs import import_path
 from mmt.leader.part import Part, Session

@@ -15,8 +15,8 @@ from contextlib import suppress
 from io import StringIO
 from typing import Any, Final
 
-from mmt.core.running.child_process import ChildProcess
 from mmt.core.errors import InputError
+from mmt.core.running.child_process import ChildProcess
 from mmt.link.access import Access
 from mmt.scene import Scene
 from mmt.scene.table import ServedTable

@@ -15,8 +15,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from mmt.cli.entry import start
-from mmt.core.running.child_process import when_parent_ends
-from mmt.core.running.programs import python_command
+from mmt.core.running.programs import python_command, when_parent_ends
 
 _LONGEST_LINE: Final = 2**20
 _KEPT_MESSAGES: Final = 2**16

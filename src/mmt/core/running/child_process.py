@@ -9,8 +9,7 @@ import select
 import signal
 import subprocess
 import sys
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from tempfile import TemporaryFile
 from typing import IO, Any, Final
@@ -134,17 +133,6 @@ class Parent:
         with suppress(EOFError):
             while True:
                 yield self.receive()
-
-
-def when_parent_ends(act: Callable[[], object]) -> None:
-    """Call a function, in a thread, once nothing more can come from standard input."""
-
-    def wait() -> None:
-        while os.read(0, 1):
-            pass
-        act()
-
-    threading.Thread(target=wait, name="parent", daemon=True).start()
 
 
 def _write(stream: IO[bytes], message: object) -> None:

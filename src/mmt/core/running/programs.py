@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -66,3 +67,14 @@ def on_end_signal(act: Callable[[], None]) -> None:
         act()
 
     handle_end_signals(first)
+
+
+def when_parent_ends(act: Callable[[], object]) -> None:
+    """Call a function, in a thread, once nothing more can come from standard input."""
+
+    def wait() -> None:
+        while os.read(0, 1):
+            pass
+        act()
+
+    threading.Thread(target=wait, name="parent", daemon=True).start()

@@ -27,8 +27,8 @@ from typing import Any, Final, NamedTuple, ParamSpec, TypeVar
 import psutil
 
 from mmt.core.errors import InputError, MmtError, short_message
-from mmt.core.running.child_process import ChildProcess, Parent, when_parent_ends
-from mmt.core.running.programs import import_path
+from mmt.core.running.child_process import ChildProcess, Parent
+from mmt.core.running.programs import import_path, when_parent_ends
 from mmt.session.folders import size_bytes
 from mmt.session.importing.options import ImportOptions
 

@@ -10,8 +10,8 @@ import threading
 from collections.abc import Callable
 from typing import Any, Final, Protocol
 
-from mmt.core.running.child_process import ChildProcess, Parent
 from mmt.core.errors import MmtError
+from mmt.core.running.child_process import ChildProcess, Parent
 from mmt.core.running.process import SWITCH_INTERVAL_S
 
 _START_S: Final = 20.0
