@@ -14,8 +14,8 @@ from write_measured import replace as write_table
 
 from mmt.evaluation.grid_errors import SectorErrors
 from mmt.models import FOLDER, SUFFIX
-from mmt.testing.simulation.surfaces import Surface
-from mmt.testing.simulation.textures import GRAINED
+from mmt.testing.simulation.surfaces.surface import Surface
+from mmt.testing.simulation.surfaces.textures import GRAINED
 from mmt_lab.shipped_models import build, measure, settings_of, trials_of
 
 PAGE: Final = Path(__file__).resolve().parents[1] / "docs" / "reference" / "shipped-models.md"

@@ -13,7 +13,7 @@ import sys
 
 import aiohttp
 
-from mmt_lab.experiments.services import run_demo_services
+from mmt_lab.experiments.bench.services import run_demo_services
 
 FIGURES = {
     "period_p50_ms": "tick period, 50th percentile (ms)",

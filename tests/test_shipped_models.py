@@ -12,7 +12,7 @@ from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.models import find_model, shipped_models
 from mmt.rendering import close, open_textures, render, touch
-from mmt.testing.simulation.textures import GRAINED, get_surface
+from mmt.testing.simulation.surfaces.textures import GRAINED, get_surface
 from mmt.texture.model.texture_model import TextureModel
 from mmt_lab.shipped_models import build, measure, settings_of, trials_of
 

@@ -9,8 +9,8 @@ from mmt.evaluation.grid_errors import SectorErrors, overall
 from mmt.evaluation.truth import KnownTexture
 from mmt.scene import Hand, Scene
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces import Surface
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.surface import Surface
+from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online import history
 from mmt.texture.settings import Inputs, ModellingSettings

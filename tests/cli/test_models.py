@@ -8,9 +8,9 @@ from mmt.core.errors import MmtError
 from mmt.core.frames import empty_frames
 from mmt.scene import Scene, Texture
 from mmt.session.files import write_session
-from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
+from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import trials

@@ -4,7 +4,7 @@ import numpy as np
 from command_runs import output_of, run_json
 
 from mmt.session.files import read_session, write_session
-from mmt.testing.simulation.known_surfaces import surface_from_annotations
+from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
 
 
 def simulate(*options):

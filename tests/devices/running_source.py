@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from mmt.core.arrays import Vector
-from mmt.devices.source import DeviceSource
+from mmt.devices.streaming.source import DeviceSource
 
 PATIENCE_S = 20.0
 

@@ -9,14 +9,14 @@ from scipy.signal import welch
 import mmt
 from mmt.core.errors import InputError
 from mmt.session.files import write_session
-from mmt.testing.simulation.alterations import Level, Patches
-from mmt.testing.simulation.altered_surface import AlteredSurface
-from mmt.testing.simulation.course import course_from_annotations
-from mmt.testing.simulation.drawn_textures import FINAL, draw_texture
-from mmt.testing.simulation.known_surfaces import surface_from_annotations, vibration_of
 from mmt.testing.simulation.strokes import REACH_MM
-from mmt.testing.simulation.textures import SURFACES, get_surface
-from mmt.testing.simulation.vibration import Stroke
+from mmt.testing.simulation.surfaces.alterations import Level, Patches
+from mmt.testing.simulation.surfaces.altered_surface import AlteredSurface
+from mmt.testing.simulation.surfaces.course import course_from_annotations
+from mmt.testing.simulation.surfaces.drawn_textures import FINAL, draw_texture
+from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations, vibration_of
+from mmt.testing.simulation.surfaces.textures import SURFACES, get_surface
+from mmt.testing.simulation.surfaces.vibration import Stroke
 from mmt_lab.harness.experiment import DRAWN, chosen_textures
 
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 from waiting import until
 
-from mmt.testing.emulated.clockwork import Clockwork
+from mmt.testing.emulated import Clockwork
 
 MS = 1_000_000
 

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from mmt.devices.datagrams import StampedSocket
+from mmt.devices.ati.net_ft import StampedSocket
 
 
 @pytest.fixture

@@ -8,11 +8,11 @@ from synthetic_sensors import MS, SyntheticSensor, Time
 from waiting import until
 
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices import slots as ports_module
-from mmt.devices import source as source_module
 from mmt.devices.protocols import SensorReading
 from mmt.devices.reconnection import Reasons
-from mmt.devices.source import DeviceSource
+from mmt.devices.streaming import slots as ports_module
+from mmt.devices.streaming import source as source_module
+from mmt.devices.streaming.source import DeviceSource
 
 
 class Arm:

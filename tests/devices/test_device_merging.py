@@ -8,10 +8,10 @@ import pytest
 from synthetic_sensors import MS, START_NS, SyntheticSensor
 
 from mmt.core.frames import frame_dtype
-from mmt.devices.frame_assembly import FrameAssembler, ReadingAges
-from mmt.devices.lanes import Lane, PolledLane
-from mmt.devices.polling import POLLS_HZ
 from mmt.devices.protocols import SensorReading
+from mmt.devices.streaming.frame_assembly import FrameAssembler, ReadingAges
+from mmt.devices.streaming.lanes import Lane, PolledLane
+from mmt.devices.streaming.polling import POLLS_HZ
 
 DTYPE = np.dtype([("sequence", "u4"), ("time_ns", "i8"), ("force_n", "f8", (3,))])
 TRANSPORT_NS = 20_000

@@ -11,7 +11,7 @@ from sensor_reading import check_times_rise, read_some, read_until_fault, read_u
 
 from mmt.core.errors import InputError, MmtError
 from mmt.devices.ati.digital_ft import digital_ft, record_rate_hz
-from mmt.devices.ati.digital_registers import GAINS, STATUS
+from mmt.devices.ati.digital_wire import GAINS, STATUS
 
 if sys.platform != "linux":
     pytest.skip("the emulated port is for Linux", allow_module_level=True)

@@ -10,23 +10,21 @@ from hypothesis import strategies as st
 
 from mmt.core.errors import MmtError
 from mmt.devices.ati.calibration import force_in_newton, torque_in_newton_mm
-from mmt.devices.ati.digital_registers import (
-    FORCE_UNITS,
-    TORQUE_UNITS,
-    calibration_start,
-    explain_status,
-    pack_calibration,
-    parse_calibration,
-)
 from mmt.devices.ati.digital_wire import (
+    FORCE_UNITS,
     SIZE,
+    TORQUE_UNITS,
     NoFrame,
     RecordStream,
     answer_length,
+    calibration_start,
     checksum,
+    explain_status,
     frame,
+    pack_calibration,
     pack_record,
     parse_answer,
+    parse_calibration,
     read_request,
     registers_of,
     write_request,

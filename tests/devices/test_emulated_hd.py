@@ -8,15 +8,17 @@ import pytest
 from emulated_arm import emulated_arm  # noqa: F401 - a fixture
 
 from mmt.core.errors import MmtError
-from mmt.devices.openhaptics.constants import (
+from mmt.devices.openhaptics.library import (
+    CALLBACK,
     CURRENT_FORCE,
     CURRENT_POSITION,
     DONE,
     FORCE_OUTPUT,
+    Vector3,
     name_of,
+    open_stack,
 )
-from mmt.devices.openhaptics.library import CALLBACK, Vector3, open_stack
-from mmt.testing.emulated.hd import build_library
+from mmt.testing.emulated.openhaptics.hd import build_library
 
 
 @pytest.fixture

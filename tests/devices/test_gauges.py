@@ -15,8 +15,12 @@ from hypothesis import strategies as st
 from sensor_reading import read_some, read_until_fault, read_until_lost
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
-from mmt.devices.ati.calibration_file import load_calibration_file, parse_calibration_file
-from mmt.devices.ati.gauges import Gauges, GaugesOptions
+from mmt.devices.ati.gauges import (
+    Gauges,
+    GaugesOptions,
+    load_calibration_file,
+    parse_calibration_file,
+)
 from mmt.devices.drivers import load_device
 
 NAMES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")

@@ -9,12 +9,18 @@ from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
 from mmt.testing.simulation.instruments import Instruments
-from mmt.testing.simulation.known_surfaces import surface_from_annotations
-from mmt.testing.simulation.modes import Grain, Line, Resonance
 from mmt.testing.simulation.robot import TipState
-from mmt.testing.simulation.surfaces import Surface
-from mmt.testing.simulation.textures import CORDUROY, GRAINED, RIDGED_PLASTIC, SURFACES, get_surface
-from mmt.testing.simulation.vibration import Stroke, SurfaceVibration
+from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
+from mmt.testing.simulation.surfaces.modes import Grain, Line, Resonance
+from mmt.testing.simulation.surfaces.surface import Surface
+from mmt.testing.simulation.surfaces.textures import (
+    CORDUROY,
+    GRAINED,
+    RIDGED_PLASTIC,
+    SURFACES,
+    get_surface,
+)
+from mmt.testing.simulation.surfaces.vibration import Stroke, SurfaceVibration
 
 FREQUENCIES_HZ = np.linspace(5.0, 495.0, 981)
 DIRECTED = [surface for surface in GRAINED if not surface.isotropic]

@@ -9,11 +9,11 @@ from mmt.core.errors import InputError
 from mmt.scene import Hand, Scene
 from mmt.scene.device_tables import HAND_KINDS
 from mmt.scene.files import scene_from_tables
-from mmt.testing.simulation.course import SurfaceCourse
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.motions import KINDS
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.textures import SURFACES
+from mmt.testing.simulation.surfaces.course import SurfaceCourse
+from mmt.testing.simulation.surfaces.textures import SURFACES
 
 TICKS = 40_000
 

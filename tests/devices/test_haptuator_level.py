@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.devices.calibrations import save_calibration
-from mmt.devices.haptuator.drive import VoltageDrive, level_of, store_level
+from mmt.devices.haptuator.driver import VoltageDrive, level_of, store_level
 from mmt.devices.haptuator.equaliser import (
     TAPS,
     ActuatorLevel,

@@ -12,7 +12,7 @@ from scipy import signal
 from mmt.core.errors import InputError
 from mmt.devices.drivers import read_options
 from mmt.devices.haptuator.card_buffer import CardBuffer
-from mmt.devices.haptuator.drive import VoltageDrive
+from mmt.devices.haptuator.driver import VoltageDrive
 from mmt.devices.haptuator.equaliser import ActuatorLevel
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.resampling import AFTER, BEFORE, SampleRing, tap_table

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from mmt.core.arrays import Vector, bounded, step_towards
 from mmt.core.guards import ForceGuard, GuardedDisplay, SampleGuard, VibrationSlew
-from mmt.devices.haptuator.drive import VoltageDrive
+from mmt.devices.haptuator.driver import VoltageDrive
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.openhaptics.options import HdOptions, HdRobotOptions
 from mmt.devices.openhaptics.robot import PositionServo

@@ -11,12 +11,15 @@ import mmt
 from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.evaluation.truth import known_texture
-from mmt.testing.simulation.course import course_from_annotations
-from mmt.testing.simulation.known_surfaces import surface_from_annotations
-from mmt.testing.simulation.model_surface import ModelSurface, ModelVibration
-from mmt.testing.simulation.side_by_side import filter_side_by_side
-from mmt.testing.simulation.textures import get_surface
-from mmt.testing.simulation.vibration import Stroke
+from mmt.testing.simulation.surfaces.course import course_from_annotations
+from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
+from mmt.testing.simulation.surfaces.model_surface import (
+    ModelSurface,
+    ModelVibration,
+    filter_side_by_side,
+)
+from mmt.testing.simulation.surfaces.textures import get_surface
+from mmt.testing.simulation.surfaces.vibration import Stroke
 from mmt.texture import TextureModel
 from mmt.texture.space import InputSpace, TextureSamples
 from mmt_bridges.hatt.models import export_hatt

@@ -8,7 +8,7 @@ from waiting import until, until_lost
 
 from mmt.core.errors import DeviceLost, InputError
 from mmt.devices.drivers import load_device
-from mmt.testing.emulated.phantom import VirtualPhantomHandle
+from mmt.testing.emulated.openhaptics.phantom import VirtualPhantomHandle
 
 emulated = emulated_arm
 

@@ -18,7 +18,7 @@ from mmt.devices import discovery
 from mmt.devices.discovery import FoundPort
 from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
-from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH
+from mmt.devices.reading_checks import JUMP, NOT_FINITE, OUT_OF_REACH
 
 ENCODER_RESET, AUTO, INKWELL = 1, 2, 4
 NEEDS_UPDATE, NEEDS_HANDS = 0x5001, 0x5002
@@ -330,7 +330,7 @@ def run_alone(program):
 PROGRAM = """
 import sys
 from mmt.devices.openhaptics.library import Stack
-from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH
+from mmt.devices.reading_checks import JUMP, NOT_FINITE, OUT_OF_REACH
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.core.errors import MmtError
 for library in {libraries!r}:

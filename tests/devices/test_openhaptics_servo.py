@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.devices.axes import Axes
-from mmt.devices.openhaptics.constants import (
+from mmt.devices.openhaptics.library import (
     CONTINUE,
     CURRENT_POSITION,
     DONE,
@@ -21,7 +21,7 @@ from mmt.devices.openhaptics.constants import (
 from mmt.devices.openhaptics.options import HdRobotOptions
 from mmt.devices.openhaptics.robot import PositionServo
 from mmt.devices.openhaptics.servo import STUCK
-from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH
+from mmt.devices.reading_checks import JUMP, NOT_FINITE, OUT_OF_REACH
 
 TICK_S = 1e-3
 

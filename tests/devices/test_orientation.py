@@ -20,9 +20,9 @@ from mmt.core.quaternions import (
 )
 from mmt.core.rotations import rotation_matrices, turn_into_scene, without_flips
 from mmt.devices.axes import Axes
-from mmt.devices.frame_assembly import FrameAssembler
-from mmt.devices.lanes import OrientationLane, Waiting
-from mmt.devices.source import DeviceSource
+from mmt.devices.streaming.frame_assembly import FrameAssembler
+from mmt.devices.streaming.lanes import OrientationLane, Waiting
+from mmt.devices.streaming.source import DeviceSource
 from mmt.scene import Scene
 
 vectors = st.tuples(*[st.floats(-4.0, 4.0)] * 3)

@@ -6,7 +6,7 @@ from itertools import product
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH, PlausibilityCheck
+from mmt.devices.reading_checks import JUMP, NOT_FINITE, OUT_OF_REACH, PlausibilityCheck
 
 STILL = (0.0, 0.0, 0.0)
 MS = 1_000_000

@@ -7,7 +7,7 @@ import pytest
 
 from mmt.core.running.loop_timer import LoopTimer
 from mmt.core.running.ticking import open_timer
-from mmt.devices.polling import Retry
+from mmt.devices.streaming.polling import Retry
 
 PATIENCE_S = 20.0
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_sensors import MS, START_NS
 
-from mmt.devices.sensor_clock import SensorClock
+from mmt.devices.streaming.sensor_clock import SensorClock
 
 
 def test_a_clock_that_is_set_back_or_forward_begins_anew():

@@ -19,11 +19,11 @@ from mmt.core.frames import acceleration_samples, frame_dtype
 from mmt.devices.adxl335.gravity import nominal
 from mmt.devices.adxl335.serial_driver import SerialAdxl335
 from mmt.devices.drivers import load_device
-from mmt.devices.frame_assembly import FrameAssembler, ReadingAges
-from mmt.devices.lanes import WAITING, PolledLane
 from mmt.devices.protocols import SensorReading
-from mmt.devices.source import DeviceSource
-from mmt.devices.vibration_lane import VibrationLane
+from mmt.devices.streaming.frame_assembly import FrameAssembler, ReadingAges
+from mmt.devices.streaming.lanes import WAITING, PolledLane
+from mmt.devices.streaming.source import DeviceSource
+from mmt.devices.streaming.vibration_lane import VibrationLane
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 from mmt.testing.emulated.net_ft import EmulatedNetFt
@@ -205,8 +205,8 @@ def test_however_slow_a_sensor_is_it_starts_or_is_said_to_give_nothing(rate_hz, 
     time = Time()
     sensor = SyntheticSensor(rate_hz, time=time)
     with pytest.MonkeyPatch.context() as patches:
-        patches.setattr("mmt.devices.source.time", time)
-        patches.setattr("mmt.devices.slots.time", time.still)
+        patches.setattr("mmt.devices.streaming.source.time", time)
+        patches.setattr("mmt.devices.streaming.slots.time", time.still)
         running = RunningSource(None, sensor, samples_per_frame=samples_per_frame)
         try:
             running.source.start(0)

@@ -14,10 +14,10 @@ from mmt.scene import Scene, Simulated
 from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.instruments import Instruments
-from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.robot import TipState
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
+from mmt.testing.simulation.surfaces.textures import get_surface
 
 LINKED = {"link": {}, "hand": {}, "texture": {}}
 
@@ -157,7 +157,7 @@ def test_a_simulated_follower_stays_small():
         "import sys, psutil\n"
         "from mmt.scene import Simulated\n"
         "from mmt.testing.simulation.follower import SimulatedFollower\n"
-        "from mmt.testing.simulation.textures import get_surface\n"
+        "from mmt.testing.simulation.surfaces.textures import get_surface\n"
         "import mmt.testing.simulation.offline, mmt.testing.simulation.actuator\n"
         "made = {'channels': ('force',), 'seed': 1, 'surface': get_surface('plastic')}\n"
         "SimulatedFollower(Simulated(), **made).step(100, 0, None)\n"

@@ -8,11 +8,11 @@ from scipy import signal
 
 from mmt.core.errors import InputError
 from mmt.scene import Scene
-from mmt.testing.simulation.course import CourseChange, SurfaceCourse
-from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.recorded_path import load_path
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
+from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
+from mmt.testing.simulation.surfaces.textures import get_surface
 
 RECORDED = Path(__file__).parents[2] / ".." / "shared" / "data" / "bilateral_1dof"
 FILES = sorted(RECORDED.glob("*.npz"))

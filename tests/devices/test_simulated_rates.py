@@ -13,14 +13,14 @@ from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, acceleration_samples, frame_dtype
 from mmt.scene import Simulated
 from mmt.scene.files import scene_from_tables
-from mmt.testing.simulation.course import SurfaceCourse
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.instruments import ACCELERATION_NOISE_M_S2
-from mmt.testing.simulation.known_surfaces import surface_from_annotations, vibration_of
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces import Surface
-from mmt.testing.simulation.textures import SURFACES, get_surface
-from mmt.testing.simulation.vibration import Stroke
+from mmt.testing.simulation.surfaces.course import SurfaceCourse
+from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations, vibration_of
+from mmt.testing.simulation.surfaces.surface import Surface
+from mmt.testing.simulation.surfaces.textures import SURFACES, get_surface
+from mmt.testing.simulation.surfaces.vibration import Stroke
 
 NAMES = [*sorted(SURFACES), "drawn-1", "drawn-2", "drawn-7", "final-3"]
 LINKED = {"link": {}, "hand": {}, "texture": {}}

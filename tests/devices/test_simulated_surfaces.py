@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from mmt.core.errors import InputError
-from mmt.testing.simulation.known_surfaces import surface_from_annotations
-from mmt.testing.simulation.modes import Line, Resonance
-from mmt.testing.simulation.surfaces import HIGH_PASS_POLE, Surface
-from mmt.testing.simulation.textures import SURFACES, get_surface
-from mmt.testing.simulation.vibration import Stroke, SurfaceVibration
+from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
+from mmt.testing.simulation.surfaces.modes import Line, Resonance
+from mmt.testing.simulation.surfaces.surface import HIGH_PASS_POLE, Surface
+from mmt.testing.simulation.surfaces.textures import SURFACES, get_surface
+from mmt.testing.simulation.surfaces.vibration import Stroke, SurfaceVibration
 
 NAMES = sorted(name for name, surface in SURFACES.items() if surface.isotropic)
 

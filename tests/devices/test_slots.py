@@ -7,7 +7,7 @@ import pytest
 import running_source
 
 from mmt.devices.protocols import SensorReading
-from mmt.devices.slots import RobotSlot, SampledSlot
+from mmt.devices.streaming.slots import RobotSlot, SampledSlot
 
 MS = 1_000_000
 

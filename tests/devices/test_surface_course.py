@@ -9,16 +9,16 @@ import pytest
 from mmt.core.errors import InputError
 from mmt.follower.sources import build_source
 from mmt.scene import Scene, Simulated
-from mmt.testing.simulation.course import (
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.surfaces.course import (
     SETTLED_TICKS,
     CourseChange,
     SurfaceCourse,
     course_from_annotations,
     surface_of,
 )
-from mmt.testing.simulation.known_surfaces import surface_from_annotations
-from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
+from mmt.testing.simulation.surfaces.textures import get_surface
 
 LINKED = {"link": {}, "recording": {}}
 THREE = [get_surface(name) for name in ("glass", "sandpaper", "wood")]

@@ -14,8 +14,15 @@ from mmt.cli.device import calibrating, testing
 from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import ALL_CHANNELS, CHANNELS, empty_frames
-from mmt.devices.source import DeviceSource
-from mmt.devices.tool_load import LoadRemover, Pose, ToolLoad, identify, load_from, measure_pose
+from mmt.devices.streaming.source import DeviceSource
+from mmt.devices.streaming.tool_load import (
+    LoadRemover,
+    Pose,
+    ToolLoad,
+    identify,
+    load_from,
+    measure_pose,
+)
 from mmt.scene.files import load_scene
 
 GRAVITY = 9.80665

@@ -16,8 +16,8 @@ from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import ALL_CHANNELS, empty_frames
 from mmt.core.running.ticking import Ticker
-from mmt.devices.tool_load import LoadRemover, ToolLoad, load_from, with_centre
-from mmt.devices.tool_turning import DELAY, SPAN, TurningEstimator
+from mmt.devices.streaming.tool_load import LoadRemover, ToolLoad, load_from, with_centre
+from mmt.devices.streaming.tool_turning import DELAY, SPAN, TurningEstimator
 
 GRAVITY = 9.80665
 BIAS_N = np.array([0.2, -0.4, 1.5])

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.devices.lanes import WAITING, Lane
 from mmt.devices.protocols import SensorReading
-from mmt.devices.vibration_lane import BEFORE, PHASES, VibrationLane, weights, weights_for
+from mmt.devices.streaming.lanes import WAITING, Lane
+from mmt.devices.streaming.vibration_lane import BEFORE, PHASES, VibrationLane, weights, weights_for
 
 
 def readings_of(rate_hz, frequency_hz, count, phase=0.3):

@@ -16,9 +16,9 @@ from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.frames import empty_frames
 from mmt.devices.drivers import load_device
 from mmt.testing.emulated import drivers as drivers_module
-from mmt.testing.emulated import world as world_module
+from mmt.testing.emulated import lab as world_module
 from mmt.testing.emulated.drivers import VirtualNetFt, VirtualRobot
-from mmt.testing.emulated.world import TICK_NS, World
+from mmt.testing.emulated.lab import TICK_NS, World
 
 
 class Turns:

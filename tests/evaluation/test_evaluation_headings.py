@@ -12,10 +12,10 @@ from mmt.evaluation.tables import heading_tables
 from mmt.evaluation.truth import KnownTexture
 from mmt.scene import Hand, Scene
 from mmt.session.data import RecordedSession
-from mmt.testing.simulation.modes import Grain, Resonance
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces import Surface
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.modes import Grain, Resonance
+from mmt.testing.simulation.surfaces.surface import Surface
+from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.settings import ModellingSettings
 
 

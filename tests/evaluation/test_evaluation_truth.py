@@ -13,9 +13,9 @@ from mmt.evaluation.levels import (
     power_above_felt,
 )
 from mmt.evaluation.truth import KnownTexture, TruthAt, known_texture
-from mmt.testing.simulation.modes import Resonance
-from mmt.testing.simulation.surfaces import Surface
-from mmt.testing.simulation.textures import SURFACES, get_surface
+from mmt.testing.simulation.surfaces.modes import Resonance
+from mmt.testing.simulation.surfaces.surface import Surface
+from mmt.testing.simulation.surfaces.textures import SURFACES, get_surface
 from mmt.texture.autoregression.forms import ar_to_reflection, lsf_output_power, reflection_to_lsf
 from mmt.texture.autoregression.spectra import ar_spectrum
 from mmt.texture.model.texture_model import TextureModel, TextureSamples

@@ -18,7 +18,7 @@ from mmt.evaluation.truth import KnownTexture
 from mmt.scene import Scene
 from mmt.session.data import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.autoregression.forms import lsf_output_power
 from mmt.texture.completion.distance import middles
 from mmt.texture.online.history import build, stream_blocks

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 import mmt
 from mmt.core.errors import MmtError
-from mmt.devices.ati.calibration_file import parse_calibration_file
+from mmt.devices.ati.gauges import parse_calibration_file
 from mmt.scene.files import example_scenes, load_scene
 from mmt.session.files import import_session, read_session, write_session
 from mmt.session.recover import recover

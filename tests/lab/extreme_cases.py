@@ -1,6 +1,6 @@
 """What the tests of the stiff and extreme cases share."""
 
-from mmt_lab.stability.cases import run_case
+from mmt_lab.stability.families import run_case
 
 
 def those_that_do_not_hold(family, cases):

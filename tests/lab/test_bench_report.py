@@ -19,7 +19,7 @@ from mmt_lab.harness.findings import (
     Spread,
     Target,
 )
-from mmt_lab.harness.tables import (
+from mmt_lab.harness.report import (
     panel_table,
     records_table,
     tables_of,

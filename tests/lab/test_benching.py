@@ -6,7 +6,7 @@ from command_runs import refusal
 
 from mmt.core.errors import MmtError
 from mmt_lab.bench.command import run_benches
-from mmt_lab.experiments import evaluate
+from mmt_lab.experiments.bench import evaluate
 from mmt_lab.harness import command
 from mmt_lab.harness.findings import Findings, Target
 

@@ -11,7 +11,7 @@ from mmt.core.errors import InputError
 from mmt.core.frames import acceleration_samples, empty_frames
 from mmt.evaluation.document import ReportTable
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_edges_hz, band_errors_db
-from mmt.testing.simulation.textures import SURFACES
+from mmt.testing.simulation.surfaces.textures import SURFACES
 from mmt.texture.settings import START_SHARE, STOP_SHARE
 from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, simulated_cases
 from mmt_lab.compare.judging import FIGURES, Certainty, JudgedMethod, check_methods, judge

@@ -16,7 +16,7 @@ from mmt.core.errors import InputError
 from mmt.evaluation.grid_errors import Strokes
 from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.truth import KnownTexture
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.online.history import build as build_models
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.compare.cases import ComparisonCase

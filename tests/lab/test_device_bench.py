@@ -13,8 +13,8 @@ from mmt_lab.bench.device_path.frame_times import (
     frame_times,
     time_errors_ms,
 )
-from mmt_lab.bench.device_path.running import SetUp, SetUpFigures
-from mmt_lab.experiments import devices
+from mmt_lab.experiments.bench import devices
+from mmt_lab.experiments.bench.devices import SetUp, SetUpFigures
 
 START_NS = 7_000_000_000_123
 

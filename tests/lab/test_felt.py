@@ -8,18 +8,19 @@ from lab_runs import run_lab
 
 from mmt.core.errors import InputError
 from mmt.scene import Network
-from mmt.testing.simulation.textures import SURFACES
+from mmt.testing.simulation.surfaces.textures import SURFACES
 from mmt_lab.experiments import felt
 from mmt_lab.experiments.felt import Trial, by_second, rows, run_trial
 from mmt_lab.felt.judging import Reference
-from mmt_lab.felt.leading import (
+from mmt_lab.felt.passing import (
+    NEVER_TICK,
     leader_vibration,
     local_updates,
     settings_over,
+    stroke_over_network,
     taking_over,
     undelayed_vibration,
 )
-from mmt_lab.felt.passing import NEVER_TICK, stroke_over_network
 
 PLASTIC = SURFACES["plastic"]
 

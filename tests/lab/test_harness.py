@@ -16,8 +16,7 @@ from mmt_lab import experiments
 from mmt_lab.harness.experiment import chosen_textures, listed, load
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import background_processes, map_in_processes, received
-from mmt_lab.harness.report import write_report
-from mmt_lab.harness.tables import missed_because, targets_table
+from mmt_lab.harness.report import missed_because, targets_table, write_report
 
 MADE_UP = """
     from mmt_lab.harness.experiment import Seeds

@@ -5,10 +5,9 @@ import pytest
 
 from mmt.core.errors import InputError
 from mmt.core.frames import COMMAND_DTYPE
-from mmt_lab.bench.link_sides import SideReport
-from mmt_lab.bench.link_traffic import Side, TurnFigures
-from mmt_lab.experiments import link
-from mmt_lab.experiments.link import (
+from mmt_lab.bench.link_sides import Side, SideReport, TurnFigures
+from mmt_lab.experiments.bench import link
+from mmt_lab.experiments.bench.link import (
     missing_at_end,
     order,
     ratios,

@@ -8,7 +8,7 @@ import pytest
 
 from mmt.core.errors import InputError
 from mmt_lab.experiments import selection
-from mmt_lab.selection import running, sessions
+from mmt_lab.selection import sessions
 from mmt_lab.selection.knocks import (
     SAMPLES,
     add_knock,
@@ -26,8 +26,8 @@ def test_a_knock_has_four_tenths_of_the_segments_variance():
 
 
 def test_ours_finds_more_than_the_published_selection_whatever_the_order():
-    results = {r.method: r for r in running.run_texture("sandpaper", 1)}
-    assert set(results) == set(running.METHODS)
+    results = {r.method: r for r in selection.run_texture("sandpaper", 1)}
+    assert set(results) == set(selection.METHODS)
     assert results["ours"].detected >= 0.9
     assert results["ours"].detected >= results["published"].detected
     assert results["ours"].false_alarms <= 0.03
@@ -37,7 +37,7 @@ def test_ours_finds_more_than_the_published_selection_whatever_the_order():
 
 
 def test_a_missed_target_is_said():
-    good = running.SelectionResult(
+    good = selection.SelectionResult(
         "felt", "ours", 0, 0.98, 0.01, 0.01, 5.0, 0.95, 0.0, 1.0, 0.0, True, 0.1
     )
     bad = replace(good, detected=0.5, same_when_shuffled=False, gfc_change=-0.1)
@@ -51,7 +51,7 @@ def test_a_missed_target_is_said():
         missed = {each.what for each in selection.targets(overall) if not each.met}
         assert missed == expected
         rows = [*means, *overall]
-        assert len(selection.selection_table(rows).rows) == 2 * len(running.METHODS)
+        assert len(selection.selection_table(rows).rows) == 2 * len(selection.METHODS)
         assert json.loads(json.dumps(rows))[4]["method"] == "ours"
 
 
@@ -114,7 +114,7 @@ def test_a_hand_without_steady_strokes_is_named(monkeypatch):
 def test_every_texture_has_a_row_for_each_method_and_all_have_their_mean():
     found = selection.run(textures="drawn-0,wood+bursts", hand="quick", seeds=1, workers=1)
     names = [row[0] for row in found.tables[0].rows]
-    methods = len(running.METHODS)
+    methods = len(selection.METHODS)
     assert names == methods * ["drawn-0"] + methods * ["wood+bursts"] + methods * ["all"]
     for mean in found.data["overall"]:
         assert 0.0 <= mean["false_alarms_without"] <= 1.0

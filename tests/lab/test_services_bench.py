@@ -5,7 +5,7 @@ import pytest
 from mmt.cli.running.scene_services import DemoRun
 from mmt.core.errors import InputError
 from mmt_lab.bench.strangers import BYSTANDER, KINDS
-from mmt_lab.experiments import services
+from mmt_lab.experiments.bench import services
 
 
 def test_a_stranger_who_makes_more_than_twice_the_ticks_late_is_seen(monkeypatch):

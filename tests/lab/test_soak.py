@@ -15,8 +15,17 @@ from mmt.session.files import write_session
 from mmt_lab.experiments import soak
 from mmt_lab.soak.drift import by_window, drift, outside
 from mmt_lab.soak.faults import CUT, LENGTHS_S, NETWORKS, RESTART, SoakFault, plan_faults
-from mmt_lab.soak.judging import AppliedFault, ServiceSample, SoakLog, judge, table
-from mmt_lab.soak.recorded import Gap, Readback, find_gaps, read_back
+from mmt_lab.soak.judging import (
+    AppliedFault,
+    Gap,
+    Readback,
+    ServiceSample,
+    SoakLog,
+    find_gaps,
+    judge,
+    read_back,
+    table,
+)
 
 # --- faults
 

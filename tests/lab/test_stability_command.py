@@ -18,8 +18,16 @@ from mmt_lab.experiments.stability import (
     summary,
 )
 from mmt_lab.harness.report import write_report
-from mmt_lab.stability.cases import CaseResult, Extreme, Family, broken, run_case
-from mmt_lab.stability.families import contact, family_names, model
+from mmt_lab.stability.families import (
+    CaseResult,
+    Extreme,
+    Family,
+    broken,
+    contact,
+    family_names,
+    model,
+    run_case,
+)
 
 
 def row(*, held=True, **figures):

@@ -7,8 +7,7 @@ from extreme_cases import case_of, those_that_do_not_hold
 import mmt.leader.output.stream
 import mmt.texture.online.modeller
 from mmt.core.frames import empty_frames
-from mmt_lab.stability.cases import run_case
-from mmt_lab.stability.families import services
+from mmt_lab.stability.families import run_case, services
 from mmt_lab.stability.families.services import (
     growth,
     interrupted_cases,

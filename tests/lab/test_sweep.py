@@ -16,14 +16,15 @@ from mmt.scene import Texture
 from mmt.session.data import RecordedSession
 from mmt.session.files import write_session
 from mmt_lab.experiments import sweep
-from mmt_lab.sweep.combinations import (
+from mmt_lab.sweep import (
     JobOutcome,
     SweepResults,
     combinations,
     evaluate_job,
     make_jobs,
+    run_locally,
+    run_on_dask,
 )
-from mmt_lab.sweep.running import run_locally, run_on_dask
 
 CHOICES = ("texture.order=6,9", "texture.method=field")
 
@@ -208,7 +209,7 @@ def test_a_worker_without_mmt_is_said(session, monkeypatch):
 
 def test_a_scheduler_that_does_not_answer_is_said(session, monkeypatch):
     pytest.importorskip("distributed", reason="the extra dask is not installed")
-    monkeypatch.setattr("mmt_lab.sweep.running.CONNECT_S", 1)
+    monkeypatch.setattr("mmt_lab.sweep.CONNECT_S", 1)
     with pytest.raises(MmtError, match="no scheduler answers"):
         list(run_on_dask(jobs_of(session), {str(session.path): session}, "tcp://127.0.0.1:9"))
 

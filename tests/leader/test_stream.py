@@ -11,7 +11,7 @@ import mmt
 from mmt.leader.output.stream import PlayoutBuffer, StreamedVibration
 from mmt.leader.output.synthesis import StreamedMotion
 from mmt.leader.output.three_axes import ThreeAxes
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.textures import get_surface
 
 
 def vibrating(count):

@@ -19,8 +19,7 @@ from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.frames import acceleration_samples
 from mmt.session.data import RecordedSession
 from mmt_bridges.lerobot.dataset import state_names
-from mmt_bridges.lerobot.handle import ActionHandle
-from mmt_bridges.lerobot.observing import LONGEST_FRAMES, ObservingPart
+from mmt_bridges.lerobot.observing import LONGEST_FRAMES, ActionHandle, ObservingPart
 from mmt_bridges.lerobot.rows import low_rate_rows
 from mmt_bridges.lerobot.session import SharedSession, shared_session
 from mmt_bridges.lerobot.settings import Settings, session_scene
@@ -231,7 +230,7 @@ def test_actions_take_the_place_of_the_hand_and_all_else_stays():
     by_hand, by_actions = (
         session_scene(Settings("demo", moved_by=who)).dump() for who in ("hand", "actions")
     )
-    assert by_actions.pop("handle")["driver"] == "mmt_bridges.lerobot.handle:ActionHandle"
+    assert by_actions.pop("handle")["driver"] == "mmt_bridges.lerobot.observing:ActionHandle"
     assert by_hand.pop("hand")
     assert by_actions == by_hand
 

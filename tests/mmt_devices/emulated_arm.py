@@ -3,7 +3,7 @@
 import pytest
 
 from mmt.core.errors import MmtError
-from mmt.testing.emulated.hd import EmulatedHd
+from mmt.testing.emulated.openhaptics.hd import EmulatedHd
 
 
 @pytest.fixture(name="emulated")

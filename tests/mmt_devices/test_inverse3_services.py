@@ -7,8 +7,7 @@ import pytest
 from service_runs import Together, run_session, small_scene
 
 from mmt.session.files import read_session
-from mmt_devices.inverse3.emulated import EmulatedInverse3
-from mmt_devices.inverse3.emulated_lab import StrokingHand
+from mmt_devices.inverse3.emulated import EmulatedInverse3, StrokingHand
 from mmt_devices.inverse3.emulated_tip import EmulatedTip
 
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.devices.drivers import roles_of
-from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH
+from mmt.devices.reading_checks import JUMP, NOT_FINITE, OUT_OF_REACH
 from mmt_devices.inverse3.exchange import ABSENT
 from mmt_devices.inverse3.messages import NAMES, OtherFormatError, listed, parse, version_of
 from mmt_devices.inverse3.servo import (

@@ -32,8 +32,8 @@ import nidaqmx._lib
 from nidaqmx.errors import DaqError
 
 from mmt_devices.ni import daqmx, driver
+from mmt_devices.ni.driver import NiOptions
 from mmt_devices.ni.emulated import INPUTS, EmulatedNi
-from mmt_devices.ni.options import NiOptions
 
 PAGE = Path(__file__).parents[2] / "docs/how-to/ni.md"
 LEVELS = 0.1 * np.arange(INPUTS)

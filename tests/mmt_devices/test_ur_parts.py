@@ -14,7 +14,7 @@ import pytest
 from mmt.core.errors import MmtError
 from mmt.devices.discovery import find_drivers
 from mmt_devices.universal_robots import dashboard
-from mmt_devices.universal_robots.emulated import rtde
+from mmt_devices.universal_robots.emulated import ports
 from mmt_devices.universal_robots.emulated.arm import (
     DONE,
     END,
@@ -118,24 +118,24 @@ def test_a_pressed_tip_is_sent_no_deeper_but_along_the_surface_and_back():
 
 
 def test_packages_of_rtde_come_out_whole_however_they_were_cut():
-    recipe = rtde.Recipe(b"timestamp,actual_TCP_pose,output_int_register_7,")
+    recipe = ports.Recipe(b"timestamp,actual_TCP_pose,output_int_register_7,")
     values = {
         "timestamp": 1.5,
         "actual_TCP_pose": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
         "output_int_register_7": -3,
     }
-    sent = rtde.pack(rtde.DATA, recipe.pack(values)) + rtde.pack(rtde.START)
+    sent = ports.pack(ports.DATA, recipe.pack(values)) + ports.pack(ports.START)
     received, found = bytearray(), []
     for byte in sent:
         received.append(byte)
-        found += rtde.packages(received)
-    assert [kind for kind, _ in found] == [rtde.DATA, rtde.START]
+        found += ports.packages(received)
+    assert [kind for kind, _ in found] == [ports.DATA, ports.START]
     assert recipe.unpack(found[0][1]) == values
     assert sent[:3] == b"\x00\x3fU"  # size 3 + 8 + 48 + 4, big-endian, and the kind
     assert recipe.answer(1) == b"\x01DOUBLE,VECTOR6D,INT32"
-    assert rtde.Recipe(b"timestamp,payload_mass").answer(1) == b"\x00DOUBLE,NOT_FOUND"
+    assert ports.Recipe(b"timestamp,payload_mass").answer(1) == b"\x00DOUBLE,NOT_FOUND"
     with pytest.raises(ValueError, match="2 bytes"):
-        list(rtde.packages(bytearray(b"\x00\x02U")))
+        list(ports.packages(bytearray(b"\x00\x02U")))
 
 
 # --- the emulated arm

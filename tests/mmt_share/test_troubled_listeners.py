@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from sharing_samples import listening, shared, until
 
-from mmt_lab.sharing.long_session import Memory
-from mmt_lab.sharing.troubled import STEADY, TroubledListeners
+from mmt_lab.sharing.long_session import STEADY, Memory, TroubledListeners
 
 
 async def test_troubles_disturb_nobody():

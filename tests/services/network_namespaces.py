@@ -6,8 +6,8 @@ from typing import ParamSpec
 import pytest
 
 from mmt.core.errors import MmtError
-from mmt_lab.bench import network_namespaces as bench
-from mmt_lab.bench.network_namespaces import (
+from mmt_lab.bench import lossy_path as bench
+from mmt_lab.bench.lossy_path import (
     FOLLOWER_ADDRESS,
     LEADER_ADDRESS,
     Namespaces,

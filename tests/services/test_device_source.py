@@ -8,7 +8,7 @@ from service_runs import small_scene
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import CHANNELS
 from mmt.devices.drivers import load_device
-from mmt.devices.source import DeviceSource
+from mmt.devices.streaming.source import DeviceSource
 from mmt.follower.sources import DeviceBackedSource, build_source
 
 

@@ -106,7 +106,7 @@ RECORDER = "mmt.session.recorder"
 SIMULATED, REPLAY, DEVICE_SOURCE = SOURCES = (
     "mmt.testing.simulation.follower",
     "mmt.session.replay",
-    "mmt.devices.source",
+    "mmt.devices.streaming.source",
 )
 
 EXPECTED = {

@@ -9,7 +9,7 @@ from service_runs import Together, run_session
 from mmt.core.errors import MmtError
 from mmt.scene.files import scene_from_tables
 from mmt.session.files import read_session
-from mmt.testing.emulated.hd import EmulatedHd
+from mmt.testing.emulated.openhaptics.hd import EmulatedHd
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from mmt.cli.demo import pair_named, write_emulated
 from mmt.core.errors import InputError
 from mmt.evaluation.coil import coil_figures
 from mmt.scene.files import load_scene
-from mmt.testing.emulated.phantom import ROBOT_N_MM, WALL_N_MM, series_n_mm
+from mmt.testing.emulated.openhaptics.phantom import ROBOT_N_MM, WALL_N_MM, series_n_mm
 
 
 def mmt(folder, *arguments, **variables):

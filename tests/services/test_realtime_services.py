@@ -12,7 +12,7 @@ from mmt.cli.common import run_app
 from mmt.cli.running.scene_services import DemoRun
 from mmt.core.errors import MmtError
 from mmt.core.running.process import require_real_time
-from mmt_lab.experiments import services
+from mmt_lab.experiments.bench import services
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's scheduler is asked")
 

@@ -15,9 +15,9 @@ from mmt.leader.service import Leader
 from mmt.leader.surface_log import replayed_words
 from mmt.scene import Replay, Scene
 from mmt.session.files import read_session
-from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
+from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.surface_changes import SurfaceStatement, surface_statements
 from mmt.texture.settings import ModellingSettings, SurfaceSettings

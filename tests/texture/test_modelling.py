@@ -9,7 +9,7 @@ import mmt.texture.online.modeller
 from mmt.core.frames import empty_frames
 from mmt.scene import Hand, Scene
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
 from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel

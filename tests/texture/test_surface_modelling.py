@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from mmt.scene import Hand, Scene
-from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
+from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.surface_changes import SurfaceChange, SurfaceStatement, surface_statements
 from mmt.texture.settings import ModellingSettings, SurfaceSettings

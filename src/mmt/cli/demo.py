@@ -289,7 +289,7 @@ def _coil(run: DemoRun, pair: SceneFiles) -> dict[str, Any]:
     if not (hand.exists() and coil.exists() and switches and devices):
         return {}
     from mmt.evaluation.coil import coil_figures
-    from mmt.testing.emulated.phantom import ROBOT_N_MM
+    from mmt.testing.emulated.openhaptics.phantom import ROBOT_N_MM
 
     robot_n_mm = devices.robot.options.get("stiffness_n_mm", ROBOT_N_MM)
     since_s = run.leader["session"]["duration_s"] - switches[-1]["time_s"]

@@ -1,8 +1,8 @@
-"""Conversion between a device's axes and origin and those of a scene."""
+"""Axes and origin of a device, and axes of an accelerometer, against those of a scene."""
 
 import re
 from collections.abc import Sequence
-from typing import Annotated, Final, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -83,3 +83,26 @@ class AxesOptions(BaseModel):
     def _right_axes(self) -> Self:
         Axes(self.axes)
         return self
+
+
+Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
+
+
+class SensorAxesOptions(BaseModel):
+    """How an accelerometer is mounted."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    axes: tuple[Axis, Axis, Axis] = ("x", "y", "z")
+    """Sensor axes that lie along x, y, z of the scene; the scene's z is the surface's normal."""
+
+    @model_validator(mode="after")
+    def _axes_differ(self) -> Self:
+        if {axis[-1] for axis in self.axes} != {"x", "y", "z"}:
+            raise ValueError("axes must name each of x, y, z once, each with or without a minus")
+        return self
+
+
+def signed_axes(axes: Sequence[Axis]) -> list[tuple[int, float]]:
+    """Return (index of the sensor axis, sign) for each of the scene's x, y and z."""
+    return [("xyz".index(axis[-1]), -1.0 if axis[0] == "-" else 1.0) for axis in axes]

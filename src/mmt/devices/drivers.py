@@ -47,7 +47,7 @@ _FORMER: Final = {
 }
 """Former names of drivers, and what to write instead."""
 
-EMULATED_LIBRARIES: Final = {"emulated": "mmt.testing.emulated.hd:build_library"}
+EMULATED_LIBRARIES: Final = {"emulated": "mmt.testing.emulated.openhaptics.hd:build_library"}
 """Name -> ``module:function`` that returns the file of an emulated vendor library. A driver's
 option ``library`` accepts the names in place of a file."""
 

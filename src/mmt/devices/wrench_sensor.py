@@ -9,8 +9,8 @@ from typing import Final
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import SensorReading
+from mmt.devices.reading_checks import OverloadNotice
 from mmt.devices.wrench import Matrix, Six, WrenchConverter, WrenchOptions
 
 Stamped = tuple[int, Six]

@@ -16,11 +16,11 @@ from scipy import signal
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.files.untrusted import load_arrays
-from mmt.testing.emulated.coil import coil_acceleration_m_s2
-from mmt.testing.emulated.phantom import series_n_mm
-from mmt.testing.simulation.known_surfaces import vibration_of
-from mmt.testing.simulation.textures import get_surface
-from mmt.testing.simulation.vibration import Stroke
+from mmt.testing.emulated.haptuator import coil_acceleration_m_s2
+from mmt.testing.emulated.openhaptics.phantom import series_n_mm
+from mmt.testing.simulation.surfaces.known_surfaces import vibration_of
+from mmt.testing.simulation.surfaces.textures import get_surface
+from mmt.testing.simulation.surfaces.vibration import Stroke
 
 _RATE_HZ: Final = 1000
 _POWER_SAMPLES: Final = 5

@@ -9,7 +9,7 @@ import numpy as np
 from mmt.core.arrays import IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.session.data import RecordedSession, missing_frames
-from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
+from mmt.testing.simulation.surfaces.course import SurfaceCourse, course_from_annotations
 from mmt.texture.online.history import trials
 from mmt.texture.online.surface_changes import SurfaceChange, surface_statements
 from mmt.texture.settings import ModellingSettings

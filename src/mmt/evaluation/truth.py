@@ -35,7 +35,7 @@ from mmt.evaluation.levels import (
 )
 from mmt.evaluation.results import PowerMap, Worst
 from mmt.evaluation.worst import StrokeError, explain
-from mmt.testing.simulation.known_surfaces import KnownSurface, surface_from_annotations
+from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface, surface_from_annotations
 from mmt.texture.autoregression.forms import lsf_output_power, lsf_to_ar
 from mmt.texture.autoregression.spectra import ar_spectra, ar_spectrum
 from mmt.texture.model.texture_model import TextureModel

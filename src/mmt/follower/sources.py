@@ -8,10 +8,10 @@ from mmt.core.errors import InputError
 from mmt.scene import Devices, Replay, Scene, Simulated
 
 if TYPE_CHECKING:
-    from mmt.devices.source import FrameReceiver, LossWatcher
-    from mmt.devices.tool_load import LoadRemover
-    from mmt.testing.simulation.course import SurfaceCourse
-    from mmt.testing.simulation.known_surfaces import KnownSurface
+    from mmt.devices.streaming.source import FrameReceiver, LossWatcher
+    from mmt.devices.streaming.tool_load import LoadRemover
+    from mmt.testing.simulation.surfaces.course import SurfaceCourse
+    from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface
 
 
 class FollowerSource(Protocol):
@@ -101,7 +101,7 @@ def build_source(scene: Scene) -> FollowerSource:
 
 def _simulated(scene: Scene, table: Simulated) -> FollowerSource:
     from mmt.testing.simulation.follower import SimulatedFollower
-    from mmt.testing.simulation.textures import get_surface
+    from mmt.testing.simulation.surfaces.textures import get_surface
 
     session = scene.session
     surface: KnownSurface | SurfaceCourse
@@ -109,7 +109,7 @@ def _simulated(scene: Scene, table: Simulated) -> FollowerSource:
     if table.course is None:
         surface = get_surface(table.surface, rate_hz)
     else:
-        from mmt.testing.simulation.course import surface_of
+        from mmt.testing.simulation.surfaces.course import surface_of
 
         surface = surface_of(table, session.duration_s, session.seed, rate_hz)
     return SimulatedFollower(table, channels=scene.channels(), seed=session.seed, surface=surface)
@@ -133,7 +133,7 @@ def _replay(scene: Scene, table: Replay) -> FollowerSource:
 
 def _devices(scene: Scene, table: Devices) -> FollowerSource:
     from mmt.devices.drivers import load_device
-    from mmt.devices.source import DeviceSource
+    from mmt.devices.streaming.source import DeviceSource
 
     force, acceleration = table.force_sensor, table.accelerometer
     return DeviceSource(
@@ -152,7 +152,7 @@ def _devices(scene: Scene, table: Devices) -> FollowerSource:
 
 def _load_remover(name: str) -> "LoadRemover":
     from mmt.devices.calibrations import load_calibration
-    from mmt.devices.tool_load import CALIBRATED_AS, LoadRemover, load_from
+    from mmt.devices.streaming.tool_load import CALIBRATED_AS, LoadRemover, load_from
 
     stored = load_calibration(CALIBRATED_AS, name)
     if stored is None:

@@ -14,7 +14,7 @@ MovedBy: TypeAlias = Literal["hand", "actions"]
 
 _LONGEST_S: Final = 86_400.0
 """LeRobot ends the session; this is the longest that a scene may last."""
-_ACTION_HANDLE: Final = "mmt_bridges.lerobot.handle:ActionHandle"
+_ACTION_HANDLE: Final = "mmt_bridges.lerobot.observing:ActionHandle"
 
 
 @dataclass(frozen=True)

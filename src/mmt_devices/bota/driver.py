@@ -8,7 +8,7 @@ from pydantic import Field
 from mmt.core.errors import InputError, MmtError
 from mmt.devices.drivers import read_options
 from mmt.devices.record_clocks import StampClock
-from mmt.devices.serial_line import SerialLine
+from mmt.devices.serial_ports import SerialLine
 from mmt.devices.wrench import Positive, WrenchOptions, diagonal
 from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 from mmt_devices.bota.frames import (

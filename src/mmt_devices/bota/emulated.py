@@ -1,16 +1,17 @@
-"""Emulated force sensor by Bota Systems, on a pseudo terminal."""
+"""Emulated force sensor by Bota Systems, on a pseudo terminal, and its driver in a virtual lab."""
 
 import re
 import time
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from mmt.testing.emulated import Truth
-from mmt.testing.emulated.clockwork import Clockwork
+from mmt.testing.emulated import Clockwork, Truth
+from mmt.testing.emulated.drivers import VirtualSensor
 from mmt.testing.emulated.serial_port import EmulatedSerialSensor
 from mmt_devices.bota.frames import HEADER, RAW, SIZE, BotaFrame, frame_rate_hz, pack_frame
 
 if TYPE_CHECKING:
-    from mmt.testing.emulated.world import World
+    from mmt.testing.emulated.lab import World
+
 
 _TIMER_NS: Final = 1_000_000
 """A USB-to-serial adapter passes bytes on once a millisecond."""
@@ -159,3 +160,10 @@ class EmulatedBota(EmulatedSerialSensor):
 def in_lab(world: "World", seed: int, clockwork: Clockwork) -> EmulatedBota:
     """Return the force sensor of the virtual lab."""
     return EmulatedBota(world.force_n, clock_ppm=25.0, seed=seed, clockwork=clockwork)
+
+
+class VirtualBota(VirtualSensor):
+    """Another force sensor of the virtual lab; takes the options of ``bota-serial`` too."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("virtual-bota", "bota-serial", "bota", options, port="lab")

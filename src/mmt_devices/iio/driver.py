@@ -12,10 +12,10 @@ from typing import Any, Final
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.units import GRAVITY_M_S2
-from mmt.devices.accelerometer_axes import signed_axes
+from mmt.devices.axes import signed_axes
 from mmt.devices.drivers import read_options
-from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import SensorReading
+from mmt.devices.reading_checks import OverloadNotice
 from mmt.devices.record_clocks import CountingClock
 from mmt_devices.iio.attributes import find_device, find_iio_accelerometers
 from mmt_devices.iio.capture import Capture

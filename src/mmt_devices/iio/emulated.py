@@ -1,4 +1,4 @@
-"""Emulated accelerometer of Linux's industrial I/O: attributes in a folder, and a FIFO.
+"""Emulated accelerometer of Linux's industrial I/O, and its driver in a virtual lab.
 
 It reacts to written attributes as the kernel does, but unlike the kernel it refuses no value.
 """
@@ -13,12 +13,13 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.testing.emulated import FaultySending, Truth
-from mmt.testing.emulated.clockwork import Clockwork
+from mmt.testing.emulated import Clockwork, FaultySending, Truth
+from mmt.testing.emulated.drivers import VirtualSensor
 from mmt_devices.iio.emulated_chips import ADXL355, ADXL359, Chip, attributes, pack
 
 if TYPE_CHECKING:
-    from mmt.testing.emulated.world import World
+    from mmt.testing.emulated.lab import World
+
 
 _LEAST_WAIT_NS: Final = 100_000
 _IDLE_NS: Final = 10_000_000
@@ -236,3 +237,10 @@ def in_lab(world: "World", seed: int, clockwork: Clockwork) -> EmulatedIio:
     return EmulatedIio(
         world.acceleration_m_s2, ADXL359, clock_ppm=-120.0, seed=seed, clockwork=clockwork
     )
+
+
+class VirtualIio(VirtualSensor):
+    """Another accelerometer of the virtual lab; takes the options of ``iio-accelerometer`` too."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("virtual-iio", "iio-accelerometer", "iio", options)

@@ -4,10 +4,10 @@ from typing import Literal
 
 from pydantic import ConfigDict, Field
 
-from mmt.devices.accelerometer_axes import AxesOptions
+from mmt.devices.axes import SensorAxesOptions
 
 
-class IioOptions(AxesOptions):
+class IioOptions(SensorAxesOptions):
     """Options of ``iio-accelerometer``."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, coerce_numbers_to_str=True)

@@ -1,4 +1,4 @@
-"""Base of the drivers of robot and handle: one Inverse3, in a scene's axes."""
+"""Drivers of the Haply Inverse3, in a scene's axes: the follower's arm, the leader's handle."""
 
 import atexit
 import logging
@@ -7,14 +7,16 @@ import time
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Any, Final
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.axes import Axes
+from mmt.devices.drivers import read_options
+from mmt.devices.leader_reports import InterfaceState
 from mmt_devices.inverse3.exchange import Inverse3State, ServiceAnswer
 from mmt_devices.inverse3.link import ServiceLink
-from mmt_devices.inverse3.options import InverseOptions
+from mmt_devices.inverse3.options import HandleOptions, Inverse3RobotOptions, InverseOptions
 
 LOG: Final = logging.getLogger("mmt_devices.inverse3")
 
@@ -144,3 +146,122 @@ class InverseDriver(ABC):
             link.move(numbers)
         else:
             self._counts["commands that are not finite"] += 1
+
+
+_LONGEST_TURN_S: Final = 0.02
+
+
+class Inverse3Robot(InverseDriver):
+    """Implements `Robot`; the options are those of `Inverse3RobotOptions`.
+
+    Parameters
+    ----------
+    **options
+        See `docs/how-to/inverse3.md`.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        self._of_robot = read_options(Inverse3RobotOptions, "inverse3", options)
+        super().__init__(self._of_robot)
+
+    def _make_link(self) -> ServiceLink:
+        options = self._of_robot
+        servo = {
+            "stale_ms": options.stale_ms,
+            "speed_limit_mm_s": options.speed_limit_mm_s,
+            "lead_limit_mm": options.lead_limit_mm,
+        }
+        return ServiceLink("robot", options, servo, self._counts)
+
+    def await_turn(self) -> None:
+        """Return soon after the service's next answer, or after 20 ms."""
+        self._connected().await_answer(_LONGEST_TURN_S)
+
+    def read(self) -> Vector:
+        """Return the tip's newest position (mm).
+
+        Raises
+        ------
+        DeviceLost
+            The robot does not answer any more.
+        """
+        return self._axes.place_in_scene(self._measured(self._connected().read()).position_mm)
+
+    def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
+        """Return the newest positions (mm) that came between two times, the oldest first."""
+        return [
+            (measured.time_ns, self._axes.place_in_scene(measured.position_mm))
+            for measured in tuple(self._connected().kept)
+            if after_ns < measured.time_ns < until_ns
+        ]
+
+    def write(self, position_mm: Vector) -> None:
+        """Command a position (mm); count and ignore one that is not finite.
+
+        Raises
+        ------
+        DeviceLost
+            The robot does not answer any more.
+        """
+        self._command(self._axes.place_on_device(position_mm))
+
+
+class Inverse3Handle(InverseDriver):
+    """Implements `LeaderInterface`; the options are those of `HandleOptions`.
+
+    An Inverse3 measures no force. With ``hand_force = "contact"`` in ``[handle]``, the leader
+    infers the force from the motion.
+
+    Parameters
+    ----------
+    **options
+        See `docs/how-to/inverse3.md`.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        self._of_handle = read_options(HandleOptions, "inverse3", options)
+        super().__init__(self._of_handle)
+
+    def _make_link(self) -> ServiceLink:
+        options = self._of_handle
+        servo = {
+            "stale_ms": options.stale_ms,
+            "ramp_ms": options.ramp_ms,
+            "limit_n": options.force_limit_n,
+        }
+        return ServiceLink("handle", options, servo, self._counts)
+
+    def read(self, elapsed_ticks: int) -> InterfaceState:  # noqa: ARG002 - the device has a clock
+        """Return the handle's newest state.
+
+        Raises
+        ------
+        DeviceLost
+            The handle does not answer any more.
+        """
+        measured = self._measured(self._connected().read())
+        position = self._axes.place_in_scene(measured.position_mm)
+        velocity = self._axes.to_scene(measured.velocity_mm_s)
+        return InterfaceState(position, velocity, 0.0, contact=False)
+
+    def write(self, force_n: Vector) -> None:
+        """Display a force (N), cut to the limit.
+
+        A force that is not finite is counted and ignored.
+
+        Raises
+        ------
+        DeviceLost
+            The handle does not answer any more.
+        """
+        self._command(self._axes.to_device(force_n))

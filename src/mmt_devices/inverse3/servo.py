@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 
 from mmt.core.arrays import Vector, step_towards
 from mmt.core.guards import ForceGuard
-from mmt.devices.plausibility import PlausibilityCheck
+from mmt.devices.reading_checks import PlausibilityCheck
 from mmt_devices.inverse3.exchange import ABSENT, Inverse3State, ServiceAnswer
 from mmt_devices.inverse3.messages import (
     CommandNames,

@@ -8,12 +8,11 @@ from mmt.devices.drivers import Role
 from mmt.devices.leader_reports import InterfaceState
 from mmt.testing.emulated.drivers import HandleLabOptions, VirtualDevice
 from mmt.testing.emulated.lab_process import LabProcess
-from mmt_devices.inverse3.handle import Inverse3Handle
-from mmt_devices.inverse3.robot import Inverse3Robot
+from mmt_devices.inverse3.driver import Inverse3Handle, Inverse3Robot
 
 AnyDriver = TypeVar("AnyDriver", Inverse3Handle, Inverse3Robot)
 
-_LAB: Final = LabProcess("mmt_devices.inverse3.emulated_lab")
+_LAB: Final = LabProcess("mmt_devices.inverse3.emulated")
 
 
 class _VirtualInverse3(VirtualDevice[AnyDriver]):

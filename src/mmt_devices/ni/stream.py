@@ -17,8 +17,8 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import DeviceLost
 from mmt.core.running.process import follow_real_time
 from mmt.devices.board_sharing import StreamData
-from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import VoltageReading
+from mmt.devices.reading_checks import OverloadNotice
 from mmt_devices.ni.daqmx import Daqmx, explain, explained
 
 _TERMINALS: Final = {

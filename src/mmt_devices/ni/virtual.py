@@ -12,12 +12,11 @@ from nidaqmx.errors import DaqError
 
 from mmt.core.arrays import FloatArray
 from mmt.devices.adxl335.gravity import nominal
-from mmt.devices.ati.calibration_file import load_calibration_file
+from mmt.devices.ati.gauges import load_calibration_file
 from mmt.devices.drivers import read_options
 from mmt.testing.emulated.drivers import LAB, LabOptions, take_lab_options
-from mmt_devices.ni.driver import NiVoltages
+from mmt_devices.ni.driver import NiOptions, NiVoltages
 from mmt_devices.ni.emulated import INPUTS, EmulatedNi
-from mmt_devices.ni.options import NiOptions
 from mmt_devices.ni.virtual_lab import ANSWER_S, LARGEST_BYTES
 
 NAME: Final = "virtual-ni-daqmx"

@@ -6,8 +6,8 @@ import threading
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from mmt.testing.emulated.clockwork import Clockwork
-    from mmt.testing.emulated.world import World
+    from mmt.testing.emulated import Clockwork
+    from mmt.testing.emulated.lab import World
 
 ANSWER_S: Final = 1.0
 LARGEST_BYTES: Final = 65_536

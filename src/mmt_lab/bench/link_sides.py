@@ -1,4 +1,4 @@
-"""The two processes of the link's measurement; each keeps both links open at the same time.
+"""Traffic over both links at the same time, and the two processes that send and measure it.
 
 Each process has a pipe to the measuring process. The leader sends the ports of mmt's link and of
 the bare WebSocket, both processes report that they are connected, both receive their turns, and
@@ -6,24 +6,172 @@ both send their figures.
 """
 
 import asyncio
-from collections.abc import AsyncIterator
+import math
+import struct
+import time
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
-from typing import Final
+from typing import Final, Literal
 
 import aiohttp
+import numpy as np
 from aiohttp import web
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import CHANNELS, COMMAND_DTYPE
 from mmt.core.running.process import be_real_time, prefer_even_ticks
+from mmt.core.running.ticking import Ticker, TimeHistogram
 from mmt.link.client import FollowerClient
 from mmt.link.endpoint import FollowerEvents, LeaderEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderServer
 from mmt.scene import Link
-from mmt_lab.bench.link_traffic import Kind, Send, Side, Turn, TurnFigures, run_turn
+
+Kind = Literal["ours", "bare"]
+
+WARM_UP_S: Final = 0.1
+"""Time for which a turn sends before it measures."""
+SETTLE_S: Final = 0.1
+"""Pause after a turn, in which the last messages arrive."""
+
+_SLEEP_GRAIN_NS: Final = 2_000_000
+_HEAD: Final = struct.Struct("<Iq")
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A period in which one link sends one record per message both ways, at a steady rate."""
+
+    kind: Kind
+    rate_hz: int
+    start_ns: int
+    """On the machine's monotonic clock, which both processes read."""
+    duration_s: float
+    """Length of the measurement, after a short warm-up."""
+    leader_lag: float = 0.0
+    """Lag of the leader's ticks behind the follower's, as a share of the period."""
+
+    @property
+    def end_ns(self) -> int:
+        """When the next turn may start."""
+        return self.start_ns + round((WARM_UP_S + self.duration_s + SETTLE_S) * 1e9)
+
+
+@dataclass(frozen=True)
+class TurnFigures:
+    """Figures of one turn in one process, or of several turns in one direction."""
+
+    kind: Kind
+    p50_ms: float
+    """One-way latency of the messages received; NaN if there were none."""
+    p99_ms: float
+    worst_ms: float
+    rate_hz: float
+    """Messages received per second."""
+    cores: float
+    """Processor time over elapsed time."""
+    sent: int
+    received: int
+    lost: int
+    """Sequence numbers that are missing between the messages received."""
+    out_of_order: int
+
+    @property
+    def wrong(self) -> int:
+        """Number of messages lost or out of order."""
+        return self.lost + self.out_of_order
+
+
+@dataclass
+class Side:
+    """Counters of the records that one process sends and receives over one link."""
+
+    layout: np.dtype[np.void]
+    leads: bool = False
+    sent: int = 0
+    received: int = 0
+    lost: int = 0
+    out_of_order: int = 0
+    newest: int = -1
+    latency: TimeHistogram = field(default_factory=TimeHistogram)
+
+    @property
+    def counts(self) -> tuple[int, int, int, int]:
+        """Sent, received, lost, out of order."""
+        return self.sent, self.received, self.lost, self.out_of_order
+
+    def next_record(self) -> RecordArray:
+        """Return the next record, shape (1,)."""
+        block = np.zeros(1, dtype=self.layout)
+        block["sequence"] = self.sent
+        block["time_ns"] = time.monotonic_ns()
+        self.sent += 1
+        return block
+
+    def record(self, data: bytes, offset: int = 0) -> None:
+        """Count and time one record that arrived."""
+        sequence, time_ns = _HEAD.unpack_from(data, offset)
+        self.latency.add(time.monotonic_ns() - time_ns)
+        self.received += 1
+        if sequence <= self.newest:
+            self.out_of_order += 1
+            return
+        self.lost += sequence - self.newest - 1
+        self.newest = sequence
+
+    def record_block(self, block: RecordArray, _arrival_ns: int) -> None:
+        """Count and time a block that mmt's link delivers, after the checks of the link."""
+        data = block.tobytes()
+        for offset in range(0, len(data), block.itemsize):
+            self.record(data, offset)
+
+
+Send = Callable[[RecordArray], None]
+
+
+async def run_turn(turn: Turn, side: Side, send: Send) -> TurnFigures:
+    """Run a turn over its link, and return its figures."""
+    before = side.counts
+
+    def tick(elapsed: int) -> None:
+        for _ in range(elapsed):
+            send(side.next_record())
+
+    period_ns = round(1e9 / turn.rate_hz)
+    ticker = Ticker(period_ns, tick, statistics=False)
+    start_ns = turn.start_ns + (round(turn.leader_lag * period_ns) if side.leads else 0)
+    await _sleep_until(start_ns - _SLEEP_GRAIN_NS)
+    while time.monotonic_ns() < start_ns:
+        pass  # a sleep is not exact enough to keep the lag
+    ticker.start()
+    await _sleep_until(turn.start_ns + round(WARM_UP_S * 1e9))
+    side.latency = TimeHistogram()
+    wall_s, busy_s = time.perf_counter(), time.process_time()
+    await asyncio.sleep(turn.duration_s)
+    busy_s, wall_s = time.process_time() - busy_s, time.perf_counter() - wall_s
+    latency, side.latency = side.latency, TimeHistogram()
+    ticker.stop()
+    await ticker.wait()
+    await _sleep_until(turn.end_ns)
+    quantiles_ms = (latency.quantile_ms(part) for part in (0.5, 0.99, 1.0))
+    p50_ms, p99_ms, worst_ms = (math.nan if each is None else each for each in quantiles_ms)
+    counts = (new - old for new, old in zip(side.counts, before, strict=True))
+    return TurnFigures(
+        turn.kind,
+        p50_ms,
+        p99_ms,
+        worst_ms,
+        latency.count / wall_s,
+        busy_s / wall_s,
+        *counts,
+    )
+
+
+async def _sleep_until(time_ns: int) -> None:
+    await asyncio.sleep(max(0, time_ns - time.monotonic_ns()) / 1e9)
+
 
 PATIENCE_S: Final = 60.0
 """How long one process waits for the other."""

@@ -1,17 +1,30 @@
-"""Cases on which methods are judged: simulated sessions of every known texture."""
+"""Simulated sessions of known textures, and the cases made of them on which methods are judged."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
 from mmt.core.arrays import RecordArray
 from mmt.scene import Link, Scene, SessionTable, Simulated, Texture
-from mmt.testing.simulation.known_surfaces import KnownSurface
+from mmt.session.data import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.textures import SURFACES, get_surface
+from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface
+from mmt.testing.simulation.surfaces.textures import SURFACES, get_surface
 from mmt.texture.settings import Inputs
 from mmt_lab.harness.experiment import hand_of
+
+
+@cache
+def session(
+    surface: str, duration_s: float, seed: int = 1, acceleration_rate_hz: int = 1000
+) -> RecordedSession:
+    """Return a simulated session on a known texture, from the cache if there is one."""
+    scene = Scene(session=SessionTable(acceleration_rate_hz=acceleration_rate_hz))
+    frames, annotations = simulate_session(scene, surface, duration_s, seed)
+    return RecordedSession(frames=frames, annotations=annotations)
+
 
 INHOMOGENEOUS: Final = ("plastic+patches", "plastic+bursts-4", "plastic+bursts-8")
 """Textures whose level differs from place to place, or comes in bursts of 25 ms."""

@@ -25,18 +25,18 @@ from mmt.evaluation.run_verdict import median_of_known
 from mmt.evaluation.texts import number
 from mmt.scene import PROFILES, Network
 from mmt.testing.simulation import RATE_HZ
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt_lab.compare.cases import DURATION_S, FIRST_SEED
 from mmt_lab.compare.judging import METHODS as METHODS_OF_MODELLING
 from mmt_lab.felt.judging import HOP, LEAST_RMS_M_S2, WINDOW, FeltErrors, Reference
-from mmt_lab.felt.leading import (
+from mmt_lab.felt.passing import (
     leader_vibration,
     local_updates,
     settings_over,
+    stroke_over_network,
     taking_over,
     undelayed_vibration,
 )
-from mmt_lab.felt.passing import stroke_over_network
 from mmt_lab.harness.experiment import (
     HandKind,
     Seeds,

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from mmt.core.output.palette import LIGHT
 from mmt.evaluation.document import Block, ReportTable, table_of
 from mmt.evaluation.report_files import picture
-from mmt.testing.simulation.textures import GRAINED
+from mmt.testing.simulation.surfaces.textures import GRAINED
 from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectra
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
 from mmt.texture.space import InputSpace

@@ -26,8 +26,7 @@ from mmt_lab.harness.experiment import Seed
 from mmt_lab.harness.findings import Findings
 from mmt_lab.soak import faults as kinds
 from mmt_lab.soak.faults import SoakFault, plan_faults
-from mmt_lab.soak.judging import RECOVERY_S, AppliedFault, Check, SoakLog, judge, table
-from mmt_lab.soak.recorded import read_back
+from mmt_lab.soak.judging import RECOVERY_S, AppliedFault, Check, SoakLog, judge, read_back, table
 from mmt_lab.soak.services import SoakServices
 
 SHOWS: Final = "whether services that are disturbed for long lose frames, leak or slow down"

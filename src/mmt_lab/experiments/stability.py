@@ -16,8 +16,15 @@ from mmt.evaluation.document import Block, Heading, ReportTable
 from mmt.evaluation.report import environment
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import counting
-from mmt_lab.stability.cases import CaseRow, Family, broken, run_case
-from mmt_lab.stability.families import Families, family_names, load_family
+from mmt_lab.stability.families import (
+    CaseRow,
+    Families,
+    Family,
+    broken,
+    family_names,
+    load_family,
+    run_case,
+)
 
 SHOWS: Final = "whether the numerics hold where they are stiff and extreme"
 TAKES: Final = "3 min"

@@ -22,15 +22,16 @@ from mmt.session.files import read_session
 from mmt_lab.harness.experiment import Seed, Workers
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import counting, processes
-from mmt_lab.sweep.combinations import (
+from mmt_lab.sweep import (
     Job,
     JobOutcome,
     Settings,
     SweepResults,
     combinations,
     make_jobs,
+    run_locally,
+    run_on_dask,
 )
-from mmt_lab.sweep.running import run_locally, run_on_dask
 
 SHOWS: Final = "how recorded sessions fare with other settings of [texture]"
 TAKES: Final = "1 s a session and choice"

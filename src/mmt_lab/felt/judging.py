@@ -7,7 +7,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
-from mmt.devices.haptuator.drive import VoltageDrive
+from mmt.devices.haptuator.driver import VoltageDrive
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.evaluation.levels import BANDS, band_membership
 from mmt.testing.simulation import RATE_HZ

@@ -104,7 +104,7 @@ def listed(group: Group | None = None) -> Iterator[Experiment]:
 
     The modules are read, not imported: numerics take seconds to load.
     """
-    files = [file for folder in experiments.__path__ for file in Path(folder).glob("[!_]*.py")]
+    files = [file for folder in experiments.__path__ for file in Path(folder).rglob("[!_]*.py")]
     for file in sorted(files, key=lambda each: each.stem):
         one = _read(file)
         if group in {None, one.group}:
@@ -121,10 +121,11 @@ def load(name: str) -> Callable[..., Findings]:
     ImportError
         The experiment needs a package that is not installed.
     """
-    names = [one.name for one in listed()]
-    if name not in names:
-        raise InputError(f"lab {name}: allowed are {', '.join(names)}")
-    module = importlib.import_module(f"{experiments.__name__}.{name.replace('-', '_')}")
+    groups = {one.name: one.group for one in listed()}
+    if name not in groups:
+        raise InputError(f"lab {name}: allowed are {', '.join(groups)}")
+    folder = f"{experiments.__name__}.bench" if groups[name] == "bench" else experiments.__name__
+    module = importlib.import_module(f"{folder}.{name.replace('-', '_')}")
     run: Callable[..., Findings] = module.run
     return run
 
@@ -140,7 +141,7 @@ def chosen_textures(textures: str | None) -> list[str]:
     InputError
         There is no such texture, or no model in a folder.
     """
-    from mmt.testing.simulation.textures import SURFACES, get_surface
+    from mmt.testing.simulation.surfaces.textures import SURFACES, get_surface
 
     if textures is None:
         return list(SURFACES)

@@ -10,9 +10,9 @@ import numpy as np
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.core.errors import InputError
 from mmt.scene import Scene
-from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface
+from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.autoregression.burg import burg_batch
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.segmentation.segmenter import segment

@@ -14,9 +14,9 @@ from mmt.core.arrays import BoolArray, IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.scene import Scene, Texture
 from mmt.session.files import read_session
-from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.textures import SURFACES, get_surface
+from mmt.testing.simulation.surfaces.course import SurfaceCourse, course_from_annotations
+from mmt.testing.simulation.surfaces.textures import SURFACES, get_surface
 from mmt.texture.field.blocks import BLOCK_S
 from mmt.texture.online.surface_changes import SurfaceChange
 from mmt.texture.settings import Inputs, ModellingSettings, SurfaceSettings, surface_check_frames

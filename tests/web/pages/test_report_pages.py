@@ -17,7 +17,7 @@ from mmt_lab.bench.command import write_bench_report
 from mmt_lab.experiments.stability import findings_of
 from mmt_lab.harness.findings import Axis, Curves, Findings, Panel, Spread
 from mmt_lab.harness.report import write_report as write_findings
-from mmt_lab.stability.cases import CaseRow
+from mmt_lab.stability.families import CaseRow
 
 __all__ = ["browser"]
 pytestmark = MARKS

@@ -11,9 +11,9 @@ from waiting import until
 from mmt.scene import Scene
 from mmt.session.data import RecordedSession
 from mmt.session.windows import MemoryWindows
-from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
+from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.online.history import build, stream_blocks
 from mmt.texture.online.surface_changes import SurfaceChange
 from mmt.texture.settings import ModellingSettings, SurfaceSettings

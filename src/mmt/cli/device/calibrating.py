@@ -18,7 +18,6 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.files.existing import write_file
 from mmt.core.running.ticking import Ticker
-from mmt.devices import tool_load
 from mmt.devices.adxl335 import sensor as adxl335
 from mmt.devices.adxl335.gravity import (
     UPS,
@@ -33,7 +32,8 @@ from mmt.devices.adxl335.gravity import (
 )
 from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
 from mmt.devices.drivers import load_device
-from mmt.devices.source import PERIOD_NS, DeviceSource
+from mmt.devices.streaming import tool_load
+from mmt.devices.streaming.source import PERIOD_NS, DeviceSource
 from mmt.scene.files import load_scene
 
 _SENSORS: Final = ("force_sensor", "accelerometer")

@@ -13,7 +13,7 @@ from mmt.core.errors import InputError
 from mmt.core.files.existing import replacing
 from mmt.core.files.untrusted import load_arrays
 from mmt.devices.drivers import load_device
-from mmt.devices.haptuator.drive import store_level
+from mmt.devices.haptuator.driver import store_level
 from mmt.devices.haptuator.equaliser import fit_equaliser
 from mmt.devices.haptuator.sweep import SweepRecording, SweepSettings, record_sweep
 

@@ -5,8 +5,7 @@ from typing import Any, Final, cast
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import InputError
-from mmt.devices.adxl335.options import BAND, Adxl335Options
-from mmt.devices.adxl335.sensor import Adxl335
+from mmt.devices.adxl335.sensor import BAND, Adxl335, Adxl335Options
 from mmt.devices.drivers import load_device, read_options
 from mmt.devices.protocols import VoltageBoard, arrival_of
 from mmt.scene import Driver

@@ -7,21 +7,24 @@ from pydantic import Field
 from mmt.core.errors import MmtError
 from mmt.devices.ati.calibration import AtiOptions, check_calibration
 from mmt.devices.ati.digital_line import DigitalLine
-from mmt.devices.ati.digital_registers import (
+from mmt.devices.ati.digital_wire import (
     CALIBRATION_REGISTERS,
     CALIBRATIONS,
     GAINS,
     LOCK,
     OFFSETS,
+    SIZE,
     START_STREAM,
     STATUS,
     UNLOCK,
+    Gauges,
+    NoFrame,
+    RecordStream,
     StoredCalibration,
     calibration_start,
     explain_status,
     parse_calibration,
 )
-from mmt.devices.ati.digital_wire import SIZE, Gauges, NoFrame, RecordStream
 from mmt.devices.drivers import read_options
 from mmt.devices.record_clocks import CountingClock
 from mmt.devices.wrench_sensor import Stamped, WrenchSensor

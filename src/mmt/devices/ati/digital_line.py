@@ -7,8 +7,8 @@ from typing import Final
 import serial
 
 from mmt.core.errors import MmtError
-from mmt.devices.ati.digital_registers import DEVICE
 from mmt.devices.ati.digital_wire import (
+    DEVICE,
     LONGEST_READ,
     NoFrame,
     answer_length,
@@ -18,7 +18,7 @@ from mmt.devices.ati.digital_wire import (
     registers_of,
     write_request,
 )
-from mmt.devices.serial_line import SerialLine
+from mmt.devices.serial_ports import SerialLine
 
 _ANSWER_S: Final = 0.15
 _ATTEMPTS: Final = 3

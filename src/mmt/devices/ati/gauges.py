@@ -1,16 +1,184 @@
-"""Force from bare gauge voltages on an acquisition board, by the sensor's ``.cal`` file."""
+"""Force from bare gauge voltages on an acquisition board, by the matrix of ATI's ``.cal`` file."""
 
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from mmt.core.errors import DeviceLost, InputError
-from mmt.devices.ati.calibration import AtiOptions, check_calibration
-from mmt.devices.ati.calibration_file import FileCalibration, load_calibration_file
+from mmt.core.bounds import finite_number
+from mmt.core.errors import DeviceLost, InputError, short_message
+from mmt.core.files.untrusted import parse_xml
+from mmt.devices.ati.calibration import (
+    AtiOptions,
+    Calibration,
+    check_calibration,
+    force_in_newton,
+    length_in_mm,
+    torque_in_newton_mm,
+)
 from mmt.devices.drivers import load_device, read_options
 from mmt.devices.protocols import VoltageBoard, arrival_of
+from mmt.devices.wrench import Matrix, matrix_of
 from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 from mmt.scene import Driver
+
+_AXES: Final = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+_LARGEST: Final = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class FileCalibration:
+    """Contents of a ``.cal`` file."""
+
+    calibration: Calibration
+    matrix: Matrix
+    """From volts to N and N mm."""
+    output_v: float
+    """Largest magnitude of the amplifier's output voltage."""
+
+
+def load_calibration_file(path: Path) -> FileCalibration:
+    """Read a ``.cal`` file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or used; the message says why.
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(_LARGEST + 1)
+    except OSError as error:
+        raise InputError(
+            f"calibration {path}: {error.strerror or error}; it came with the sensor, under the "
+            "name of its serial number"
+        ) from error
+    if len(content) > _LARGEST:
+        raise InputError(f"calibration {path}: over 1 MiB, so it is no .cal file")
+    try:
+        return parse_calibration_file(content)
+    except InputError as error:
+        raise InputError(f"calibration {path}: {error}") from error
+
+
+def parse_calibration_file(content: bytes) -> FileCalibration:
+    """Read a ``.cal`` file's content.
+
+    The ``UserAxis`` rows are the matrix. Files of version 1.0 have no ``UserAxis``: their ``Axis``
+    rows are divided by the scales, and torques are moved to the displaced origin, T - D x F.
+
+    Raises
+    ------
+    InputError
+        The content cannot be used; the message says why.
+    """
+    root = parse_xml(content)
+    calibration = root.find("Calibration")
+    if root.tag != "FTSensor" or calibration is None:
+        raise InputError("it has no FTSensor with a Calibration: it is no .cal file by ATI")
+    if _number(calibration, "GainMultiplier", "1") != 1.0:
+        raise InputError("its GainMultiplier is not 1, which is not supported")
+    newton = force_in_newton(_text(calibration, "ForceUnits"), "the file")
+    newton_mm = torque_in_newton_mm(_text(calibration, "TorqueUnits"), "the file")
+    axes = _rows(calibration, "UserAxis")
+    rows = (
+        [_values(axes[name]) for name in _AXES]
+        if axes
+        else _from_axes(calibration, newton, newton_mm)
+    )
+    ranges = axes or _rows(calibration, "Axis")
+    units = [newton] * 3 + [newton_mm] * 3
+    limits = [unit * _number(ranges[name], "max") for name, unit in zip(_AXES, units, strict=True)]
+    if min(limits) <= 0:
+        raise InputError("its ranges 'max' are not above zero")
+    x, y, z, tx, ty, tz = limits
+    try:
+        matrix = matrix_of(
+            [[unit * value for value in row] for row, unit in zip(rows, units, strict=True)]
+        )
+    except ValueError as error:
+        raise InputError(f"its matrix cannot be used: {error}") from None
+    output = _number(calibration, "OutputRange", "20")
+    bipolar = calibration.get("OutputBipolar", "True").lower() == "true"
+    return FileCalibration(
+        Calibration(
+            serial=root.get("Serial", ""),
+            part=calibration.get("PartNumber", ""),
+            force_unit=_text(calibration, "ForceUnits"),
+            range_n=(x, y, z),
+            range_n_mm=(tx, ty, tz),
+        ),
+        matrix,
+        output / 2 if bipolar else output,
+    )
+
+
+def _from_axes(calibration: ET.Element, newton: float, newton_mm: float) -> list[list[float]]:
+    """Return the rows of a file without ``UserAxis``, in the file's own units."""
+    axes = _rows(calibration, "Axis")
+    if not axes:
+        raise InputError("it has neither UserAxis nor Axis rows")
+    rows = []
+    for name in _AXES:
+        scale = _number(axes[name], "scale")
+        if scale == 0:
+            raise InputError(f"its scale of {name} is zero")
+        rows.append([value / scale for value in _values(axes[name])])
+    transform = calibration.find("BasicTransform")
+    if transform is None:
+        return rows
+    if any(_number(transform, angle, "0") != 0 for angle in ("Rx", "Ry", "Rz")):
+        raise InputError("its BasicTransform turns the axes, which is not supported")
+    millimetres = length_in_mm(_text(calibration, "DistUnits"), "the file")
+    moved = [
+        _number(transform, name, "0") * millimetres * newton / newton_mm
+        for name in ("Dx", "Dy", "Dz")
+    ]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        rows[3 + i] = [
+            t - moved[j] * b + moved[k] * a
+            for t, a, b in zip(rows[3 + i], rows[j], rows[k], strict=True)
+        ]
+    return rows
+
+
+def _rows(calibration: ET.Element, tag: str) -> Mapping[str, ET.Element]:
+    """Return the elements of the six axes by name; empty if the file has no such elements."""
+    found = {element.get("Name", ""): element for element in calibration.findall(tag)}
+    missing = [name for name in _AXES if name not in found]
+    if found and missing:
+        raise InputError(f"it has no {tag} for {', '.join(missing)}")
+    return found
+
+
+def _values(element: ET.Element) -> list[float]:
+    name = element.get("Name")
+    values = [_finite(word, f"values of {name}") for word in element.get("values", "").split()]
+    if len(values) != 6:
+        raise InputError(f"its {name} has {len(values)} values, six are expected")
+    return values
+
+
+def _text(element: ET.Element, key: str) -> str:
+    text = element.get(key)
+    if not text:
+        raise InputError(f"its Calibration has no {key}")
+    return text
+
+
+def _number(element: ET.Element, key: str, usual: str = "") -> float:
+    name = element.get("Name")
+    return _finite(element.get(key, usual), f"{key} of {name}" if name else key)
+
+
+def _finite(text: str, name: str) -> float:
+    try:
+        return finite_number(text)
+    except ValueError:
+        raise InputError(f"its {name} is {short_message(text)!r}, not a finite number") from None
+
 
 DRIVER: Final = "ati-gauges"
 

@@ -15,8 +15,8 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
 from mmt.devices.haptuator.equaliser import sweep
-from mmt.devices.lanes import Lane
 from mmt.devices.protocols import SensorReading, VoltageActuator
+from mmt.devices.streaming.lanes import Lane
 
 _BEFORE: Final = 400
 """Samples of silence before a sweep, to learn the sensor's value at rest and its clock."""

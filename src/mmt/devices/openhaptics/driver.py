@@ -12,9 +12,8 @@ from typing import Final, Generic, TypeVar
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.axes import Axes
-from mmt.devices.openhaptics import constants as hd
-from mmt.devices.openhaptics.constants import HdError, explain
-from mmt.devices.openhaptics.library import CALLBACK, Stack, open_stack
+from mmt.devices.openhaptics import library as hd
+from mmt.devices.openhaptics.library import CALLBACK, HdError, Stack, explain, open_stack
 from mmt.devices.openhaptics.options import HdOptions
 from mmt.devices.openhaptics.servo import Servo
 

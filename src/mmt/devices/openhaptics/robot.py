@@ -9,9 +9,8 @@ from mmt.core.arrays import Vector, step_towards
 from mmt.core.errors import InputError
 from mmt.core.quaternions import Quaternion, quaternion_of_axes
 from mmt.devices.drivers import read_options
-from mmt.devices.openhaptics.constants import CURRENT_TRANSFORM
 from mmt.devices.openhaptics.driver import HdDriver
-from mmt.devices.openhaptics.library import Matrix, Stack
+from mmt.devices.openhaptics.library import CURRENT_TRANSFORM, Matrix, Stack
 from mmt.devices.openhaptics.options import HdRobotOptions
 from mmt.devices.openhaptics.servo import STUCK, Servo
 

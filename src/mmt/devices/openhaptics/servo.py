@@ -11,7 +11,7 @@ from typing import Any, Final
 from mmt.core.arrays import Vector
 from mmt.core.guards import ForceGuard
 from mmt.core.running.process import follow_real_time
-from mmt.devices.openhaptics.constants import (
+from mmt.devices.openhaptics.library import (
     COMM_ERROR,
     CONTINUE,
     CURRENT_FORCE,
@@ -19,13 +19,14 @@ from mmt.devices.openhaptics.constants import (
     CURRENT_VELOCITY,
     DEVICE_FAULT,
     DONE,
+    VECTOR,
     HdError,
+    Vector3,
     name_of,
     only_force,
 )
-from mmt.devices.openhaptics.library import VECTOR, Vector3
 from mmt.devices.openhaptics.options import HdOptions
-from mmt.devices.plausibility import PlausibilityCheck
+from mmt.devices.reading_checks import PlausibilityCheck
 
 STUCK: Final = "a position that stays the same under the largest force"
 

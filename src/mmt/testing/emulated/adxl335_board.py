@@ -5,16 +5,15 @@ import random
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.units import GRAVITY_M_S2
-from mmt.devices.adxl335.framing import BoardFrame, Counts, encode_frame
 from mmt.devices.adxl335.gravity import GravityCalibration, nominal
-from mmt.devices.adxl335.options import LARGEST_BANDWIDTH_HZ
-from mmt.devices.adxl335.sensor import TYPICAL_RANGE_M_S2
+from mmt.devices.adxl335.sensor import LARGEST_BANDWIDTH_HZ, TYPICAL_RANGE_M_S2
+from mmt.devices.adxl335.serial_driver import BoardFrame, Counts, encode_frame
 from mmt.testing.emulated import FaultySending, Truth
 from mmt.testing.emulated.serial_port import EmulatedSerialDevice
 
 if TYPE_CHECKING:
-    from mmt.testing.emulated.clockwork import Clockwork
-    from mmt.testing.emulated.world import World
+    from mmt.testing.emulated import Clockwork
+    from mmt.testing.emulated.lab import World
 
 NOISE_DENSITY: Final = 150e-6 * GRAVITY_M_S2
 """m/s2 per root hertz (data sheet, X and Y)."""

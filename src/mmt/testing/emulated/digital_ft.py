@@ -6,20 +6,18 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.devices.ati.digital_ft import record_rate_hz
-from mmt.devices.ati.digital_registers import (
+from mmt.devices.ati.digital_wire import (
     CALIBRATION_REGISTERS,
     DEVICE,
-    STATUS,
-    calibration_start,
-    pack_calibration,
-)
-from mmt.devices.ati.digital_wire import (
     READ_REGISTERS,
     SIZE,
+    STATUS,
     WRITE_REGISTERS,
     Gauges,
+    calibration_start,
     checksum,
     frame,
+    pack_calibration,
     pack_record,
 )
 from mmt.testing.emulated import Truth

@@ -12,8 +12,8 @@ from mmt.devices.ati.net_wire import START, STOP, Record, pack_record, parse_req
 from mmt.testing.emulated import FaultySending, Truth
 
 if TYPE_CHECKING:
-    from mmt.testing.emulated.clockwork import Clockwork
-    from mmt.testing.emulated.world import World
+    from mmt.testing.emulated import Clockwork
+    from mmt.testing.emulated.lab import World
 
 _BOX_RATE_HZ: Final = 7000
 _PAUSE_S: Final = 0.02

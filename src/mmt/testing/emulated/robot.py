@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.testing.emulated.clockwork import Clockwork
+from mmt.testing.emulated import Clockwork
 
 if TYPE_CHECKING:
-    from mmt.testing.emulated.world import World
+    from mmt.testing.emulated.lab import World
 
 PACKET: Final = struct.Struct("<3d")
 NO_COMMAND: Final = b""

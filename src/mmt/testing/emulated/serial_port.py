@@ -11,8 +11,7 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
-from mmt.testing.emulated import FaultySending, Truth
-from mmt.testing.emulated.clockwork import Clockwork
+from mmt.testing.emulated import Clockwork, FaultySending, Truth
 
 _LARGEST: Final = 4096
 _TCGETS2: Final = 0x802C542A

@@ -11,8 +11,8 @@ from mmt.testing.simulation.instruments import Instruments
 from mmt.testing.simulation.robot import SimulatedRobot, TipState
 
 if TYPE_CHECKING:
-    from mmt.testing.simulation.course import SurfaceCourse
-    from mmt.testing.simulation.known_surfaces import KnownSurface
+    from mmt.testing.simulation.surfaces.course import SurfaceCourse
+    from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface
 
 
 class MovedTip(Protocol):
@@ -86,7 +86,7 @@ class SimulatedFollower:
 
     @property
     def annotations(self) -> bytes:
-        """The surface's truth, see `mmt.testing.simulation.surfaces`."""
+        """The surface's truth, see `mmt.testing.simulation.surfaces.surface`."""
         return self._surface.annotations()
 
     def describe(self) -> str:

@@ -16,12 +16,12 @@ from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import frame_dtype, frame_struct, ordered_channels
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ, NoiseRows
 from mmt.testing.simulation.robot import TipState
-from mmt.testing.simulation.surfaces import Surface
-from mmt.testing.simulation.vibration import Stroke, SurfaceVibration, VibrationSource
+from mmt.testing.simulation.surfaces.surface import Surface
+from mmt.testing.simulation.surfaces.vibration import Stroke, SurfaceVibration, VibrationSource
 
 if TYPE_CHECKING:
-    from mmt.testing.simulation.course import SurfaceCourse
-    from mmt.testing.simulation.known_surfaces import KnownSurface
+    from mmt.testing.simulation.surfaces.course import SurfaceCourse
+    from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface
 
 GRAVITY_M_S2: Final = 9.80665  # as in `mmt.core.units`, which a simulated follower does not load
 
@@ -242,8 +242,8 @@ def _vibration_on(
 ) -> VibrationSource:
     if isinstance(surface, Surface):
         return SurfaceVibration(surface, generator)
-    from mmt.testing.simulation.course import CourseVibration, SurfaceCourse
-    from mmt.testing.simulation.known_surfaces import vibration_of
+    from mmt.testing.simulation.surfaces.course import CourseVibration, SurfaceCourse
+    from mmt.testing.simulation.surfaces.known_surfaces import vibration_of
 
     if isinstance(surface, SurfaceCourse):
         return CourseVibration(surface, generator)

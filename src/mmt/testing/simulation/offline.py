@@ -12,14 +12,14 @@ from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.scene import Hand, Scene, Simulated
 from mmt.testing.simulation import RATE_HZ, nominal_compliance_mm_n
-from mmt.testing.simulation.course import SurfaceCourse, surface_of
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.instruments import Instruments
-from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.recorded_path import RecordedPath, load_path
 from mmt.testing.simulation.robot import TipState
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.surfaces.course import SurfaceCourse, surface_of
+from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface
+from mmt.testing.simulation.surfaces.textures import get_surface
 
 _BLOCK_TICKS: Final = 1000
 _STILL_MM_S: Final = 4.0

@@ -37,7 +37,7 @@ TOOL_DOWN_RAD: Final[Vector] = (2.2, 2.2, 0.0)
 
 
 class ArmTip(Protocol):
-    """Tip that the arm moves, in its own frame (mm, N): see `mmt.testing.emulated.world.World`."""
+    """Tip that the arm moves, in its own frame (mm, N): see `mmt.testing.emulated.lab.World`."""
 
     command_mm: Vector | None
 

@@ -37,8 +37,8 @@ from mmt_devices.universal_robots.emulated.ports import (
 from mmt_devices.universal_robots.frame import SceneFrame
 
 if TYPE_CHECKING:
-    from mmt.testing.emulated.clockwork import Clockwork
-    from mmt.testing.emulated.world import World
+    from mmt.testing.emulated import Clockwork
+    from mmt.testing.emulated.lab import World
 
 DASHBOARD_PORT: Final = 29999
 SCRIPT_PORT: Final = 30003

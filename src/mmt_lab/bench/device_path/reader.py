@@ -17,8 +17,8 @@ from mmt.core.frames import CHANNELS
 from mmt.core.running.process import be_real_time, prefer_even_ticks
 from mmt.core.running.ticking import Ticker
 from mmt.devices.drivers import load_device
-from mmt.devices.source import PERIOD_NS, DeviceSource
-from mmt.testing.emulated.hd import EmulatedHd
+from mmt.devices.streaming.source import PERIOD_NS, DeviceSource
+from mmt.testing.emulated.openhaptics.hd import EmulatedHd
 from mmt.testing.emulated.remote_u6 import RemoteU6
 from mmt.testing.emulated.robot import DatagramRobot
 

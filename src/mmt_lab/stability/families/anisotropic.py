@@ -18,8 +18,8 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Method
 from mmt.texture.space import ANISOTROPIC, InputSpace
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.stability.cases import CaseResult, Extreme, Family
 from mmt_lab.stability.degenerate import build, of_space, random_points
+from mmt_lab.stability.families import CaseResult, Extreme, Family
 
 MANY: Final = 2000
 METHODS: Final[tuple[Method, ...]] = ("field", "published")

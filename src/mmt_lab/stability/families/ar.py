@@ -12,7 +12,7 @@ from scipy.signal import sosfilt
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.burg import burg
 from mmt.texture.autoregression.forms import reflection_to_lsf
-from mmt_lab.stability.cases import CaseResult, Extreme, Family
+from mmt_lab.stability.families import CaseResult, Extreme, Family
 
 CLUSTERED_RAD: Final = (0.05, 0.0525, 0.055, 0.0575, 0.06)
 SPREAD_RAD: Final = (0.3, 0.8, 1.4, 2.0, 2.7)

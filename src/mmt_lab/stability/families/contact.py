@@ -11,7 +11,7 @@ import numpy as np
 from mmt.contact.steps import ContactLaw, Drive
 from mmt.evaluation.document import Picture
 from mmt.evaluation.report_files import picture
-from mmt_lab.stability.cases import CaseResult, Extreme, Family, Figures
+from mmt_lab.stability.families import CaseResult, Extreme, Family, Figures
 from mmt_lab.stability.integrators import INTEGRATORS, Integrator, total_energy_j
 
 STIFFNESSES_N_M: Final = (1e2, 1e3, 1e4, 1e5, 1e6, 1e7)

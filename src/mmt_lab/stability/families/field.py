@@ -11,7 +11,7 @@ from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.field.cells import LARGEST, MOMENT_BLOCKS, FieldCells
 from mmt.texture.field.covariance import coordinates
 from mmt.texture.field.posterior import LevelField
-from mmt_lab.stability.cases import CaseResult, Extreme, Family
+from mmt_lab.stability.families import CaseResult, Extreme, Family
 
 MANY: Final = 100_000
 

@@ -14,7 +14,7 @@ from mmt.scene import Simulated
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
 from mmt_lab.feedback import simulated
 from mmt_lab.feedback.sides import PASSIVITY, Method
-from mmt_lab.stability.cases import CaseResult, Extreme, Family, Figures
+from mmt_lab.stability.families import CaseResult, Extreme, Family, Figures
 from mmt_lab.stability.loop_theory import BANDWIDTH_HZ, CONTACT_N, LIGHT_GRIP, stability_loop
 
 WALLS_N_MM: Final = (0.1, 0.2, 0.3, 0.4, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)

@@ -10,8 +10,7 @@ from mmt.texture.autoregression.burg import burg
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.stability.cases import CaseResult, Extreme, Family
-from mmt_lab.stability.families import ar
+from mmt_lab.stability.families import CaseResult, Extreme, Family, ar
 
 HOUR_SAMPLES: Final = 3_600_000
 

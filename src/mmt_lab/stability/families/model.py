@@ -12,8 +12,8 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.stability.cases import CaseResult, Extreme, Family
 from mmt_lab.stability.degenerate import build, of_plane
+from mmt_lab.stability.families import CaseResult, Extreme, Family
 
 MANY: Final = 5000
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.interpolation.network_solving import RadialBasisNetwork
-from mmt_lab.stability.cases import CaseResult, Extreme, Family
+from mmt_lab.stability.families import CaseResult, Extreme, Family
 from mmt_methods.selection.published import NetworkNeighbours
 
 _THROUGH: Final = "through the samples to 1e-5; under 10 elsewhere"

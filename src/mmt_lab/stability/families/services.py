@@ -23,7 +23,7 @@ from mmt.session.mcap_scan import scan_mcap
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.settings import ModellingSettings
 from mmt_lab.soak.services import SoakServices
-from mmt_lab.stability.cases import CaseResult, Extreme, Family
+from mmt_lab.stability.families import CaseResult, Extreme, Family
 
 _STEP_NS: Final = 10_000_000_000
 _START_NS: Final = 100_000_000_000

@@ -1,0 +1,86 @@
+"""Checks of what a device reports: readings beyond its range, and implausible positions."""
+
+import logging
+import math
+import time
+from collections.abc import Sequence
+from typing import Final
+
+from mmt.core.arrays import Vector
+
+LOG: Final = logging.getLogger("mmt.devices")
+
+_QUIET_S: Final = 10.0
+"""Time between two warnings while an overload goes on or comes back."""
+
+
+class OverloadNotice:
+    """Warn at the first overload, and then at most every ten seconds."""
+
+    def __init__(self) -> None:
+        self._quiet_until_s = 0.0
+
+    def warn(self, sentence: str) -> None:
+        """Warn with this sentence, unless a warning was given lately."""
+        now_s = time.monotonic()
+        if now_s >= self._quiet_until_s:
+            self._quiet_until_s = now_s + _QUIET_S
+            LOG.warning("%s", sentence)
+
+
+FASTEST_MM_S: Final = 5000.0
+"""No hand and no arm of this kind moves its tip faster."""
+
+_FARTHEST_MM: Final = 2000.0
+"""No arm of this kind reaches farther."""
+_LEAST_NS: Final = 1_000_000
+"""A tick; in a shorter time, a tip may still have moved for a whole tick."""
+_SLACK_NS: Final = 5_000_000
+"""Longest time of motion that is granted to a tip during implausible measurements."""
+
+NOT_FINITE: Final = "positions that are no numbers"
+OUT_OF_REACH: Final = "positions out of reach"
+JUMP: Final = "positions that jump"
+
+
+class PlausibilityCheck:
+    """Judge one device's measurements, in the order in which they come.
+
+    Attributes
+    ----------
+    position
+        Newest plausible position (mm).
+    """
+
+    def __init__(self) -> None:
+        self.position: Vector | None = None
+        self._good_ns = self._newest_ns = 0
+
+    def problem(
+        self, position: Sequence[float], velocity: Sequence[float], now_ns: int
+    ) -> str | None:
+        """Return what is implausible about a measurement, or None.
+
+        Parameters
+        ----------
+        position, velocity
+            Measured position (mm) and velocity (mm/s).
+        now_ns
+            Time of the measurement.
+        """
+        passed_ns, self._newest_ns = now_ns - self._newest_ns, now_ns
+        x, y, z = position
+        u, v, w = velocity
+        if not math.isfinite(x + y + z + u + v + w):
+            return NOT_FINITE
+        far = _FARTHEST_MM
+        if not (-far <= x <= far and -far <= y <= far and -far <= z <= far):
+            return OUT_OF_REACH
+        if self.position is not None:
+            moved_ns = min(now_ns - self._good_ns, passed_ns + _SLACK_NS)
+            reach_mm = FASTEST_MM_S * 1e-9 * max(moved_ns, _LEAST_NS)
+            if math.dist(self.position, position) > reach_mm:
+                return JUMP
+        self.position = (x, y, z)
+        self._good_ns = now_ns
+        return None

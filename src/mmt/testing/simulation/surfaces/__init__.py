@@ -1,0 +1,1 @@
+"""Surfaces whose texture is known exactly, and their vibration under a hand."""

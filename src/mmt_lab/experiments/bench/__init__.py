@@ -1,0 +1,1 @@
+"""The stages of ``mmt bench``, one module each."""

@@ -1,1 +1,0 @@
-"""Sessions evaluated with every combination of settings."""
