@@ -12,7 +12,7 @@ from typing import Final
 from write_measured import Row, table_rows
 from write_measured import replace as write_table
 
-from mmt.evaluation.grid_errors import SectorErrors
+from mmt.evaluation.model_errors import SectorErrors
 from mmt.models import FOLDER, SUFFIX
 from mmt.testing.simulation.surfaces.surface import Surface
 from mmt.testing.simulation.surfaces.textures import GRAINED

@@ -15,7 +15,7 @@ from mmt.cli.running.scene_services import run_services
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import MmtError
 from mmt.core.output.palette import LIGHT, SERIES
-from mmt.evaluation.figures import style_axes
+from mmt.evaluation.reports.figures import style_axes
 from mmt.scene import Hand
 from mmt.scene.files import example_scenes, load_scene
 from mmt.session.data import RecordedSession

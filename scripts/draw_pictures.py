@@ -13,11 +13,11 @@ from image_files import write
 from matplotlib.figure import Figure
 
 from mmt.core.output.palette import LIGHT
-from mmt.evaluation import figures, growth
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.recorded_surfaces import part_by_surface
+from mmt.evaluation.reports import figures, growth
+from mmt.evaluation.reports.surface_report import surfaces_over_time
 from mmt.evaluation.results import Evaluation
-from mmt.evaluation.surface_report import surfaces_over_time
 from mmt.session.data import RecordedSession
 from mmt.session.files import read_session
 from mmt.texture.settings import ModellingSettings, SurfaceSettings

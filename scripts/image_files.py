@@ -7,7 +7,7 @@ from typing import Final
 from matplotlib.figure import Figure
 from PIL import Image
 
-from mmt.evaluation import figures
+from mmt.evaluation.reports import figures
 
 IMAGES: Final = Path(__file__).resolve().parents[1] / "docs" / "images"
 LARGEST_BYTES: Final = 150_000

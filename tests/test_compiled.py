@@ -190,9 +190,9 @@ def test_kernels_are_compiled_in_the_program_where_the_processes_fail(tmp_path, 
 
 
 def test_a_report_imports_no_kernels_of_the_selection_which_it_does_not_show():
-    program = "import sys, mmt.cli.reporting, mmt.evaluation.figures; print(*sys.modules)"
+    program = "import sys, mmt.cli.reporting, mmt.evaluation.reports.figures; print(*sys.modules)"
     ended = subprocess.run(
         [sys.executable, "-c", program], check=True, capture_output=True, text=True, timeout=150
     )
-    assert "mmt.evaluation.report" in ended.stdout.split()
+    assert "mmt.evaluation.reports.report" in ended.stdout.split()
     assert "mmt_methods.selection" not in ended.stdout.split()

@@ -16,7 +16,7 @@ from mmt.cli.common import write_json
 from mmt.core.errors import InputError, MmtError
 from mmt.core.files.existing import append_lines, write_file
 from mmt.devices.calibrations import save_calibration
-from mmt.evaluation.report_files import write_report_files
+from mmt.evaluation.reports.report_files import write_report_files
 from mmt.session.data import RecordedSession
 from mmt.session.files import export_session
 from mmt_bridges.haptics.ahap import write_ahap

@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from mmt.core.errors import InputError
 from mmt.core.frames import acceleration_samples
 from mmt.core.output.palette import GRADED, LIGHT
-from mmt.evaluation.figures import draw_course, draw_power_error, lay_out_time
+from mmt.evaluation.reports.figures import draw_course, draw_power_error, lay_out_time
 from mmt.evaluation.results import Evaluation
 from mmt.session.data import RecordedSession
 from mmt.texture.model.texture_model import TextureModel

@@ -11,9 +11,8 @@ from mmt.session.data import RecordedSession
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.settings import Inputs
-from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectra
 from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.signals.metrics import gfc_of_rows, power_error_db
+from mmt.texture.signals.metrics import Spectra, amplitude_spectra, gfc_of_rows, power_error_db
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.selection.concatenated import RATE_HZ, network_settings, stroke
 from mmt_methods.selection.points import spectral_error

@@ -5,7 +5,7 @@ from typing import Final
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.evaluation.grid_errors import SectorErrors, overall
+from mmt.evaluation.model_errors import SectorErrors, overall
 from mmt.evaluation.truth import KnownTexture
 from mmt.scene import Hand, Scene
 from mmt.testing.simulation.offline import simulate_session

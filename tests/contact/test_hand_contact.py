@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mmt.contact.hand import HandContact
+from mmt.contact.rendering import HandContact
 from mmt.scene import Simulated
 from mmt.testing.simulation import START_MM
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive

@@ -7,8 +7,8 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError
-from mmt.evaluation.comparison import compare_reports, figures
-from mmt.evaluation.comparison_report import write_comparison
+from mmt.evaluation.reports.comparison import compare_reports, figures
+from mmt.evaluation.reports.comparison_report import write_comparison
 
 PNG = b"\x89PNG\r\n\x1a\n and so on"
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mmt.evaluation.evaluate import evaluate_session
-from mmt.evaluation.grid_errors import GridErrors, Strokes, all_headings, by_heading
-from mmt.evaluation.report import write_report
-from mmt.evaluation.tables import heading_tables
+from mmt.evaluation.model_errors import GridErrors, Strokes, all_headings, by_heading
+from mmt.evaluation.reports.report import write_report
+from mmt.evaluation.reports.tables import heading_tables
 from mmt.evaluation.truth import KnownTexture
 from mmt.scene import Hand, Scene
 from mmt.session.data import RecordedSession

@@ -14,8 +14,8 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.autoregression.burg import burg
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
-from mmt.texture.segmentation.segments import Segment
-from mmt.texture.signals.amplitude_spectra import Spectra
+from mmt.texture.segmentation.segmenter import Segment
+from mmt.texture.signals.metrics import Spectra
 
 
 def segment(start, stop, vibration=None):

@@ -16,8 +16,9 @@ from typer.testing import CliRunner
 from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
-from mmt.evaluation import figures, growth, tables
-from mmt.evaluation.document import (
+from mmt.evaluation.evaluate import evaluate_session
+from mmt.evaluation.reports import figures, growth, tables
+from mmt.evaluation.reports.document import (
     Heading,
     Listing,
     Paragraph,
@@ -27,9 +28,8 @@ from mmt.evaluation.document import (
     numeric_columns,
     to_markdown,
 )
-from mmt.evaluation.evaluate import evaluate_session
-from mmt.evaluation.report import environment, write_report
-from mmt.evaluation.report_files import to_html
+from mmt.evaluation.reports.report import environment, write_report
+from mmt.evaluation.reports.report_files import to_html
 from mmt.scene import Hand, Scene
 from mmt.session.data import RecordedSession
 from mmt.session.files import write_session
@@ -246,9 +246,10 @@ def test_environment_names_versions_and_machine():
 
 def test_evaluating_draws_nothing_and_opens_no_window():
     code = (
-        "import sys, mmt.evaluation.evaluate, mmt.evaluation.report, mmt.evaluation.tables\n"
+        "import sys, mmt.evaluation.evaluate\n"
+        "import mmt.evaluation.reports.report, mmt.evaluation.reports.tables\n"
         "assert 'matplotlib' not in sys.modules\n"
-        "import mmt.evaluation.figures\n"
+        "import mmt.evaluation.reports.figures\n"
         "assert 'matplotlib.pyplot' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -5,19 +5,26 @@ from functools import partial
 import numpy as np
 import pytest
 
-from mmt.evaluation.grid_errors import GRID_FORCE_N, GRID_SPEED_MM_S, Strokes, over_plane
-from mmt.evaluation.levels import (
+from mmt.evaluation.model_errors import (
+    GRID_FORCE_N,
+    GRID_SPEED_MM_S,
     LEAST_POWER,
+    Strokes,
     band_edges_hz,
     level_error_db,
+    over_plane,
     power_above_felt,
 )
 from mmt.evaluation.truth import KnownTexture, TruthAt, known_texture
 from mmt.testing.simulation.surfaces.modes import Resonance
 from mmt.testing.simulation.surfaces.surface import Surface
 from mmt.testing.simulation.surfaces.textures import SURFACES, get_surface
-from mmt.texture.autoregression.forms import ar_to_reflection, lsf_output_power, reflection_to_lsf
-from mmt.texture.autoregression.spectra import ar_spectrum
+from mmt.texture.autoregression.forms import (
+    ar_spectrum,
+    ar_to_reflection,
+    lsf_output_power,
+    reflection_to_lsf,
+)
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings
 

@@ -9,10 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.frames import empty_frames
-from mmt.evaluation import tables
 from mmt.evaluation.evaluate import evaluate_session
-from mmt.evaluation.grid_errors import over_plane
-from mmt.evaluation.levels import LEAST_POWER, across
+from mmt.evaluation.model_errors import LEAST_POWER, across, over_plane
+from mmt.evaluation.reports import tables
 from mmt.evaluation.strokes_made import MOST, StrokesMade
 from mmt.evaluation.truth import KnownTexture
 from mmt.scene import Scene
@@ -22,7 +21,7 @@ from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.autoregression.forms import lsf_output_power
 from mmt.texture.completion.distance import middles
 from mmt.texture.online.history import build, stream_blocks
-from mmt.texture.segmentation.segments import SampleRange
+from mmt.texture.segmentation.segmenter import SampleRange
 from mmt.texture.settings import JND_DB, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 

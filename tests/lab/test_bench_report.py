@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from mmt.core.errors import InputError
-from mmt.evaluation.document import ReportTable, as_rich
+from mmt.evaluation.reports.document import ReportTable, as_rich
 from mmt_lab.bench.command import write_bench_report
 from mmt_lab.harness.findings import (
     Axis,

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from mmt.evaluation.figures import to_png
+from mmt.evaluation.reports.figures import to_png
 from mmt_lab.bench import signals
 from mmt_lab.experiments.bench import burg, lines, pipeline
 from mmt_lab.harness.plots import panels_figure

@@ -9,8 +9,8 @@ from lab_runs import run_lab
 
 from mmt.core.errors import InputError
 from mmt.core.frames import acceleration_samples, empty_frames
-from mmt.evaluation.document import ReportTable
-from mmt.evaluation.levels import BAND_EDGES_HZ, band_edges_hz, band_errors_db
+from mmt.evaluation.model_errors import BAND_EDGES_HZ, band_edges_hz, band_errors_db
+from mmt.evaluation.reports.document import ReportTable
 from mmt.testing.simulation.surfaces.textures import SURFACES
 from mmt.texture.settings import START_SHARE, STOP_SHARE
 from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, simulated_cases

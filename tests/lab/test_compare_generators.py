@@ -13,7 +13,7 @@ import pytest
 from lab_runs import run_lab
 
 from mmt.core.errors import InputError
-from mmt.evaluation.grid_errors import Strokes
+from mmt.evaluation.model_errors import Strokes
 from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.truth import KnownTexture
 from mmt.testing.simulation.surfaces.textures import get_surface

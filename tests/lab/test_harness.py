@@ -11,7 +11,7 @@ from command_runs import run
 from lab_runs import run_lab
 
 from mmt.core.errors import InputError, MmtError
-from mmt.evaluation.document import Paragraph, ReportTable
+from mmt.evaluation.reports.document import Paragraph, ReportTable
 from mmt_lab import experiments
 from mmt_lab.harness.experiment import chosen_textures, listed, load
 from mmt_lab.harness.findings import Findings, Target

@@ -3,7 +3,7 @@
 import pytest
 from lab_runs import run_lab
 
-from mmt.texture.signals.amplitude_spectra import Spectra
+from mmt.texture.signals.metrics import Spectra
 from mmt_lab.experiments.paper_a import COMPLETE_S, PUBLISHED, run
 
 

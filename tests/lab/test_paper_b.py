@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from lab_runs import run_lab
 
-from mmt.texture.signals.amplitude_spectra import Spectra
+from mmt.texture.signals.metrics import Spectra
 from mmt_lab.experiments import paper_b
 from mmt_lab.matching import RENEWAL_SAMPLES, compare_pair, real_sample, virtual_texture
 

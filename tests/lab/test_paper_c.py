@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from lab_runs import run_lab
 
-from mmt.texture.signals.amplitude_spectra import Spectra
+from mmt.texture.signals.metrics import Spectra
 from mmt_lab.experiments import paper_c
 from mmt_lab.selection import concatenated, table_two
 from mmt_lab.selection.concatenated import (

@@ -10,7 +10,7 @@ from scipy.stats import poisson
 
 from mmt.core.errors import InputError
 from mmt.evaluation.recorded_surfaces import part_by_surface
-from mmt.evaluation.surface_report import account, stay_table
+from mmt.evaluation.reports.surface_report import account, stay_table
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.session.data import RecordedSession
@@ -19,7 +19,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.surfaces.textures import get_surface
-from mmt.texture.online.surface_changes import SurfaceChange
+from mmt.texture.online.updates import SurfaceChange
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt_lab.experiments import surfaces
 from mmt_lab.experiments.surfaces import changes_table, groups, targets

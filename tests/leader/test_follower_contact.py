@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mmt.contact.estimation import ContactModel, EstimationSettings
-from mmt.contact.hand import HandContact
+from mmt.contact.rendering import HandContact
 from mmt.core.frames import CONTACT_DTYPE, empty_frames
 from mmt.devices.protocols import InterfaceState
 from mmt.leader.motion.hand_contact import FollowerContact

@@ -20,7 +20,7 @@ from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.modeller_factory import ModellerFactory
 from mmt.texture.online import modeller as online_modeller
 from mmt.texture.online.updates import ModelUpdate, ReadyModel, UpdateWork
-from mmt.texture.segmentation.segments import SampleRange
+from mmt.texture.segmentation.segmenter import SampleRange
 from mmt.texture.settings import ModellingSettings
 
 

@@ -12,7 +12,7 @@ from mmt.leader.modelling.pipeline import Modelling
 from mmt.leader.monitoring.controls import Controls
 from mmt.leader.part import Session
 from mmt.scene import Scene
-from mmt.texture.online.surface_changes import SurfaceChange, surface_statements
+from mmt.texture.online.updates import SurfaceChange, surface_statements
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 
 

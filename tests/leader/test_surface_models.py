@@ -15,8 +15,7 @@ from mmt.leader.recording import RecordingPart
 from mmt.leader.surface_log import write_surface_models
 from mmt.scene import Scene
 from mmt.texture.completion.distance import CompletionMonitor
-from mmt.texture.online.surface_changes import SurfaceChange
-from mmt.texture.online.updates import ModelUpdate, ReadyModel
+from mmt.texture.online.updates import ModelUpdate, ReadyModel, SurfaceChange
 from mmt.texture.settings import ModellingSettings
 
 FADE = 50

@@ -10,8 +10,7 @@ from selection_samples import ORDER, sampled_texture, true_lsf
 
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.burg import burg_batch
-from mmt.texture.autoregression.forms import lsf_to_ar, reflection_to_lsf
-from mmt.texture.autoregression.spectra import lsf_spectrum
+from mmt.texture.autoregression.forms import lsf_spectrum, lsf_to_ar, reflection_to_lsf
 from mmt_methods.selection import ModelPoints, SelectionSettings, select
 from mmt_methods.selection.outliers import find_outliers
 from mmt_methods.selection.points import amplitude_of, band, log_density_of, spectral_error

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
-from mmt_methods.selection.simplices import enclose, enclose_without, hull_of
+from mmt_methods.selection.points import enclose, enclose_without, hull_of
 
 
 def rebuilt_simplex(points, index):

@@ -8,7 +8,7 @@ from monitor_messages import unpack
 from service_runs import Together, small_scene
 
 from mmt.evaluation.evaluate import evaluate_session
-from mmt.evaluation.report import write_report
+from mmt.evaluation.reports.report import write_report
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.session.files import read_session, write_session

@@ -19,7 +19,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.surface_changes import SurfaceStatement, surface_statements
+from mmt.texture.online.updates import SurfaceStatement, surface_statements
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.surfaces.tracking import surface_changes
 

@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 import mmt
 from mmt.cli.main import app
-from mmt.evaluation import tables
+from mmt.evaluation.reports import tables
 from mmt.session.files import read_session, write_session
 from mmt.session.mcap_index import IndexedSession
 from mmt.session.operators import ControlPeriod, control_periods, control_sentence

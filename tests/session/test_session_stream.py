@@ -14,7 +14,7 @@ from mmt.session.mcap_index import IndexedSession
 from mmt.session.recorder import McapRecorder
 from mmt.session.stream import blocks_of, in_memory, open_recording
 from mmt.texture.online.history import stream_blocks
-from mmt.texture.signals.numbering import StreamNumbering
+from mmt.texture.signals.filtering import StreamNumbering
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from mmt.texture.field.covariance import coordinates
-from mmt.texture.surfaces.blocks import SurfaceBlock, spectrum_components
-from mmt.texture.surfaces.regression import MEANS
+from mmt.texture.surfaces.blocks import MEANS, SurfaceBlock, spectrum_components
 
 BLOCK = 50
 """Samples of a block."""

@@ -11,7 +11,7 @@ from mmt.texture.autoregression.burg import burg
 from mmt.texture.autoregression.forms import reflection_to_ar
 from mmt.texture.field.blocks import mean_square
 from mmt.texture.model.fits import fit_segments, unpacked
-from mmt.texture.segmentation.segments import SampleRange, Segment
+from mmt.texture.segmentation.segmenter import SampleRange, Segment
 from mmt.texture.settings import LONGEST_BRIDGED, ModellingSettings
 from mmt.texture.signals.bridging import HISTORY, ORDER, fill
 from mmt.texture.signals.filtering import StreamFilter

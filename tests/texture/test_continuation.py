@@ -9,8 +9,7 @@ from scipy.signal import lfilter
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.burg import burg
 from mmt.texture.autoregression.forms import reflection_to_ar, reflection_to_lsf
-from mmt.texture.signals.amplitude_spectra import amplitude_spectra
-from mmt.texture.signals.metrics import power_error_db
+from mmt.texture.signals.metrics import amplitude_spectra, power_error_db
 from mmt.texture.synthesis.concealment import continuation
 
 finite = st.floats(-1e300, 1e300)

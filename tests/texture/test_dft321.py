@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.texture.signals.dft321 import dft321
+from mmt.texture.signals.aligned import dft321
 
 
 @given(count=st.integers(1, 400), seed=st.integers(0, 100), exponent=st.integers(-100, 100))

@@ -7,10 +7,9 @@ import pytest
 from scipy.signal import freqz, lfilter
 from scipy.special import digamma, polygamma
 
-from mmt.texture.autoregression.forms import reflection_to_lsf
-from mmt.texture.autoregression.spectra import LEAST_SIZE, effective_samples
+from mmt.texture.autoregression.forms import LEAST_SIZE, effective_samples, reflection_to_lsf
 from mmt.texture.model.fits import fit_segments, unpacked
-from mmt.texture.segmentation.segments import Segment
+from mmt.texture.segmentation.segmenter import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.space import ISOTROPIC
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from stream_samples import stroke_frames
 
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.surface_changes import SurfaceStatement
+from mmt.texture.online.updates import SurfaceStatement
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
-from mmt.texture.signals.faults import SignalFaults
+from mmt.texture.signals.aligned import SignalFaults
 from mmt.texture.surfaces.modeller import SurfaceModeller
 
 CAUSES = [field.name for field in fields(SignalFaults) if field.name.endswith("_s")]

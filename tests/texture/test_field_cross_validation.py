@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mmt.texture.field.covariance import Coordinates, coordinates, prior_covariance, settings
-from mmt.texture.field.cross_validation import EVIDENCE, LeaveOneOut
 from mmt.texture.field.posterior import SETTINGS
+from mmt_methods.selection.consensus import EVIDENCE, LeaveOneOut
 
 FACTORS = (1.0, 9.0)
 

@@ -13,8 +13,7 @@ from mmt.texture.settings import LONGEST_BRIDGED, ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.biquad import bessel_low_pass, butterworth_high_pass
 from mmt.texture.signals.bridging import LARGEST_MEASUREMENT
-from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.signals.numbering import StreamNumbering
+from mmt.texture.signals.filtering import StreamFilter, StreamNumbering
 
 RATE_HZ = 1000.0
 WARM_UP = butterworth_high_pass(10.0, RATE_HZ).settling_samples(0.05)

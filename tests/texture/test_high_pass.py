@@ -8,22 +8,25 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.signal import freqz, lfilter
 
-from mmt.texture.autoregression.burg import ReflectionFits
-from mmt.texture.autoregression.forms import lsf_to_reflection, reflection_to_ar, reflection_to_lsf
-from mmt.texture.autoregression.reshaping import (
-    LARGEST_REFLECTION,
+from mmt.texture.autoregression.burg import (
+    LARGEST_OF_SPECTRA,
+    ReflectionFits,
     reflection_of,
     relative_density,
 )
-from mmt.texture.autoregression.spectra import lsf_spectrum
+from mmt.texture.autoregression.forms import (
+    lsf_spectrum,
+    lsf_to_reflection,
+    reflection_to_ar,
+    reflection_to_lsf,
+)
 from mmt.texture.field.cells import FieldCells
 from mmt.texture.field.posterior import LevelField
-from mmt.texture.model.fits import fit_segments, unpacked
+from mmt.texture.model.fits import fit_segments, gain_without_high_pass, unpacked, without_high_pass
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.segmentation.segments import Segment
+from mmt.texture.segmentation.segmenter import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ, butterworth_high_pass
-from mmt.texture.signals.high_pass import gain_without_high_pass, without_high_pass
 from mmt.texture.space import ISOTROPIC, TextureSamples
 
 PERIOD = 1024
@@ -64,13 +67,13 @@ def test_a_slow_line_has_lost_more_than_a_flat_spectrum():
 
 @settings(max_examples=50)
 @given(
-    st.lists(st.floats(-LARGEST_REFLECTION, LARGEST_REFLECTION), min_size=1, max_size=24),
+    st.lists(st.floats(-LARGEST_OF_SPECTRA, LARGEST_OF_SPECTRA), min_size=1, max_size=24),
     st.integers(1, 24),
     st.sampled_from([200.0, 1000.0, 10_000.0]),
     st.sampled_from([1, 10]),
 )
-@example([-LARGEST_REFLECTION, -LARGEST_REFLECTION], 1, 200.0, 10)
-@example([LARGEST_REFLECTION, 0.9], 9, 200.0, 10)  # two frequencies merge
+@example([-LARGEST_OF_SPECTRA, -LARGEST_OF_SPECTRA], 1, 200.0, 10)
+@example([LARGEST_OF_SPECTRA, 0.9], 9, 200.0, 10)  # two frequencies merge
 def test_whatever_was_fitted_the_filter_is_stable_and_has_no_less_power(
     values, order, rate_hz, per_frame
 ):

@@ -13,7 +13,7 @@ from mmt.texture.autoregression.forms import (
     reflection_to_ar,
     reflection_to_lsf,
 )
-from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
+from mmt.texture.autoregression.lsf import lattice_step, lsf_to_lattice_into
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.synthesis.synthesizer import Synthesizer
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_toeplitz
 
+from mmt.texture.autoregression.burg import LARGEST_OF_SPECTRA, levinson
 from mmt.texture.autoregression.forms import reflection_to_ar
-from mmt.texture.autoregression.reshaping import LARGEST_REFLECTION, levinson
 
 
 def lags_of(density, order):
@@ -25,7 +25,7 @@ def test_the_filters_solve_the_normal_equations(order, scale):
 def test_a_pure_tone_stays_stable():
     lags = np.cos(0.7 * np.arange(9))[np.newaxis]
     reflection = levinson(lags)
-    assert np.abs(reflection).max() <= LARGEST_REFLECTION
+    assert np.abs(reflection).max() <= LARGEST_OF_SPECTRA
     assert reflection[0, 0] == pytest.approx(-np.cos(0.7))
 
 

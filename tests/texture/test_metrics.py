@@ -8,13 +8,11 @@ from hypothesis.extra import numpy as hnp
 from scipy.signal import lfilter, periodogram, welch
 
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.spectra import ar_spectrum
-from mmt.texture.signals.amplitude_spectra import (
-    amplitude_spectra,
-    expected_amplitude,
-)
+from mmt.texture.autoregression.forms import ar_spectrum
 from mmt.texture.signals.metrics import (
     JND_DB,
+    amplitude_spectra,
+    expected_amplitude,
     gfc_of_rows,
     power_error_db,
     within_jnd,

@@ -15,7 +15,7 @@ from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import build, stream_blocks
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.segmentation.segments import SampleRange
+from mmt.texture.segmentation.segmenter import SampleRange
 from mmt.texture.settings import ModellingSettings
 
 FREQUENCIES_HZ = np.linspace(10, 490, 121)

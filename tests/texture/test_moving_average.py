@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import freqz, lfilter
 
 from mmt.texture.autoregression.forms import reflection_to_ar
-from mmt.texture.autoregression.moving_average import all_pole
+from mmt_bridges.hatt.models import all_pole
 
 
 def random_filter(seed, poles, zeros):

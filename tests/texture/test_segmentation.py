@@ -8,11 +8,9 @@ from hypothesis import strategies as st
 from stream_samples import aligned
 
 from mmt.texture.segmentation.bottom_up import CELL
-from mmt.texture.segmentation.segmenter import OnlineSegmenter, segment
-from mmt.texture.segmentation.segments import SampleRange
+from mmt.texture.segmentation.segmenter import OnlineSegmenter, SampleRange, segment
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.signals.dft321 import dft321
+from mmt.texture.signals.aligned import AlignedBlock, dft321
 
 RATE_HZ = 1000.0
 INPUTS = {False: "isotropic", True: "anisotropic"}

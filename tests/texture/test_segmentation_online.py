@@ -8,8 +8,7 @@ import pytest
 import scipy.signal
 
 from mmt.core.frames import empty_frames
-from mmt.texture.segmentation.segmenter import OnlineSegmenter, segment
-from mmt.texture.segmentation.segments import SampleRange
+from mmt.texture.segmentation.segmenter import OnlineSegmenter, SampleRange, segment
 from mmt.texture.signals.filtering import StreamFilter
 
 RATE_HZ = 1000.0

@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_samples import scattered
 
-from mmt.texture.autoregression.forms import reflection_to_lsf
-from mmt.texture.autoregression.spectra import effective_samples
+from mmt.texture.autoregression.forms import effective_samples, reflection_to_lsf
 from mmt.texture.field.shape_smoothing import LARGEST, smoothed, smoothed_shapes
 from mmt.texture.interpolation.vertices import boundary
 from mmt.texture.model.texture_model import TextureModel

@@ -7,12 +7,14 @@ from scipy.signal import freqz
 
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import (
+    ar_spectra,
+    ar_spectrum,
+    lsf_spectrum,
     lsf_to_ar,
     output_power,
     reflection_to_ar,
     reflection_to_lsf,
 )
-from mmt.texture.autoregression.spectra import ar_spectra, ar_spectrum, lsf_spectrum
 
 RATE_HZ = 1000.0
 FREQUENCIES_HZ = np.linspace(0, 500, 4001)

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from mmt.core.frames import empty_frames
 from mmt.core.sequence_numbers import SEQUENCES
-from mmt.texture.signals.numbering import StreamNumbering
+from mmt.texture.signals.filtering import StreamNumbering
 
 
 def frames_of(first, count, time_ms=0):

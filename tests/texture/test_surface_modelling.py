@@ -11,9 +11,9 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.surface_changes import SurfaceChange, SurfaceStatement, surface_statements
+from mmt.texture.online.updates import SurfaceChange, SurfaceStatement, surface_statements
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
-from mmt.texture.signals.faults import SignalFaults
+from mmt.texture.signals.aligned import SignalFaults
 from mmt.texture.surfaces import modeller as modelling
 from mmt.texture.surfaces.modeller import SurfaceModeller
 from mmt.texture.surfaces.tracking import NAMED_S, surface_changes

@@ -14,10 +14,12 @@ from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.surfaces.blocks import (
     AUDIBLE,
+    LARGEST,
     SurfaceBlockCutter,
+    SurfaceRegression,
+    features,
     spectrum_components,
 )
-from mmt.texture.surfaces.regression import LARGEST, SurfaceRegression, features
 
 
 def stream(count, *, speed=100.0, force=1.0, first=0, rms=1.0):

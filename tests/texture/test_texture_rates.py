@@ -11,8 +11,13 @@ import mmt
 from mmt.core.errors import InputError
 from mmt.core.frames import frame_dtype, samples_per_frame
 from mmt.texture.autoregression.burg import burg
-from mmt.texture.autoregression.forms import lsf_to_reflection, reflection_to_ar, reflection_to_lsf
-from mmt.texture.autoregression.spectra import ar_spectrum, lsf_spectrum
+from mmt.texture.autoregression.forms import (
+    ar_spectrum,
+    lsf_spectrum,
+    lsf_to_reflection,
+    reflection_to_ar,
+    reflection_to_lsf,
+)
 from mmt.texture.online.history import build_model
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.bridging import fill

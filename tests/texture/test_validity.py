@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from stream_samples import judged, stroke_frames
 
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.faults import SignalFaults
+from mmt.texture.signals.aligned import SignalFaults
 from mmt.texture.signals.filtering import StreamFilter
 
 

@@ -11,7 +11,7 @@ from stroked_sessions import resonant_noise, stroked_frames, strokes_over_plane
 
 from mmt.scene import Hand, Link, Scene, Simulated, Texture
 from mmt.testing.simulation.offline import simulate_session
-from mmt.texture.signals.faults import SignalFaults
+from mmt.texture.signals.aligned import SignalFaults
 
 HANDS = ["strokes", "quick", "circles", "taps", "scratching", "pauses"]
 REST, STROKE = 400, 600

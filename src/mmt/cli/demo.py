@@ -228,7 +228,7 @@ def _import_report() -> None:
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
     with suppress(ImportError):  # raised again when the report is made
         import mmt.cli.reporting
-        import mmt.evaluation.figures  # noqa: F401
+        import mmt.evaluation.reports.figures  # noqa: F401
 
 
 def _end() -> None:

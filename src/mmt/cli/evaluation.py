@@ -13,7 +13,7 @@ from mmt.core.kernel_cache import compile_kernels
 from mmt.core.running.process import release_compiler
 
 if TYPE_CHECKING:
-    from mmt.evaluation.document import Block
+    from mmt.evaluation.reports.document import Block
     from mmt.evaluation.results import Evaluation
 
 reports = command_group("Compare reports.")
@@ -40,7 +40,7 @@ def evaluate(
     compile_kernels(["mmt.cli.reporting"], messages.print)
     from mmt.cli.reporting import scene_of, surface_section
     from mmt.evaluation.evaluate import evaluate_surfaces
-    from mmt.evaluation.report import write_report
+    from mmt.evaluation.reports.report import write_report
     from mmt.evaluation.results import evaluations_as_dict
     from mmt.session.stream import open_recording
 
@@ -68,8 +68,8 @@ def evaluate(
 
 def _show(evaluations: "list[Evaluation]") -> None:
     """Print the tables and a remark on each session."""
-    from mmt.evaluation.document import as_rich
-    from mmt.evaluation.tables import heading_tables, levels, overview, steps
+    from mmt.evaluation.reports.document import as_rich
+    from mmt.evaluation.reports.tables import heading_tables, levels, overview, steps
 
     if len(evaluations) == 1:
         output.print(as_rich(steps(evaluations[0])))
@@ -97,9 +97,9 @@ def compare(
     json_file: Annotated[Path | None, json_option("Write the differences.")] = None,
 ) -> None:
     """Show what differs between two runs, evaluations or measurements."""
-    from mmt.evaluation.comparison import compare_reports
-    from mmt.evaluation.comparison_report import write_comparison
-    from mmt.evaluation.document import as_rich
+    from mmt.evaluation.reports.comparison import compare_reports
+    from mmt.evaluation.reports.comparison_report import write_comparison
+    from mmt.evaluation.reports.document import as_rich
 
     if report is not None:
         require("matplotlib")

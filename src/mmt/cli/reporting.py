@@ -7,12 +7,12 @@ from typing import Any
 
 from mmt.cli.common import MODEL_NAME, output
 from mmt.core.files.existing import write_file
-from mmt.evaluation.document import Block, as_rich
 from mmt.evaluation.evaluate import evaluate_surfaces, recorded_scene
 from mmt.evaluation.recorded_surfaces import SurfaceParts
-from mmt.evaluation.report import write_report
+from mmt.evaluation.reports.document import Block, as_rich
+from mmt.evaluation.reports.report import write_report
+from mmt.evaluation.reports.tables import levels, overview
 from mmt.evaluation.results import Evaluation, evaluations_as_dict
-from mmt.evaluation.tables import levels, overview
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 from mmt.session.mcap_reader import scanned_session
@@ -68,7 +68,7 @@ def surface_section(parts: SurfaceParts | None) -> list[Block]:
     """Return a report's section on the surfaces, or [] if surfaces are not distinguished."""
     if parts is None:
         return []
-    from mmt.evaluation.surface_report import surface_blocks
+    from mmt.evaluation.reports.surface_report import surface_blocks
 
     return surface_blocks(parts, parts.stays[-1].to_s)
 

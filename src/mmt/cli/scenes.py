@@ -98,7 +98,7 @@ def _measure(scene: Scene, duration_s: float, rounds: int, parts: bool) -> dict[
     require("scipy")
     from mmt.cli.scene.costs import measure_scene
     from mmt.cli.scene.runs import SceneRunner
-    from mmt.evaluation.report import machine_table
+    from mmt.evaluation.reports.report import machine_table
 
     progress = Progress(
         TextColumn("{task.description}"),

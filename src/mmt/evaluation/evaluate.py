@@ -31,7 +31,7 @@ from mmt.session.operators import control_periods
 from mmt.session.stream import Recording, blocks_of, in_memory
 from mmt.texture.online.history import ModelHistory, build, build_together, stream_blocks
 from mmt.texture.settings import Inputs, ModellingSettings
-from mmt.texture.signals.amplitude_spectra import Spectra
+from mmt.texture.signals.metrics import Spectra
 from mmt.texture.touch_down.fitting import held_out_errors
 
 USUAL_STEP_S: Final = 2.5
@@ -44,8 +44,8 @@ class SessionEvaluation(Evaluation):
 
     def __str__(self) -> str:
         """Return the table of the steps, as ``mmt evaluate`` prints it."""
-        from mmt.evaluation.document import as_text
-        from mmt.evaluation.tables import levels, overview, steps
+        from mmt.evaluation.reports.document import as_text
+        from mmt.evaluation.reports.tables import levels, overview, steps
 
         return f"{as_text(steps(self))}\n{as_text(overview([self]), levels([self]))}"
 

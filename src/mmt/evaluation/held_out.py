@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.evaluation.levels import (
+from mmt.evaluation.model_errors import (
     FELT_HZ,
     WELCH_S,
     band_edges_hz,
@@ -21,12 +21,12 @@ from mmt.evaluation.levels import (
     level_error_db,
 )
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.segmentation.segments import Segment
-from mmt.texture.signals.amplitude_spectra import (
+from mmt.texture.segmentation.segmenter import Segment
+from mmt.texture.signals.metrics import (
     Spectra,
     amplitude_spectra,
+    gfc_of_rows,
 )
-from mmt.texture.signals.metrics import gfc_of_rows
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 HELD_OUT: Final = 5

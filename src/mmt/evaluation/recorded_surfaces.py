@@ -11,9 +11,9 @@ from mmt.core.errors import InputError
 from mmt.session.data import RecordedSession, missing_frames
 from mmt.testing.simulation.surfaces.course import SurfaceCourse, course_from_annotations
 from mmt.texture.online.history import trials
-from mmt.texture.online.surface_changes import SurfaceChange, surface_statements
+from mmt.texture.online.updates import SurfaceChange, surface_statements
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.numbering import StreamNumbering
+from mmt.texture.signals.filtering import StreamNumbering
 from mmt.texture.surfaces.tracking import surface_changes
 
 

@@ -7,13 +7,13 @@ from typing import Any, Literal
 
 from mmt.core.arrays import FloatArray
 from mmt.core.output.plottable import Plottable
-from mmt.evaluation.grid_errors import HeadingErrors
+from mmt.evaluation.model_errors import HeadingErrors
 from mmt.evaluation.texts import DEFINITIONS
 from mmt.session.operators import ControlPeriod, control_sentence
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory
 from mmt.texture.settings import THRESHOLDS, ModellingSettings
-from mmt.texture.signals.faults import SignalFaults
+from mmt.texture.signals.aligned import SignalFaults
 from mmt.texture.synthesis.actuator import skin_sentence
 from mmt.texture.touch_down.fitting import HeldOutErrors
 

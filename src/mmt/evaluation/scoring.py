@@ -10,9 +10,15 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.evaluation.grid_errors import GridErrors, HeadingErrors, Strokes
 from mmt.evaluation.held_out import Approximation, HeldOutRecording
-from mmt.evaluation.levels import band_edges_hz, level_error_db, root_mean_square
+from mmt.evaluation.model_errors import (
+    GridErrors,
+    HeadingErrors,
+    Strokes,
+    band_edges_hz,
+    level_error_db,
+    root_mean_square,
+)
 from mmt.evaluation.results import Band, HeldOutSegment, Levels, PowerMap, Score, Worst
 from mmt.evaluation.truth import KnownTexture, TruthAt
 from mmt.texture.completion.distance import distance_sum
@@ -20,10 +26,9 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory
 from mmt.texture.online.log import ModelLog
 from mmt.texture.online.methods import method_of
-from mmt.texture.segmentation.segments import Segment
+from mmt.texture.segmentation.segmenter import Segment
 from mmt.texture.settings import THRESHOLDS, Inputs, Method, ModellingSettings
-from mmt.texture.signals.amplitude_spectra import Spectra
-from mmt.texture.signals.metrics import within_jnd
+from mmt.texture.signals.metrics import Spectra, within_jnd
 from mmt.texture.space import InputSpace
 
 MODEL_NAMES: Final[dict[Inputs, str]] = {

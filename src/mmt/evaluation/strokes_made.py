@@ -10,7 +10,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
-from mmt.evaluation.grid_errors import Strokes
+from mmt.evaluation.model_errors import Strokes
 from mmt.evaluation.results import AtSkin, Cell, Coverage
 from mmt.texture.completion.distance import Cells, cell_distances, cells_of
 from mmt.texture.settings import ModellingSettings

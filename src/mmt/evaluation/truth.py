@@ -14,34 +14,30 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.evaluation.grid_errors import (
-    GridErrors,
-    HeadingErrors,
-    Strokes,
-    all_headings,
-    by_heading,
-    over_plane,
-)
-from mmt.evaluation.levels import (
+from mmt.evaluation.model_errors import (
     FELT_HZ,
     LEAST_DENSITY,
     LOWEST_HZ,
     WELCH_S,
+    GridErrors,
+    HeadingErrors,
+    Strokes,
+    all_headings,
     band_edges_hz,
     band_membership,
     bounded_error_db,
+    by_heading,
+    over_plane,
     power_above_felt,
     power_level_error_db,
 )
 from mmt.evaluation.results import PowerMap, Worst
 from mmt.evaluation.worst import StrokeError, explain
 from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface, surface_from_annotations
-from mmt.texture.autoregression.forms import lsf_output_power, lsf_to_ar
-from mmt.texture.autoregression.spectra import ar_spectra, ar_spectrum
+from mmt.texture.autoregression.forms import ar_spectra, ar_spectrum, lsf_output_power, lsf_to_ar
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.amplitude_spectra import expected_amplitude
-from mmt.texture.signals.metrics import gfc_of_rows
+from mmt.texture.signals.metrics import expected_amplitude, gfc_of_rows
 
 _STEP_HZ: Final = 2
 _COMPARED: Final = slice(5, None)  # of `_density_hz`: 10 Hz to half the rate

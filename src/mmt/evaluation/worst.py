@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.evaluation.grid_errors import Strokes
+from mmt.evaluation.model_errors import Strokes
 from mmt.evaluation.results import Limit, Worst
 from mmt.texture.interpolation.vertices import COINCIDENT
 from mmt.texture.model.texture_model import TextureModel

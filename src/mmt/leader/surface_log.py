@@ -9,8 +9,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import MmtError
 from mmt.scene import Replay
-from mmt.texture.online.surface_changes import SurfaceChange, SurfaceStatement, surface_statements
-from mmt.texture.online.updates import ModelUpdate
+from mmt.texture.online.updates import (
+    ModelUpdate,
+    SurfaceChange,
+    SurfaceStatement,
+    surface_statements,
+)
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel

@@ -16,7 +16,7 @@ from mmt.session.mcap_scan import scan_mcap
 from mmt.session.operators import ControlPeriod, control_periods
 
 if TYPE_CHECKING:
-    from mmt.texture.signals.faults import SignalFaults
+    from mmt.texture.signals.aligned import SignalFaults
 
 _FILTERED_AT_ONCE: Final = 60_000
 """Frames per call of the filter, one minute: bounds memory for long sessions."""
@@ -115,8 +115,7 @@ def _faults(session: RecordedSession) -> "SignalFaults | None":
         scene = scene_of_recording(session.scene, "the scene") if session.scene else Scene()
     except InputError:
         return None
-    from mmt.texture.signals.filtering import StreamFilter
-    from mmt.texture.signals.numbering import StreamNumbering
+    from mmt.texture.signals.filtering import StreamFilter, StreamNumbering
 
     settings = (scene.texture or Texture()).settings(session.samples_per_frame)
     stream = StreamFilter(settings)

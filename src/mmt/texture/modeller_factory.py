@@ -7,8 +7,7 @@ from mmt.texture.settings import ModellingSettings, surface_check_frames
 
 if TYPE_CHECKING:
     from mmt.texture.online.modeller import OnlineModeller
-    from mmt.texture.online.surface_changes import SurfaceStatement
-    from mmt.texture.online.updates import ModelUpdate
+    from mmt.texture.online.updates import ModelUpdate, SurfaceStatement
     from mmt.texture.surfaces.modeller import SurfaceModeller
 
 

@@ -213,7 +213,7 @@ class TextureSamples:
         Input space.
     effective
         Effective sample size of each power, shape (n,), positive; None if it is not known. See
-        `mmt.texture.autoregression.spectra`.
+        `mmt.texture.autoregression.forms`.
     noise_power
         Power of the accelerometer's noise in (m/s2)^2, which every power contains; 0 if it is not
         known.

@@ -8,9 +8,9 @@ from typing import Any, Final
 from mmt.cli.common import messages
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import install_command
-from mmt.evaluation.document import Block, Heading, Paragraph, ReportTable
-from mmt.evaluation.report import machine_table
-from mmt.evaluation.report_files import write_report_files
+from mmt.evaluation.reports.document import Block, Heading, Paragraph, ReportTable
+from mmt.evaluation.reports.report import machine_table
+from mmt.evaluation.reports.report_files import write_report_files
 from mmt_lab.harness import command
 from mmt_lab.harness.experiment import listed
 from mmt_lab.harness.findings import Findings, SkippedMethod

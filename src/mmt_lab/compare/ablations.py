@@ -111,7 +111,7 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
         "high-pass": Ingredient(
             "giving back what the high-pass takes",
             (
-                "mmt.texture.signals.high_pass:_given_back",
+                "mmt.texture.model.fits:_given_back",
                 lambda own: lambda rate_hz: np.ones_like(own(rate_hz)),
             ),
         ),

@@ -9,7 +9,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.evaluation.document import ReportTable, table_of
+from mmt.evaluation.reports.document import ReportTable, table_of
 from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.texts import number
 from mmt.evaluation.truth import KnownTexture

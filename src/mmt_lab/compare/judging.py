@@ -16,8 +16,7 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, RecordArray
 from mmt.core.errors import InputError
-from mmt.evaluation.grid_errors import GridErrors
-from mmt.evaluation.levels import root_mean_square
+from mmt.evaluation.model_errors import GridErrors, root_mean_square
 from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.truth import KnownTexture, TruthAt
 from mmt.texture.completion.uncertainty import PRIOR_S

@@ -13,11 +13,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.evaluation.grid_errors import Strokes
-from mmt.evaluation.levels import LOWEST_HZ, band_errors_db, bounded_error_db
+from mmt.evaluation.model_errors import LOWEST_HZ, Strokes, band_errors_db, bounded_error_db
 from mmt.evaluation.truth import KnownTexture
-from mmt.texture.signals.amplitude_spectra import amplitude_spectra, expected_amplitude
-from mmt.texture.signals.metrics import within_jnd
+from mmt.texture.signals.metrics import amplitude_spectra, expected_amplitude, within_jnd
 from mmt.texture.space import ANISOTROPIC
 from mmt_lab.compare.time_limit import time_limit
 from mmt_methods.generators.guarded import GuardedGenerator

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.evaluation.levels import PooledFigure, across
+from mmt.evaluation.model_errors import PooledFigure, across
 from mmt_lab.compare.judging import (
     FIGURES,
     LARGER_IS_BETTER,

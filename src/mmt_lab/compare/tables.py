@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from mmt.core.arrays import FloatArray
 from mmt.core.output.palette import LIGHT
-from mmt.evaluation.document import ReportTable
-from mmt.evaluation.levels import PooledFigure, across, band_edges_hz, root_mean_square
+from mmt.evaluation.model_errors import PooledFigure, across, band_edges_hz, root_mean_square
+from mmt.evaluation.reports.document import ReportTable
 from mmt.evaluation.texts import number
 from mmt_lab.compare.judging import FIGURES, SHARES, TIMES_S, Certainty, JudgedMethod
 from mmt_lab.compare.summary import RUN_TO_RUN_DB, MethodComparison

@@ -12,8 +12,8 @@ from typing import Annotated, Final
 import numpy as np
 import typer
 
-from mmt.evaluation.document import ReportTable
-from mmt.evaluation.levels import WORST
+from mmt.evaluation.model_errors import WORST
+from mmt.evaluation.reports.document import ReportTable
 from mmt_lab.compare.ablations import INGREDIENTS
 from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, simulated_cases
 from mmt_lab.compare.judging import SHARES, JudgedMethod, check_methods, judge

@@ -14,9 +14,9 @@ from typing import Annotated, Final
 import typer
 
 from mmt.core.errors import InputError
-from mmt.evaluation.document import Block, Heading, ReportTable
-from mmt.evaluation.levels import BAND_EDGES_HZ, WORST
-from mmt.evaluation.report_files import picture
+from mmt.evaluation.model_errors import BAND_EDGES_HZ, WORST
+from mmt.evaluation.reports.document import Block, Heading, ReportTable
+from mmt.evaluation.reports.report_files import picture
 from mmt_lab.compare.cases import INHOMOGENEOUS, simulated_cases
 from mmt_lab.compare.generators import DEFINITIONS as OF_GENERATORS
 from mmt_lab.compare.generators import (

@@ -14,8 +14,8 @@ from typing import Annotated, Any, Final
 import numpy as np
 import typer
 
-from mmt.evaluation.document import ReportTable, table_of
-from mmt.evaluation.levels import root_mean_square
+from mmt.evaluation.model_errors import root_mean_square
+from mmt.evaluation.reports.document import ReportTable, table_of
 from mmt.evaluation.texts import number
 from mmt_lab.feedback import recorded, simulated
 from mmt_lab.feedback.recorded import RecordedResult, evaluate_run, find_runs, model_table, read_run

@@ -13,14 +13,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.evaluation import figures
-from mmt.evaluation.document import Block, Heading, ReportTable
 from mmt.evaluation.evaluate import evaluate_session
-from mmt.evaluation.growth import model_growth
 from mmt.evaluation.held_out import HELD_OUT
-from mmt.evaluation.report_files import picture
+from mmt.evaluation.reports import figures
+from mmt.evaluation.reports.document import Block, Heading, ReportTable
+from mmt.evaluation.reports.growth import model_growth
+from mmt.evaluation.reports.report_files import picture
+from mmt.evaluation.reports.run_verdict import median_of_known
 from mmt.evaluation.results import Evaluation
-from mmt.evaluation.run_verdict import median_of_known
 from mmt.evaluation.texts import number
 from mmt.scene import Hand, Scene
 from mmt.session.data import RecordedSession
@@ -35,7 +35,7 @@ from mmt.texture.settings import (
     MAXIMUM_SPEED_MM_S,
     ModellingSettings,
 )
-from mmt.texture.signals.amplitude_spectra import Spectra
+from mmt.texture.signals.metrics import Spectra
 from mmt_lab.harness.experiment import Seed, Seeds, SpectraOption
 from mmt_lab.harness.findings import Findings, Target
 

@@ -17,11 +17,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mmt.core.output.palette import LIGHT
-from mmt.evaluation.document import Block, ReportTable, table_of
-from mmt.evaluation.report_files import picture
+from mmt.evaluation.reports.document import Block, ReportTable, table_of
+from mmt.evaluation.reports.report_files import picture
 from mmt.testing.simulation.surfaces.textures import GRAINED
-from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectra
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
+from mmt.texture.signals.metrics import Spectra, amplitude_spectra
 from mmt.texture.space import InputSpace
 from mmt_lab.harness.experiment import Seed, SpectraOption
 from mmt_lab.harness.findings import Findings, Target

@@ -14,9 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from mmt.evaluation.document import ReportTable, table_of
-from mmt.texture.signals.amplitude_spectra import Spectra
+from mmt.evaluation.reports.document import ReportTable, table_of
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
+from mmt.texture.signals.metrics import Spectra
 from mmt_lab.harness.experiment import Seed, Seeds, SpectraOption, Workers
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import map_in_processes

@@ -17,10 +17,9 @@ import typer
 from scipy.spatial import cKDTree
 
 from mmt.core.arrays import BoolArray
-from mmt.evaluation.document import ReportTable, table_of
-from mmt.texture.autoregression.spectra import lsf_spectrum
-from mmt.texture.signals.amplitude_spectra import expected_amplitude
-from mmt.texture.signals.metrics import gfc_of_rows
+from mmt.evaluation.reports.document import ReportTable, table_of
+from mmt.texture.autoregression.forms import lsf_spectrum
+from mmt.texture.signals.metrics import expected_amplitude, gfc_of_rows
 from mmt.texture.space import InputSpace
 from mmt_lab.harness.experiment import (
     HandKind,
@@ -35,8 +34,8 @@ from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import map_in_processes
 from mmt_lab.selection.sessions import Trials, session_trials
 from mmt_methods.selection import ModelPoints, select
+from mmt_methods.selection.points import enclose
 from mmt_methods.selection.published import select_published
-from mmt_methods.selection.simplices import enclose
 
 Method = Literal["published", "ours", "ours, model's data"]
 METHODS: Final[tuple[Method, ...]] = ("published", "ours", "ours, model's data")

@@ -12,8 +12,8 @@ from operator import attrgetter
 from typing import Any, Final
 
 from mmt.core.errors import InputError
-from mmt.evaluation.document import Block, Heading, ReportTable
-from mmt.evaluation.report import environment
+from mmt.evaluation.reports.document import Block, Heading, ReportTable
+from mmt.evaluation.reports.report import environment
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import counting
 from mmt_lab.stability.families import (

@@ -16,8 +16,8 @@ import typer
 from scipy.stats import chi2
 
 from mmt.core.errors import InputError
-from mmt.evaluation.document import ReportTable, table_of
-from mmt.evaluation.levels import BAND_EDGES_HZ
+from mmt.evaluation.model_errors import BAND_EDGES_HZ
+from mmt.evaluation.reports.document import ReportTable, table_of
 from mmt_lab.harness.experiment import (
     HandKind,
     Seed,

@@ -14,7 +14,7 @@ import typer
 
 from mmt.cli.reporting import scene_of
 from mmt.core.errors import InputError, MmtError
-from mmt.evaluation.document import ReportTable, table_of
+from mmt.evaluation.reports.document import ReportTable, table_of
 from mmt.evaluation.texts import number, share
 from mmt.scene import Texture
 from mmt.session.data import RecordedSession

@@ -18,7 +18,7 @@ from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.files.untrusted import load_arrays
 from mmt.core.frames import empty_frames
-from mmt.evaluation.levels import root_mean_square
+from mmt.evaluation.model_errors import root_mean_square
 from mmt.leader.motion.feedback_model import ModelForce
 from mmt_lab.feedback.sides import Display, Method, Sides, handle_state, make_sides
 

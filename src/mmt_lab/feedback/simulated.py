@@ -23,7 +23,7 @@ import numpy as np
 from mmt.contact.steps import Drive, step_tangential
 from mmt.core.arrays import FloatArray, RecordArray, Vector
 from mmt.core.frames import empty_frames
-from mmt.evaluation.levels import root_mean_square
+from mmt.evaluation.model_errors import root_mean_square
 from mmt.scene import Simulated
 from mmt.testing.simulation import PERIOD_S, START_MM
 from mmt.testing.simulation.robot import SimulatedRobot

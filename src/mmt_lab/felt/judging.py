@@ -9,7 +9,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.devices.haptuator.driver import VoltageDrive
 from mmt.devices.haptuator.options import HaptuatorOptions
-from mmt.evaluation.levels import BANDS, band_membership
+from mmt.evaluation.model_errors import BANDS, band_membership
 from mmt.testing.simulation import RATE_HZ
 from mmt_lab.felt.passing import Passage
 

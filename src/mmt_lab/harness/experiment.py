@@ -29,7 +29,7 @@ from mmt.core.frames import check_acceleration_rate
 from mmt.scene import Hand
 from mmt.scene.device_tables import HAND_KINDS
 from mmt.scene.files import table_from
-from mmt.texture.signals.amplitude_spectra import Spectra
+from mmt.texture.signals.metrics import Spectra
 from mmt_lab import experiments
 from mmt_lab.harness.findings import Findings
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final, Literal, Self
 
-from mmt.evaluation.document import Block, ReportTable
+from mmt.evaluation.reports.document import Block, ReportTable
 from mmt.session.data import json_value
 
 Cell = str | float | int | bool | None

@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from mmt.core.arrays import FloatArray
 from mmt.core.output.palette import LIGHT
-from mmt.evaluation.figures import line_style, style_axes
+from mmt.evaluation.reports.figures import line_style, style_axes
 from mmt_lab.harness.findings import Axis as SideOfPanel
 from mmt_lab.harness.findings import Curve, Findings, Panel, Point
 

@@ -8,9 +8,9 @@ from typing import Final
 from rich.text import Text
 
 from mmt.cli.common import output
-from mmt.evaluation.document import Block, Heading, Paragraph, ReportTable, as_rich
-from mmt.evaluation.report import environment
-from mmt.evaluation.report_files import picture, write_report_files
+from mmt.evaluation.reports.document import Block, Heading, Paragraph, ReportTable, as_rich
+from mmt.evaluation.reports.report import environment
+from mmt.evaluation.reports.report_files import picture, write_report_files
 from mmt_lab.harness.findings import Cell, Findings, FindingsTable, Panel, Spread, Target
 
 _NOTICEABLE: Final = 0.005

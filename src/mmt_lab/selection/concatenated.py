@@ -20,8 +20,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.interpolation.interpolant import Interpolant
 from mmt.texture.model.rendered import networked
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.segmentation.segmenter import segment
-from mmt.texture.segmentation.segments import Segment
+from mmt.texture.segmentation.segmenter import Segment, segment
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt_lab.selection.knocks import SHARE, placed_knock, simulated_knock

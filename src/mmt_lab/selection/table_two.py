@@ -7,7 +7,7 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray
 from mmt.evaluation.held_out import Approximation, HeldOutRecording
-from mmt.texture.signals.amplitude_spectra import Spectra
+from mmt.texture.signals.metrics import Spectra
 from mmt_lab.selection.concatenated import ORDER as OWN_ORDER
 from mmt_lab.selection.concatenated import (
     DataSet,

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.evaluation.document import ReportTable
+from mmt.evaluation.reports.document import ReportTable
 from mmt.session.mcap_reader import scanned_frames, utc_offset_ns
 from mmt.session.mcap_scan import scan_mcap
 from mmt.session.mcap_writer import FRAMES_TOPIC, SESSION_METADATA

@@ -18,7 +18,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces.course import SurfaceCourse, course_from_annotations
 from mmt.testing.simulation.surfaces.textures import SURFACES, get_surface
 from mmt.texture.field.blocks import BLOCK_S
-from mmt.texture.online.surface_changes import SurfaceChange
+from mmt.texture.online.updates import SurfaceChange
 from mmt.texture.settings import Inputs, ModellingSettings, SurfaceSettings, surface_check_frames
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.surfaces.tracking import SurfaceTracker

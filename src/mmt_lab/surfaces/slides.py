@@ -20,7 +20,7 @@ from scipy.signal import resample_poly, welch
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, frame_dtype
-from mmt.evaluation.levels import BAND_EDGES_HZ
+from mmt.evaluation.model_errors import BAND_EDGES_HZ
 from mmt.testing.simulation import PERIOD_NS, PERIOD_S, RATE_HZ
 from mmt_lab.harness.processes import map_in_processes
 from mmt_lab.surfaces.running import COUNTS, SurfaceResult, follow

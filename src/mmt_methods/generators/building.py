@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from mmt.core.arrays import RecordArray
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.updates import NewSamples
-from mmt.texture.segmentation.segments import SampleRange, Segment
+from mmt.texture.segmentation.segmenter import SampleRange, Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt_methods.generators.guarded import GuardedGenerator, raised

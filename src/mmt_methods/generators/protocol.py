@@ -14,7 +14,7 @@ from typing import Protocol, TypeAlias
 
 import numpy.typing as npt
 
-from mmt.texture.segmentation.segments import Segment
+from mmt.texture.segmentation.segmenter import Segment
 from mmt.texture.settings import Inputs
 from mmt.texture.signals.aligned import AlignedBlock
 

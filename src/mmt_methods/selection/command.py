@@ -178,7 +178,7 @@ def _figures(pool: "Pool", result: "Selection", errors: dict[str, Any]) -> dict[
 
 
 def _draw(path: Path, pool: "Pool", result: "Selection") -> None:
-    from mmt.evaluation.figures import to_png
+    from mmt.evaluation.reports.figures import to_png
 
     write_file(path, to_png(selection_plane(pool.samples, result)))
     messages.print(f"plot: {path}")

@@ -14,15 +14,13 @@ from mmt.session.data import RecordedSession
 from mmt.texture.autoregression.burg import burg_batch
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.segmentation.segmenter import segment
-from mmt.texture.segmentation.segments import Segment
+from mmt.texture.segmentation.segmenter import Segment, segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.metrics import gfc_of_rows
 from mmt.texture.space import InputSpace, TextureSamples
 from mmt_methods.selection import ModelPoints
-from mmt_methods.selection.points import amplitude_of, spectral_error
-from mmt_methods.selection.simplices import enclose, enclose_without
+from mmt_methods.selection.points import amplitude_of, enclose, enclose_without, spectral_error
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,13 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.interpolation.network_solving import RadialBasisNetwork
-from mmt_methods.selection.points import ModelPoints, amplitude_of, spectral_error
-from mmt_methods.selection.simplices import enclose_without, hull_of
+from mmt_methods.selection.points import (
+    ModelPoints,
+    amplitude_of,
+    enclose_without,
+    hull_of,
+    spectral_error,
+)
 
 SMOOTHING: Final = 0.03
 """Ridge regression. A network through every point would also follow the scatter of the fits, and

@@ -21,8 +21,7 @@ from mmt.core.arrays import BoolArray, FloatArray
 from mmt.core.bounds import check_fields
 from mmt_methods.selection.consensus import Consensus
 from mmt_methods.selection.outliers import FALSE_ALARMS, LARGEST_RATE, find_outliers, reasons
-from mmt_methods.selection.points import ModelPoints, amplitude_of, spectral_error
-from mmt_methods.selection.simplices import enclose, hull_of
+from mmt_methods.selection.points import ModelPoints, amplitude_of, enclose, hull_of, spectral_error
 
 TAU: Final = 0.27
 """Largest relative spectral error of the condensed model."""

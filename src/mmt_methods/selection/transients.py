@@ -18,8 +18,8 @@ from scipy.special import wrightomega
 
 from mmt.core.arrays import FloatArray
 from mmt.core.compiled import kernel
+from mmt.texture.autoregression.burg import levinson
 from mmt.texture.autoregression.forms import reflection_to_ar
-from mmt.texture.autoregression.reshaping import levinson
 from mmt_methods.selection.points import band
 
 ComplexArray = npt.NDArray[np.complex128]

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from page_browser import ILLEGIBLE, MARKS, OVERFLOW, PHONE, TABLET, a_file, api, browser
 
-from mmt.evaluation.comparison import compare_reports
-from mmt.evaluation.comparison_report import write_comparison
 from mmt.evaluation.evaluate import evaluate_session
-from mmt.evaluation.report import write_report
+from mmt.evaluation.reports.comparison import compare_reports
+from mmt.evaluation.reports.comparison_report import write_comparison
+from mmt.evaluation.reports.report import write_report
 from mmt.scene import Scene
 from mmt.session.data import RecordedSession
 from mmt.testing.simulation.offline import simulate_session

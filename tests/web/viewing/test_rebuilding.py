@@ -15,7 +15,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.online.history import build, stream_blocks
-from mmt.texture.online.surface_changes import SurfaceChange
+from mmt.texture.online.updates import SurfaceChange
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.web.viewing.rebuilding import ModelRebuild, frozen_spans
 

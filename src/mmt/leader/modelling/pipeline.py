@@ -192,7 +192,7 @@ class Modelling(Part):
         """
         if not self._factory.sequential:
             raise InputError("this scene has one surface: it has no [texture.surfaces]")
-        from mmt.texture.online.surface_changes import SurfaceStatement
+        from mmt.texture.online.updates import SurfaceStatement
 
         self._process.notify("state_surface", SurfaceStatement(self._newest_sample + 1, surface))
 

@@ -16,7 +16,7 @@ from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel
-    from mmt.texture.online.surface_changes import SurfaceStatement
+    from mmt.texture.online.updates import SurfaceStatement
     from mmt.texture.surfaces.modeller import SurfaceModeller
 
 

@@ -10,8 +10,8 @@ from mmt.leader.part import Part, Session, Tick
 from mmt.scene import ForceFeedback, Texture
 
 if TYPE_CHECKING:
-    from mmt.contact.hand import HandContact
     from mmt.contact.passivity import PassivitySettings
+    from mmt.contact.rendering import HandContact
     from mmt.leader.motion.feedback_model import ModelSettings
     from mmt.leader.motion.hand import HandPart
 

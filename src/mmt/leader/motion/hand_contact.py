@@ -5,7 +5,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.contact.estimation import ContactModel, EstimationSettings
-from mmt.contact.hand import HandContact
+from mmt.contact.rendering import HandContact
 from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import CONTACT, CONTACT_DTYPE
 from mmt.devices.leader_reports import InterfaceState

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 from mmt.core.errors import InputError
 from mmt.leader.part import Part, Session
-from mmt.texture.signals.faults import SignalFaults
+from mmt.texture.signals.aligned import SignalFaults
 
 if TYPE_CHECKING:
     from mmt.leader.modelling.pipeline import Modelling

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import erf
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.spectra import UNKNOWN_SIZE
+from mmt.texture.autoregression.forms import UNKNOWN_SIZE
 from mmt.texture.field.blocks import BLOCK_S
 from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.field.covariance import (

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from mmt.texture.field.posterior import LevelField
     from mmt.texture.interpolation.delaunay import Triangulation
     from mmt.texture.model.rendered import PublishedRendered
-    from mmt.texture.touch_down.transient import Transient
+    from mmt.texture.touch_down import Transient
 
 __all__ = ["TextureModel", "TextureSamples", "load_model"]
 
@@ -119,12 +119,12 @@ class TextureModel(Plottable):
         """Return the model converted to a sampling rate, or itself if that is its rate.
 
         Rendered spectra agree up to the lower of both Nyquist frequencies; above it there is next
-        to nothing. See `mmt.texture.model.resampling` for the method and its errors.
+        to nothing. See `mmt.texture.model.rendered` for the method and its errors.
         """
         check("rate_hz", rate_hz, RateHz)
         if rate_hz == self.rate_hz:
             return self
-        from mmt.texture.model.resampling import resampled
+        from mmt.texture.model.rendered import resampled
 
         return TextureModel(**resampled(self.contents, float(rate_hz))._asdict())
 
@@ -270,7 +270,7 @@ class TextureModel(Plottable):
         InputError
             There are not d inputs.
         """
-        from mmt.texture.autoregression.spectra import lsf_spectrum
+        from mmt.texture.autoregression.forms import lsf_spectrum
 
         lsf, variance = self.at(*inputs)
         density = lsf_spectrum(lsf, variance, frequencies_hz, self.rate_hz)

@@ -18,10 +18,10 @@ from mmt.texture.online.log import ModelLog
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.updates import ModelUpdate
 from mmt.texture.segmentation.bottom_up import CELL
-from mmt.texture.segmentation.segments import Segment
+from mmt.texture.segmentation.segmenter import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.signals.numbering import StreamNumbering
+from mmt.texture.signals.filtering import StreamNumbering
 
 
 @dataclass(frozen=True, repr=False)
@@ -123,7 +123,7 @@ def stream_blocks(parts: Iterable[RecordArray], period_frames: int) -> Iterator[
 
     A block is full when its newest sequence number is a period ahead of its first one; the
     rest at the end is a last, shorter block. The numbering continues if the frames' own numbers
-    restart or wrap, see `mmt.texture.signals.numbering`.
+    restart or wrap, see `mmt.texture.signals.filtering`.
     """
     frames: RecordArray | None = None
     highest, numbering = -1, StreamNumbering()

@@ -9,7 +9,7 @@ from mmt.texture.field.blocks import BLOCK_S, Blocks, BlockSums
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.methods import build_from_packed
 from mmt.texture.online.updates import ModelSource, UpdateWork
-from mmt.texture.segmentation.segments import SampleRange
+from mmt.texture.segmentation.segmenter import SampleRange
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.touch_down.fitting import TouchDown
 

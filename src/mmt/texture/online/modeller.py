@@ -28,8 +28,7 @@ from mmt.texture.online.updates import (
     Stopwatch,
     UpdateWork,
 )
-from mmt.texture.segmentation.segmenter import OnlineSegmenter
-from mmt.texture.segmentation.segments import SampleRange
+from mmt.texture.segmentation.segmenter import OnlineSegmenter, SampleRange
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import NoiseFloor
 from mmt.texture.signals.filtering import StreamFilter
@@ -97,7 +96,7 @@ class OnlineModeller:
         frames
             Shape (n,), with position, force and acceleration; in order, with jumps in
             ``sequence`` where frames are missing. May be empty. The numbering continues if numbers
-            restart or wrap, see `mmt.texture.signals.numbering`.
+            restart or wrap, see `mmt.texture.signals.filtering`.
 
         Raises
         ------

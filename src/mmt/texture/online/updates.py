@@ -1,21 +1,60 @@
-"""Work of one update of a model, which passes through the stages, and its result."""
+"""Work of one update of a model, its result, and changes of the surface under the tool."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, Protocol
 
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.signals.faults import SignalFaults
+from mmt.texture.signals.aligned import SignalFaults
 
 if TYPE_CHECKING:
     from mmt.texture.field.blocks import Blocks
     from mmt.texture.model.fits import Fit
-    from mmt.texture.online.surface_changes import SurfaceChange
-    from mmt.texture.segmentation.segments import SampleRange, Segment
+    from mmt.texture.segmentation.segmenter import SampleRange, Segment
     from mmt.texture.signals.aligned import AlignedBlock
     from mmt.texture.touch_down.fitting import TouchDown
+
+
+@dataclass(frozen=True)
+class SurfaceChange:
+    """A change of the surface under the tool.
+
+    ``kind``: a ``"new"`` surface; one met before, ``"recalled"`` by a person; or the new one,
+    ``"identified"`` by a person as one met before. ``before`` and ``surface`` are the numbers of
+    the two surfaces. ``from_sample``: the first sample that is no longer the former one's;
+    ``at_sample``: the sample at which it was detected or said. ``evidence``: natural logarithm
+    of the Bayes factor, None if a person said it.
+    """
+
+    kind: Literal["new", "recalled", "identified"]
+    before: int
+    surface: int
+    from_sample: int
+    at_sample: int
+    evidence: float | None = None
+
+
+class SurfaceStatement(NamedTuple):
+    """Statement of a person: from this sample (sequence number) on, the tool is on a surface."""
+
+    sample: int
+    surface: int
+
+
+def surface_statements(events: Iterable[Mapping[str, Any]]) -> list[SurfaceStatement]:
+    """Return the statements of persons from a recording's events of surface changes."""
+    stated = [
+        (event.get("at_sample"), event.get("surface"))
+        for event in events
+        if "evidence" in event and event["evidence"] is None
+    ]
+    return [
+        SurfaceStatement(sample, surface)
+        for sample, surface in stated
+        if isinstance(sample, int) and isinstance(surface, int) and sample >= 0 < surface
+    ]
 
 
 class UpdateSteps(Protocol):

@@ -1,4 +1,4 @@
-"""Aligned channels: the output of the filters, sample by sample, and the noise floor in it.
+"""What the filters give out: aligned channels, their noise floor, and the faults of the signals.
 
 While the tool is in the air or at rest, the signal behind the high-pass is the sensor's own noise,
 and now and then a knock or the robot's motion. The lower quartile of the power of short windows is
@@ -9,8 +9,8 @@ as a quarter of the windows holds nothing else. It is too low rather than too hi
 import statistics
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Final, Self
+from dataclasses import asdict, dataclass, fields
+from typing import Any, Final, Self
 
 import numpy as np
 
@@ -104,3 +104,108 @@ class NoiseFloor:
         if len(self._powers) < LEAST_WINDOWS:
             return 0.0
         return statistics.quantiles(self._powers, n=4, method="inclusive")[0]
+
+
+def dft321(vibration_m_s2: FloatArray) -> FloatArray:
+    """Reduce three axes to one signal of the same spectrum and energy.
+
+    People do not feel the direction of a vibration above some 60 Hz, but its spectrum. In
+    each bin of the discrete Fourier transform the result has the magnitude
+    sqrt(|X|^2 + |Y|^2 + |Z|^2) and the phase of X + Y + Z (Landin, Romano, McMahan and
+    Kuchenbecker, "Dimensional reduction of high-frequency accelerations for haptic
+    rendering", EuroHaptics 2010). The sum of squares is kept to rounding.
+
+    The transform needs a whole stretch, so this is applied to each segment before it is
+    fitted, not to the stream. Its window is the segment itself.
+
+    Parameters
+    ----------
+    vibration_m_s2
+        Shape (n, 3), n >= 0.
+
+    Returns
+    -------
+    FloatArray
+        Shape (n,). O(n log n): about 60 us for 1000 samples.
+    """
+    samples = len(vibration_m_s2)
+    if samples == 0:
+        return np.zeros(0)
+    spectra = np.fft.rfft(vibration_m_s2, axis=0)
+    magnitude = np.sqrt((spectra.real**2 + spectra.imag**2).sum(axis=1))
+    together = spectra.sum(axis=1)
+    length = np.abs(together)
+    # Where the axes cancel there is no phase to take; zero is as good as any.
+    phase = np.divide(together, length, out=np.ones_like(together), where=length > 0.0)
+    reduced: FloatArray = np.fft.irfft(magnitude * phase, n=samples)
+    return reduced
+
+
+_ACCELEROMETER: Final = {
+    "held_s": "held one value for",
+    "saturated_s": "was saturated for",
+    "constant_s": "gave one value from the start for",
+}
+_JUDGED: Final = (*_ACCELEROMETER, "not_finite_s")
+_FRAMES: Final = {"missing_s": "missing for", "not_finite_s": "not finite for"}
+
+
+@dataclass(frozen=True)
+class SignalFaults:
+    """Seconds whose acceleration was no measurement, by cause, and seconds that were filled.
+
+    ``missing_s``: frames that did not come. ``not_finite_s``: frames with a number that is not
+    finite, or beyond `bridging.LARGEST_MEASUREMENT`, in a channel that is used. The other causes
+    are those of `mmt.texture.signals.validity`, counted at the output of the filter. ``bridged_s``:
+    filled frames, whatever the cause. ``throughout``: whether all acceleration so far was constant.
+    """
+
+    held_s: float = 0.0
+    saturated_s: float = 0.0
+    constant_s: float = 0.0
+    not_finite_s: float = 0.0
+    missing_s: float = 0.0
+    bridged_s: float = 0.0
+    throughout: bool = False
+
+    def sentence(self) -> str:
+        """Return the causes with their seconds, "" without a fault."""
+        if self.throughout:
+            parts = ["the accelerometer gave one value throughout"]
+        else:
+            parts = self._in_words("the accelerometer ", _ACCELEROMETER)
+        parts += self._in_words("frames were ", _FRAMES)
+        if self.bridged_s > 0.0:
+            parts.append(f"{_seconds(self.bridged_s)} of this filled in")
+        return "; ".join(parts)
+
+    def since(self, before: "SignalFaults") -> "SignalFaults":
+        """Return the faults of the acceleration since an earlier count."""
+        seconds = {name: max(0.0, getattr(self, name) - getattr(before, name)) for name in _JUDGED}
+        return SignalFaults(**seconds, throughout=self.throughout)
+
+    def should_report(self, reported: "SignalFaults") -> bool:
+        """Return whether the seconds of a cause have at least doubled since they were reported.
+
+        Missing frames do not count here, as they are reported as lost. Nor does a fault that was
+        reported as lasting throughout and still does.
+        """
+        seconds = [(getattr(self, name), getattr(reported, name)) for name in _JUDGED]
+        doubled = any(now > 0.0 and now >= 2.0 * before for now, before in seconds)
+        return doubled and not (self.throughout and reported.throughout)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the seconds by cause, and the sentence, for a program."""
+        table = asdict(self)
+        del table["throughout"]
+        return {**{name: round(value, 6) for name, value in table.items()}, "text": self.sentence()}
+
+    def _in_words(self, whose: str, words: dict[str, str]) -> list[str]:
+        """Return the words for these causes, or nothing if none has occurred."""
+        values = {text: getattr(self, name) for name, text in words.items()}
+        found = [f"{text} {_seconds(value)}" for text, value in values.items() if value > 0.0]
+        return [whose + ", ".join(found)] if found else []
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.3g} s" if value < 100.0 else f"{value:.0f} s"

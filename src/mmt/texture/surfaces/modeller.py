@@ -14,8 +14,7 @@ import numpy as np
 from mmt.core.arrays import RecordArray
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import OnlineModeller, run_stages
-from mmt.texture.online.surface_changes import SurfaceChange, SurfaceStatement
-from mmt.texture.online.updates import ModelUpdate, UpdateWork
+from mmt.texture.online.updates import ModelUpdate, SurfaceChange, SurfaceStatement, UpdateWork
 from mmt.texture.settings import ModellingSettings, SurfaceSettings, surface_check_frames
 from mmt.texture.surfaces.tracking import NAMED_S, SurfaceTracker
 

@@ -1,7 +1,7 @@
 """Surface tracking from frames: detected changes of surface, and statements of persons.
 
 For each change-point, a Bayes factor compares two explanations of the blocks from there on: an
-unknown surface, and the current one. Both are regressions of `mmt.texture.surfaces.regression`, one
+unknown surface, and the current one. Both are regressions of `mmt.texture.surfaces.blocks`, one
 without blocks, one of the current surface's blocks. Prediction errors are alike over a stroke, and
 now and then a stroke differs from the prediction. So evidence is tempered: its logarithm is
 multiplied by `TEMPER` (Grunwald, "The safe Bayesian", 2012). A change is detected if the result
@@ -20,14 +20,17 @@ import numpy as np
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.frames import check_frames, samples_per_frame
 from mmt.texture.field.blocks import BLOCK_S
-from mmt.texture.online.surface_changes import SurfaceChange, SurfaceStatement
+from mmt.texture.online.updates import SurfaceChange, SurfaceStatement
 from mmt.texture.settings import ModellingSettings, SurfaceSettings, surface_check_frames
-from mmt.texture.signals.faults import SignalFaults
-from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.signals.numbering import StreamNumbering
+from mmt.texture.signals.aligned import SignalFaults
+from mmt.texture.signals.filtering import StreamFilter, StreamNumbering
 from mmt.texture.space import InputSpace
-from mmt.texture.surfaces.blocks import SurfaceBlock, SurfaceBlockCutter
-from mmt.texture.surfaces.regression import SurfaceRegression, features
+from mmt.texture.surfaces.blocks import (
+    SurfaceBlock,
+    SurfaceBlockCutter,
+    SurfaceRegression,
+    features,
+)
 
 WINDOW: Final = 30
 """Number of newest blocks that may contain a change; the regression learns from older ones."""
@@ -252,7 +255,7 @@ def follow_surfaces(
         Settings of the modelling; ``surfaces`` sets how surfaces are told apart. None takes the
         defaults, for both. The number of samples per frame is taken from the frames.
     statement
-        Statements of persons, which `mmt.texture.online.surface_changes.surface_statements` returns
+        Statements of persons, which `mmt.texture.online.updates.surface_statements` returns
         from the events of a recording.
 
     Examples

@@ -25,7 +25,7 @@ from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.autoregression import Order
 from mmt.texture.autoregression.burg import burg_into, largest_magnitude
-from mmt.texture.autoregression.lattice import lattice_step
+from mmt.texture.autoregression.lsf import lattice_step
 
 ORDER: Final = 16
 _LEVEL_SAMPLES: Final = 32

@@ -1,6 +1,6 @@
 """Generation of vibration: white noise through a filter that may change at every sample.
 
-A filter is a normalised lattice of unit power (`mmt.texture.autoregression.lattice`) and an
+A filter is a normalised lattice of unit power (`mmt.texture.autoregression.lsf`) and an
 amplitude. It may be replaced between any two samples: the lattice's memory is carried over, and
 the output stays bounded whatever filters follow each other. The amplitude falls no faster than by
 a time constant of 4 ms, so that a hand that stops causes no click, and ends at exactly zero. The
@@ -19,7 +19,7 @@ from mmt.core.bounds import check, real_numbers
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.autoregression import LARGEST_ORDER
-from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
+from mmt.texture.autoregression.lsf import lattice_step, lsf_to_lattice_into
 from mmt.texture.model.texture_model import TextureModel
 
 _RELEASE_S: Final = 0.004

@@ -2,7 +2,7 @@
 
 Awan et al., section VI: white Gaussian noise of the interpolated variance drives the filter
 at the present speed and force, whose memory is carried over every change of filter. Here the
-filter is a normalised lattice of unit power (`mmt.texture.autoregression.lattice`), and its output
+filter is a normalised lattice of unit power (`mmt.texture.autoregression.lsf`), and its output
 is multiplied by the interpolated amplitude: the same spectrum, but the power is the model's at
 every sample, also while speed and force change.
 
@@ -23,7 +23,7 @@ from mmt.core.bounds import check
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.autoregression import LARGEST_ORDER
-from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
+from mmt.texture.autoregression.lsf import lattice_step, lsf_to_lattice_into
 from mmt.texture.interpolation.interpolant import (
     DIMENSIONS,
     MODEL_ORDER,

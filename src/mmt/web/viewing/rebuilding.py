@@ -25,8 +25,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.modeller_factory import ModellerFactory
 from mmt.texture.online.history import stream_blocks
 from mmt.texture.online.methods import method_of
-from mmt.texture.online.surface_changes import surface_statements
-from mmt.texture.online.updates import ModelUpdate
+from mmt.texture.online.updates import ModelUpdate, surface_statements
 from mmt.texture.settings import ModellingSettings
 
 _MODELS_KEPT: Final = 8

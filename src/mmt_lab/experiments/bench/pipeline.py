@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.evaluation.levels import root_mean_square
+from mmt.evaluation.model_errors import root_mean_square
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.session.data import RecordedSession
 from mmt.texture.online.history import ModelHistory, build, stream_blocks

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from mmt.evaluation.document import Picture
+from mmt.evaluation.reports.document import Picture
 
 Figures = Mapping[str, Any]
 """The numbers behind an outcome, by name, for programs and plots."""

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from mmt.contact.steps import ContactLaw, Drive
-from mmt.evaluation.document import Picture
-from mmt.evaluation.report_files import picture
+from mmt.evaluation.reports.document import Picture
+from mmt.evaluation.reports.report_files import picture
 from mmt_lab.stability.families import CaseResult, Extreme, Family, Figures
 from mmt_lab.stability.integrators import INTEGRATORS, Integrator, total_energy_j
 

@@ -7,8 +7,8 @@ from functools import partial
 from typing import Final
 
 from mmt.core.frames import empty_frames
-from mmt.evaluation.document import Picture
-from mmt.evaluation.report_files import picture
+from mmt.evaluation.reports.document import Picture
+from mmt.evaluation.reports.report_files import picture
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.scene import Simulated
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive

@@ -120,7 +120,7 @@ class ModelSurface:
         heading_rad: npt.ArrayLike | None = None,
     ) -> FloatArray:
         """Return the exact spectrum along the normal, (k, f); see `Surface.spectrum`."""
-        from mmt.texture.autoregression.spectra import ar_spectrum
+        from mmt.texture.autoregression.forms import ar_spectrum
 
         frequencies = np.atleast_1d(np.asarray(frequencies_hz, np.float64))
         corners, weights = self.weights(self._inputs(speed_mm_s, force_n, heading_rad))

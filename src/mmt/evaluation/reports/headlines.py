@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from mmt.evaluation.document import ReportTable
-from mmt.evaluation.run_verdict import final_of, median_of_most, run_verdict
+from mmt.evaluation.reports.document import ReportTable
+from mmt.evaluation.reports.run_verdict import final_of, median_of_most, run_verdict
 from mmt.evaluation.texts import number, seconds, share
 
 _SESSION: Final = (

@@ -8,7 +8,7 @@ from matplotlib.patches import Circle, Rectangle
 
 from mmt.core.arrays import FloatArray
 from mmt.core.output.palette import GRADED, LIGHT
-from mmt.evaluation.figures import readiness
+from mmt.evaluation.reports.figures import readiness
 from mmt.evaluation.results import Evaluation
 from mmt.texture.completion.distance import CELL_CENTRES, DIVISIONS, cell_distances, cells_of
 from mmt.texture.model.texture_model import TextureModel

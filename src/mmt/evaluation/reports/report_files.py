@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.files.existing import write_file
 from mmt.core.output.palette import style_sheet
-from mmt.evaluation.document import (
+from mmt.evaluation.reports.document import (
     Block,
     Folded,
     Heading,
@@ -96,7 +96,7 @@ def picture(name: str, caption: str, figure: "Figure") -> Picture:
 
     The figure itself is made narrow for the second variant, which only the page holds.
     """
-    from mmt.evaluation.figures import stack_panels, to_png
+    from mmt.evaluation.reports.figures import stack_panels, to_png
 
     wide = to_png(figure)
     stack_panels(figure)

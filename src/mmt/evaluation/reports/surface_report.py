@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mmt.core.output.palette import LIGHT, SERIES
-from mmt.evaluation.document import Block, Heading, Paragraph, ReportTable, table_of
 from mmt.evaluation.recorded_surfaces import SurfaceParts
-from mmt.evaluation.report_files import picture
+from mmt.evaluation.reports.document import Block, Heading, Paragraph, ReportTable, table_of
+from mmt.evaluation.reports.report_files import picture
 
 
 def surface_blocks(parts: SurfaceParts, duration_s: float) -> list[Block]:

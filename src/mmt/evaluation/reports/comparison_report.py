@@ -8,8 +8,8 @@ import numpy as np
 
 from mmt.core.errors import InputError
 from mmt.core.output.palette import LIGHT
-from mmt.evaluation.comparison import COLUMNS, Comparison
-from mmt.evaluation.document import (
+from mmt.evaluation.reports.comparison import COLUMNS, Comparison
+from mmt.evaluation.reports.document import (
     Block,
     Folded,
     Heading,
@@ -18,7 +18,7 @@ from mmt.evaluation.document import (
     ReportTable,
     SideBySide,
 )
-from mmt.evaluation.report_files import FIGURES, picture, write_report_files
+from mmt.evaluation.reports.report_files import FIGURES, picture, write_report_files
 from mmt.texture.settings import JND_DB
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def _both_over_time(steps: Sequence[Sequence[Mapping[str, Any]]]) -> "Figure":
     """Draw the scores of two sessions, as a report's data has them, on the same axes."""
     from matplotlib.figure import Figure
 
-    from mmt.evaluation.figures import line_style, style_axes
+    from mmt.evaluation.reports.figures import line_style, style_axes
 
     panels = (
         ("within_jnd", "within JND, strokes made"),

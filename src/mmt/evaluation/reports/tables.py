@@ -4,9 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from mmt.core.output.tables import as_text, flatten, label
-from mmt.evaluation.document import Block, Heading, ReportTable, SmallTables, table_of
-from mmt.evaluation.grid_errors import SECTOR_DEG, SectorErrors
-from mmt.evaluation.levels import WORST, across
+from mmt.evaluation.model_errors import SECTOR_DEG, WORST, SectorErrors, across
+from mmt.evaluation.reports.document import Block, Heading, ReportTable, SmallTables, table_of
 from mmt.evaluation.results import Evaluation, Levels, Score
 from mmt.evaluation.texts import number, seconds, share
 

@@ -9,9 +9,9 @@ from typing import Any, Final
 
 from mmt.core.errors import InputError
 from mmt.core.output.tables import label
-from mmt.evaluation.document import ReportTable
-from mmt.evaluation.headlines import Headline, headline_table, headlines
-from mmt.evaluation.report_files import FIGURES
+from mmt.evaluation.reports.document import ReportTable
+from mmt.evaluation.reports.headlines import Headline, headline_table, headlines
+from mmt.evaluation.reports.report_files import FIGURES
 
 COLUMNS: Final = ("figure", "A", "B", "B - A", "B / A")
 DATA_NAMES: Final = ("summary.json", "bench.json")

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from mmt.core.extras import __version__
-from mmt.evaluation import tables
-from mmt.evaluation.document import (
+from mmt.evaluation.reports import tables
+from mmt.evaluation.reports.document import (
     Block,
     Folded,
     Heading,
@@ -21,9 +21,9 @@ from mmt.evaluation.document import (
     Tile,
     Tiles,
 )
-from mmt.evaluation.report_files import picture, write_report_files
+from mmt.evaluation.reports.report_files import picture, write_report_files
+from mmt.evaluation.reports.run_verdict import median_of_known, run_verdict
 from mmt.evaluation.results import Evaluation, evaluations_as_dict
-from mmt.evaluation.run_verdict import median_of_known, run_verdict
 from mmt.evaluation.texts import DEFINITIONS, share
 
 _COMPLETION: Final = {
@@ -179,7 +179,7 @@ def _processor() -> str:
 
 def _course(evaluations: Sequence[Evaluation]) -> list[Block]:
     """Return blocks with the figures of all sessions, and their course over time."""
-    from mmt.evaluation import figures
+    from mmt.evaluation.reports import figures
 
     criterion = evaluations[0].settings.scale.criterion
     by_time = [tables.by_time(evaluations, "distance", 2, "Distance sum (paper A, Table I)")]
@@ -217,7 +217,7 @@ def _errors(evaluation: Evaluation, prefix: str) -> list[Block]:
     """Return the map of errors; nothing if the texture is not known."""
     if evaluation.power_map is None:
         return []
-    from mmt.evaluation import figures
+    from mmt.evaluation.reports import figures
 
     caption = (
         f"The model at {evaluation.final.time_s:.1f} s against the known texture; dots: "
@@ -230,8 +230,8 @@ def _errors(evaluation: Evaluation, prefix: str) -> list[Block]:
 
 
 def _session(evaluation: Evaluation, prefix: str, *, alone: bool) -> list[Block]:
-    from mmt.evaluation import figures
-    from mmt.evaluation.growth import model_growth
+    from mmt.evaluation.reports import figures
+    from mmt.evaluation.reports.growth import model_growth
 
     blocks: list[Block] = [
         Heading(f"Session {evaluation.name}"),
@@ -278,7 +278,7 @@ def _heading_blocks(evaluation: Evaluation, prefix: str) -> list[Block]:
     """Return the errors by heading; nothing if the texture does not depend on the heading."""
     if not evaluation.by_heading:
         return []
-    from mmt.evaluation import figures
+    from mmt.evaluation.reports import figures
 
     caption = f"Errors against the known texture by heading, at {evaluation.final.time_s:.1f} s."
     return [
