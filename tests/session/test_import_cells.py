@@ -150,3 +150,36 @@ def test_arrays_of_any_type_are_their_numbers(tick, kind):
 def test_an_array_of_something_else_is_refused_by_name(values):
     with pytest.raises(InputError, match=r"a\.npz: F\b"):
         cells.columns_of({"F": values}, "a.npz")
+
+
+@settings(max_examples=30)
+@given(
+    st.lists(st.integers(-(2**31), 2**31 - 1), min_size=2),
+    st.sampled_from([8, 16]),
+    st.sampled_from([str.upper, str.lower]),
+)
+def test_hexadecimal_cells_are_of_the_width_they_are_written_in(values, digits, change):
+    texts = [f"0x{change(f'{v & (16**digits - 1):0{digits}x}')}" for v in values]
+    found, unit = cells.numbers_in(texts, "a", "a.json")
+    assert unit == ""
+    np.testing.assert_array_equal(found, values)
+    with pytest.raises(InputError, match=r"a are written with 0x and .* or with 0x and 3 digits"):
+        cells.numbers_in([*texts, "0x123"], "a", "a.json")
+
+
+@settings(max_examples=30)
+@given(
+    st.lists(st.floats(-1e6, 1e6), min_size=2),
+    st.sampled_from(["N", "mm", "m/s²", "µm", "g", "counts", "V"]),
+    st.sampled_from(["", " ", "\u202f"]),
+    st.sampled_from(["{:.4f}", "{:.4e}", "{:+.3f}"]),
+    st.sampled_from(["mN", ""]),
+)
+def test_a_unit_in_every_cell_is_that_of_the_column(values, unit, blank, form, other):
+    texts = [form.format(value) + blank + unit for value in values]
+    found, told = cells.numbers_in([*texts, ""], "a", "a.json")
+    assert told == unit
+    np.testing.assert_array_equal(found[:-1], [float(form.format(v)) for v in values])
+    assert np.isnan(found[-1])
+    with pytest.raises(InputError, match="numbers of a are written with"):
+        cells.numbers_in([*texts, f"1{other}"], "a", "a.json")

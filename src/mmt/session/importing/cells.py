@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, date, datetime, time, timedelta
 from decimal import Decimal
@@ -11,26 +12,16 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.core.units import DATE
+from mmt.core.units import DATE, is_unit
 from mmt.session.importing.options import ImportOptions
 
 Cell: TypeAlias = str | float | Decimal | date | time | timedelta | None
 
-MISSING: Final = frozenset(
-    ("", "na", "n/a", "#n/a", "#na", "#nv", "nan", "null", "none", "nil", "-", "--", "---", "?")
-) | {
-    "#div/0!",
-    "#value!",
-    "#ref!",
-    "#num!",
-    "#name?",
-    "#null!",
-    "<na>",
-    "nat",
-    "undefined",
-    "∞",
-    "-∞",
-}
+_NO_VALUE: Final = (
+    " na n/a #n/a #na <na> #nv nan nat null none nil undefined - -- --- ? ∞ -∞ "
+    "#div/0! #value! #ref! #num! #name? #null!"
+)
+MISSING: Final = frozenset(_NO_VALUE.split(" "))
 _NO_NUMBER: Final = re.compile(r"[-+]?(1\.#\w+|nan\(\w+\))")
 """Matches what C libraries print for NaN, in lower case."""
 _DATES: Final = (
@@ -48,7 +39,9 @@ _OF_THOUSANDS: Final = re.compile(r"[-+]?[1-9]\d{0,2}([.,])\d{3}(?:\1\d{3})+")
 """Matches a number with several of the same sign, which stand before its thousands."""
 _SPACED: Final = re.compile(r"(?<=\d)['’\u2009\u202f\xa0](?=\d{3}(?!\d))")  # noqa: RUF001
 """Matches an apostrophe or blank before thousands."""
-_FORTRAN: Final = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d+$)")
+_FORTRAN: Final = re.compile(r"^([-+]?[\d.,]+)[dD]([-+]?\d+)$")
+_HEX: Final = re.compile(r"0[xX]([0-9a-fA-F]+)")
+_WITH_UNIT: Final = re.compile(r"([-+]?[.,]?\d[\d.,]*(?:[eE][-+]?\d+)?)\s*(\D.*)")
 _REPR: Final = re.compile(r"^(?:(?:np|numpy)\.\w+|tensor)\(([^()]*)\)$")
 """Matches a number as NumPy and PyTorch print it within lists."""
 _MOST_COMPONENTS: Final = 16
@@ -70,16 +63,22 @@ def weigh_numbers(rows: Iterable[Sequence[Cell]], options: ImportOptions) -> int
 
 
 class Numbers:
-    """Parser of cells: returns a number, or None for a missing value; ValueError for other text."""
+    """Parser of cells: returns a number, or None for a missing value; ValueError for other text.
 
-    def __init__(self, options: ImportOptions) -> None:
+    Hexadecimal numbers, as two's complement of the width written, and numbers with a unit are read
+    unless only `plain` ones are.
+    """
+
+    def __init__(self, options: ImportOptions, *, plain: bool = False) -> None:
+        self._forms: dict[str, Counter[str]] = {}
+        self._reads_forms = not plain
         self._commas = self._grouped = self._points = ""
         self._missing = MISSING | {text.strip().lower() for text in options.missing}
         self._thousands = {".": ",", ",": "."}.get(options.decimal or "")
         self._plain = not (options.missing or options.decimal)
 
-    def __call__(self, cell: Cell) -> float | None:
-        """Return the number in a cell, or None for a missing value."""
+    def __call__(self, cell: Cell, column: str = "") -> float | None:
+        """Return the number in a cell, or None for a missing value; see `unit_in` for `column`."""
         if self._plain and isinstance(cell, str | float | int):
             try:
                 value = float(cell)
@@ -95,13 +94,44 @@ class Numbers:
         found = float(cell) if isinstance(cell, float | int | Decimal) else seconds_of(cell)
         if found is not None:
             return found
-        text = _FORTRAN.sub("e", _SPACED.sub("", _REPR.sub(r"\1", text.replace("−", "-"))))  # noqa: RUF001
-        if self._thousands:
-            return float(text.replace(self._thousands, "").replace(",", "."))
-        return self._of_signs(text)
+        text = _FORTRAN.sub(r"\1e\2", _SPACED.sub("", _REPR.sub(r"\1", text.replace("−", "-"))))  # noqa: RUF001
+        try:
+            return self._of_signs(text)
+        except ValueError:
+            value, form = self._of_form(text)
+        self._forms.setdefault(column, Counter())[form] += 1
+        return value
+
+    def _of_form(self, text: str) -> tuple[float, str]:
+        """Return the number in a text that is hexadecimal or has a unit, and its digits or unit."""
+        if self._reads_forms and (found := _HEX.fullmatch(text)):
+            bits, value = 4 * len(found[1]), int(found[1], 16)
+            return float(value - (value >> (bits - 1) << bits)), f"0x and {len(found[1])} digits"
+        if self._reads_forms and (found := _WITH_UNIT.fullmatch(text)) and is_unit(found[2]):
+            return self._of_signs(found[1]), found[2]
+        raise ValueError(text)
+
+    def unit_in(self, column: str, values: FloatArray, origin: str) -> str:
+        """Return the unit that all cells of a column had whose numbers are `values` (n,), or "".
+
+        Raises
+        ------
+        InputError
+            Cells have different units or widths of hexadecimal numbers, or some have none.
+        """
+        forms = self._forms.get(column, Counter[str]())
+        if len(forms) > 1 or 0 < forms.total() < np.isfinite(values).sum():
+            others = "" if len(forms) > 1 else " or with nothing"
+            raise InputError(
+                f"{origin}: the numbers of {column} are written with {' or with '.join(forms)}"
+                f"{others}: write all alike"
+            )
+        return next((form for form in forms if not form.startswith("0x")), "")
 
     def _of_signs(self, text: str) -> float:
         """Return the number in a text by the signs in it, and note which sign is which."""
+        if self._thousands:
+            return float(text.replace(self._thousands, "").replace(",", "."))
         decimal, plain = "," if "," in text else ".", text.replace(",", ".")
         if grouped := _BOTH_SIGNS.fullmatch(text):
             thousands, decimal = grouped.groups()
@@ -153,7 +183,7 @@ class Numbers:
 
 
 def numbers_in(values: Any, name: str, origin: str) -> tuple[FloatArray, str]:
-    """Return an array's numbers, and the unit `DATE` if it holds dates or times, else "".
+    """Return an array's numbers, and the unit of its texts: `DATE` of dates or times, else "".
 
     Texts are parsed as the cells of tables. Vectors become (n,), and arrays with samples along the
     columns are transposed to (n, k).
@@ -174,12 +204,13 @@ def numbers_in(values: Any, name: str, origin: str) -> tuple[FloatArray, str]:
             for cell in array.ravel().tolist()
         ]
         try:
-            found = [number(cell) for cell in cells]
+            found = [number(cell, name) for cell in cells]
         except (ValueError, TypeError) as error:
             raise InputError(f"{origin}: {name} does not hold numbers: {error}") from error
         number.check(f"{origin}: {name}")
         unit = DATE if cells and seconds_of(cells[0]) is not None else ""
-        array = np.array(found).reshape(array.shape)
+        array = np.array(found, dtype=np.float64).reshape(array.shape)
+        unit = number.unit_in(name, array, origin) or unit
     elif array.dtype.kind == "c" and not array.imag.any():
         array = array.real
     elif array.dtype.kind not in "iufb":

@@ -74,6 +74,8 @@ def read_table(
     number = Numbers(options)
     columns, lines, remarks = _read_rows(origin, chain(start[begin:], rest), header, places, number)
     number.check(origin)
+    in_cells = {n: number.unit_in(n, np.asarray(values), origin) for n, values in columns.items()}
+    units |= {name: unit for name, unit in in_cells.items() if unit}
     dated = [n for n, p in places.items() if any(_is_date(row, p) for row in start[begin:])]
     return SourceColumns(
         origin=origin,
@@ -102,7 +104,10 @@ def _read_rows(
     for line, row in enumerate(rows, start=header.begin + 1):
         cells = [row[place] if place < len(row) else None for place in places.values()]
         try:
-            values = [None if cell is None or cell == "" else number(cell) for cell in cells]
+            values = [
+                None if cell is None or cell == "" else number(cell, name)
+                for name, cell in zip(places, cells, strict=True)
+            ]
         except ValueError as error:
             if not any(number.reads(cell) for cell in row):
                 texts.append(line)
@@ -165,17 +170,17 @@ def _split(
     rows: Iterable[Sequence[Cell]], options: ImportOptions
 ) -> tuple[list[Sequence[Cell]], Iterator[Sequence[Cell]], int | None]:
     """Return the first rows, an iterator over the rest, and the index of the first numbers."""
-    rest = iter(rows)
-    start = list(islice(rest, (options.header or 0) + _LOOKED_AT))
-    place = options.header or 0
-    number = Numbers(options)
-    while place < len(start):
-        if _is_data(start[place : place + _LOOKED_AT], number):
-            while place > (options.header or 0) and _begins(start[place - 1], start[place], number):
-                place -= 1
-            return start, rest, place
-        place += 1
-        start.extend(islice(rest, 1))
+    rest, least = iter(rows), options.header or 0
+    start = list(islice(rest, least + _LOOKED_AT))
+    for number in (Numbers(options, plain=True), Numbers(options)):  # settings have units
+        place = least
+        while place < len(start):
+            if _is_data(start[place : place + _LOOKED_AT], number):
+                while place > least and _begins(start[place - 1], start[place], number):
+                    place -= 1
+                return start, rest, place
+            place += 1
+            start.extend(islice(rest, 1))
     return start, rest, None
 
 

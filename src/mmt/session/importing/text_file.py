@@ -228,6 +228,6 @@ def _delimiter(lines: list[str], options: ImportOptions) -> str:
         except csv.Error:  # a wide table's line, taken for one cell, is too long
             numbers = 0
         each = round(numbers / max(1, len(lines)), 1)  # a date in the notes must not decide
-        return each, sum(sign in line for line in lines)
+        return max(0, each), sum(sign in line for line in lines)
 
     return max(_SIGNS, key=worth)
