@@ -145,7 +145,7 @@ def test_arrays_of_any_type_are_their_numbers(tick, kind):
 
 
 @pytest.mark.parametrize(
-    "values", [["1", "x"], [date(2026, 1, 31)], [{}], [1j], [b"\xff"], ["1,000", "1.5"]]
+    "values", [["1", "x"], [date(2026, 1, 31)], [{}], [1j], [b"\xff", b"1"], ["1,000", "1.5"]]
 )
 def test_an_array_of_something_else_is_refused_by_name(values):
     with pytest.raises(InputError, match=r"a\.npz: F\b"):

@@ -1,9 +1,12 @@
 """Recordings as the programs of a laboratory write them come in as proposed, with right values."""
 
+import json
+
 import numpy as np
 import pytest
 
 from mmt.core.errors import InputError
+from mmt.session.files import import_session
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
 
@@ -56,7 +59,93 @@ def in_hexadecimals(path):
     lines(path, "t_us,ax_mm_s2,ay_mm_s2,az_mm_s2", cells)
 
 
+def readings(values):
+    """Rows of three sensors, each at its times: time, sensor and three numbers."""
+    for row, time_s in enumerate(TIME_S):
+        for sensor, every, late_s in (("acc", 1, 0.0), ("force", 2, 2e-4), ("pos", 4, 3e-4)):
+            if row % every == 0:
+                t = round(time_s + late_s, 6)
+                yield t, sensor, *np.round(values[sensor](np.array([t]))[0], 6).tolist()
+
+
+SENSORS = {"acc": vibration, "force": force, "pos": motion}
+
+
+def tidy(path):
+    lines(path, "time,topic,x,y,z", readings(SENSORS))
+
+
+def tidy_with_texts(path):
+    lines(path, "topic,t,x,y,z,note", ((r[1], r[0], *r[2:], "fine") for r in readings(SENSORS)))
+
+
+def tidy_by_axis(path):
+    each = (
+        (r[0], r[1], axis, value)
+        for r in readings(SENSORS)
+        for axis, value in zip("XYZ", r[2:], strict=True)
+    )
+    lines(path, "timestamp;sensor;axis;value", each, ";")
+
+
+def molten(path):
+    """As `pandas.melt` writes it: the rows of one sensor after those of another, with units."""
+    scales = {"acc": (1 / 9.80665, "g"), "force": (1e3, "mN"), "pos": (1e-3, "m")}
+    rows = ((r[1], r[0], place, r[2 + place]) for r in readings(SENSORS) for place in range(3))
+    each = (
+        (t, f"{s}_{'xyz'[place]}", value * scales[s][0], scales[s][1])
+        for s, t, place, value in sorted(rows, key=lambda r: (r[0], r[2], r[1]))
+    )
+    lines(path, "time,variable,value,unit", each)
+
+
+def tidy_rows_of_json(path):
+    names = ("time", "topic", "x", "y", "z")
+    path.write_text(
+        "\n".join(json.dumps(dict(zip(names, r, strict=True))) for r in readings(SENSORS))
+    )
+
+
+def tidy_array(path):
+    kind = [("time", "f8"), ("sensor", "S8"), ("value", "f8", (3,))]
+    np.save(path, np.array([(r[0], r[1], r[2:]) for r in readings(SENSORS)], dtype=kind))
+
+
+def tidy_arrays(path):
+    rows = list(readings(SENSORS))
+    np.savez(path, time=[r[0] for r in rows], topic=[r[1] for r in rows], xyz=[r[2:] for r in rows])
+
+
+def tidy_parquet(path):
+    pa = pytest.importorskip("pyarrow", reason="needs the extra 'export'")
+    import pyarrow.parquet
+
+    columns = list(zip(*readings(SENSORS), strict=True))
+    named = dict(zip(("time", "topic", "x", "y", "z"), columns, strict=True))
+    named["topic"] = pa.array(named["topic"]).dictionary_encode()
+    pyarrow.parquet.write_table(pa.table(named), path)
+
+
+def with_blanks_for_others(path):
+    """Columns of all sensors, of which each row has those of its own, and texts."""
+    cells = (
+        (r[0], r[1], *(f"{v}" if r[1] == s else "" for s in SENSORS for v in r[2:]), "fine")
+        for r in readings(SENSORS)
+    )
+    lines(path, "t,device,ax,ay,az,fx,fy,fz,px,py,pz,note", cells)
+
+
+ALL = set(TRUTH)
 KINDS = {
+    "tidy.csv": (tidy, ALL),
+    "tidy first.csv": (tidy_with_texts, ALL),
+    "tidy axis.csv": (tidy_by_axis, ALL),
+    "molten.csv": (molten, ALL),
+    "tidy.jsonl": (tidy_rows_of_json, ALL),
+    "tidy.npy": (tidy_array, ALL),
+    "tidy.npz": (tidy_arrays, ALL),
+    "tidy.parquet": (tidy_parquet, ALL),
+    "blanks.csv": (with_blanks_for_others, ALL),
     "units.csv": (with_units, {"position", "force"}),
     "hex.csv": (in_hexadecimals, {"acceleration"}),
 }
@@ -69,7 +158,7 @@ def test_a_recording_comes_in_as_it_was_made(tmp_path, name):
     session = imported(tmp_path / name)
     time_s = session.frames["time_ns"] / 1e9
     assert set(session.channels) == channels
-    assert len(time_s) == pytest.approx(len(TIME_S), abs=5)
+    assert len(time_s) == pytest.approx(len(TIME_S), abs=6)
     for channel in channels:
         found = session.frames[FIELDS[channel]].reshape(-1, 3)
         np.testing.assert_allclose(found, TRUTH[channel](time_s), atol=2e-3)
@@ -79,7 +168,18 @@ def of_two_units(path):
     lines(path, "time,Fz", [(f"{t:.3f}", "7 mN" if t > 1 else "1.5 N") for t in TIME_S])
 
 
+def of_many_sensors(path):
+    lines(path, "time,topic,value", ((row, f"s{row % 300}", 1.0) for row in range(3000)))
+
+
+def of_a_sensor_in_two_units(path):
+    rows = ((t, "Fz" if t else "ax", 1, "N" if row % 3 else "mN") for row, t in enumerate(TIME_S))
+    lines(path, "time,signal,value,unit", [*rows, *((t, "ax", 1, "g") for t in TIME_S)])
+
+
 REFUSED = {
+    "many.csv": (of_many_sensors, "topic tells 300 sensors apart.* keep what is needed"),
+    "mixed.csv": (of_a_sensor_in_two_units, "ax is in g and in mN: keep one"),
     "two units.csv": (of_two_units, r"Fz are written with N or with mN"),
 }
 
@@ -90,3 +190,26 @@ def test_a_recording_that_cannot_be_read_right_is_refused(tmp_path, name):
     make(tmp_path / name)
     with pytest.raises(InputError, match=reason):
         imported(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("time,mode,Fz", lambda i, t: (t, "force" if i // 99 % 2 else "position", t)),
+        ("time,sensor,Fz", lambda _, t: (t, "ATI", t)),
+        ("time,channel,Fz", lambda i, t: (t, i * 7919 % 4096, t)),
+        ("time,signal,Fz", lambda i, t: (t, i % 2, t)),
+        ("time,axis,Fz", lambda _, t: (t, 3, t)),
+    ],
+)
+def test_a_column_that_tells_no_sensors_apart_is_let_alone(tmp_path, head, row):
+    lines(tmp_path / "a.csv", head, (row(i, t) for i, t in enumerate(TIME_S)))
+    names = propose(tmp_path / "a.csv").names
+    assert list(names) == head.split(",")
+
+
+def test_numbers_of_sensors_are_names(tmp_path):
+    lines(tmp_path / "a.csv", "t,channel,value", ((t, c, c + t) for t in TIME_S for c in range(3)))
+    columns = {"time": "channel_0.t", "force_x": "0", "force_y": "0", "force_z": "channel_2.value"}
+    session = import_session(tmp_path / "a.csv", columns=columns)
+    np.testing.assert_allclose(session.frames["force_n"][:, 2], 2 + TIME_S, atol=1e-6)

@@ -568,8 +568,8 @@ def test_settings_of_the_columns_are_no_names(tmp_path, keys):
 @pytest.mark.parametrize(
     ("rows", "begins"),
     [
-        (["0.000 s,1.5 N", "0.001 s,1.5 N"], "0.000 s"),
-        (["0x00,0x1F", "0x01,0x2A"], "0x00"),
+        (["0.000 sx,1.5 Nx", "0.001 sx,1.5 Nx"], "0.000 sx"),
+        (["00q,1Fq", "01q,2Aq"], "00q"),
     ],
 )
 def test_a_table_without_plain_numbers_is_refused_with_its_first_cell(tmp_path, rows, begins):

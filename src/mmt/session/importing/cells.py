@@ -48,9 +48,13 @@ _MOST_COMPONENTS: Final = 16
 """Arrays with at most so many rows, and more columns, have their samples along the columns."""
 
 
-def text_of(cell: Cell) -> str:
+def text_of(cell: Cell | bytes) -> str:
     """Return a cell's text without surrounding blanks."""
-    return "" if cell is None else str(cell).strip()
+    return "" if cell is None else str(_decoded(cell)).strip()
+
+
+def _decoded(cell: Any) -> Any:
+    return cell.decode(errors="replace") if isinstance(cell, bytes) else cell
 
 
 def weigh_numbers(rows: Iterable[Sequence[Cell]], options: ImportOptions) -> int:
@@ -199,10 +203,7 @@ def numbers_in(values: Any, name: str, origin: str) -> tuple[FloatArray, str]:
         array, unit = since / np.timedelta64(1, "s"), DATE
     elif array.dtype.kind in "SUO":
         number = Numbers(ImportOptions())
-        cells = [
-            cell.decode(errors="replace") if isinstance(cell, bytes) else cell
-            for cell in array.ravel().tolist()
-        ]
+        cells = list(map(_decoded, array.ravel().tolist()))
         try:
             found = [number(cell, name) for cell in cells]
         except (ValueError, TypeError) as error:
@@ -227,15 +228,24 @@ def numbers_in(values: Any, name: str, origin: str) -> tuple[FloatArray, str]:
 def columns_of(
     arrays: Mapping[str, Any], origin: str, told: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """Return arrays as the fields ``values`` and ``units`` of `SourceColumns`; see `numbers_in`.
+    """Return arrays as the fields ``values``, ``units`` and ``labels`` of `SourceColumns`.
 
-    Units that a file has `told` count unless the values are dates.
+    Units that a file has `told` count unless the values are dates; see `numbers_in`. Labels are
+    the texts of columns without any number.
     """
-    found = {name: numbers_in(array, name, origin) for name, array in arrays.items()}
-    return {
-        "values": {name: numbers for name, (numbers, _) in found.items()},
-        "units": {**(told or {}), **{name: unit for name, (_, unit) in found.items() if unit}},
-    }
+    values, labels, units = {}, {}, dict(told or {})
+    for name, array in arrays.items():
+        try:
+            values[name], unit = numbers_in(array, name, origin)
+        except InputError:
+            cells = np.ravel(array).tolist()
+            number = Numbers(ImportOptions()).reads
+            if not all(isinstance(c, str | bytes | None) for c in cells) or any(map(number, cells)):
+                raise
+            labels[name] = np.reshape(list(map(text_of, cells)), np.shape(array))
+        else:
+            units |= {name: unit} if unit else {}
+    return {"values": values, "labels": labels, "units": units}
 
 
 def seconds_of(cell: Cell) -> float | None:

@@ -22,10 +22,16 @@ _FRACTION: Final = re.compile(r"^(tv)?(n|nano|u|micro|m|milli)s(ecs?|econds?)?$"
 """Matches the name of a part of a second, which may stand beside one of `_SECONDS`."""
 AXIS_OF: Final = re.compile(r"(.+)[./]([xyzwXYZW])")
 """Matches an axis of something, as in ``wrench.force.x``."""
-VALUES: Final = re.compile(r"(\.signals)?\.(values?|data|samples|v)$", re.IGNORECASE)
+VALUES: Final = re.compile(r"(\.signals)?\.(values?|data|samples|v|xyz)$", re.IGNORECASE)
 """Matches the end of names of values that their owner's name tells, as in ``acc.data``."""
 NUMBER: Final = re.compile(r"\.\d+$")
 """Matches the number that tells columns of one name apart."""
+_SENSOR: Final = re.compile(
+    r"(sensor|topic|device|channel|axis)([ _]?(id|no|nr|number|name))?"
+    r"|(?P<texts>source|src|node|signal|variable|quantity|parameter|finger)([ _]?name)?",
+    re.IGNORECASE,
+)
+"""Matches the name of a column that tells sensors apart."""
 _COMPONENTS: Final = {f"{channel}_{axis}" for channel in CHANNELS for axis in "xyz"}
 
 
@@ -33,6 +39,12 @@ def ends_in(name: str, parts: Collection[str]) -> bool:
     """Return whether the name of a topic's field ends in one of these, of one part or more."""
     ends = tuple(f".{part}" for part in parts)
     return "." in name and f".{name}".replace("/", ".").endswith(ends)
+
+
+def tells_apart(name: str, *, by_number: bool = False) -> bool:
+    """Return whether a column's name says that it tells sensors apart, perhaps by their number."""
+    found = _SENSOR.fullmatch(name)
+    return found is not None and not (by_number and found["texts"])
 
 
 def target_of(name: str) -> str | None:

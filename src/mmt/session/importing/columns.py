@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError, short_message
@@ -64,6 +65,8 @@ class SourceColumns:
     row_name: Callable[[int], str] = ROW_NUMBER.format
     ends_left_out: bool = False
     """Whether the blanks at the end of a column were left out, as of tables."""
+    labels: Mapping[str, npt.NDArray[np.str_]] = field(default_factory=dict)
+    """Texts of wanted columns that hold no number."""
     scene: JsonObject | None = None
     annotations: bytes = b""
     events: Sequence[JsonObject] = ()

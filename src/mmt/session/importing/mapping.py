@@ -226,6 +226,9 @@ class _Mapping:
         asked = source or Source(STANDARD_NAMES[target])
         if asked.name in columns:
             return asked
+        if asked.name in self._columns.labels:
+            text = max(self._columns.labels[asked.name].ravel().tolist(), key=len)
+            raise InputError(f"{self._origin}: {asked.name} does not hold numbers: {text[:40]!r}")
         dotted = f"{asked.name}."
         doubled = [n for n in names if n.startswith(dotted) and n[len(dotted) :].isdecimal()]
         if len(doubled) > 1 and not set(doubled) - set(columns):

@@ -314,8 +314,8 @@ def _told_rate_hz(path: Path, names: Sequence[str], options: ImportOptions) -> f
     rates = Wanted(name for name in names if _RATE.search(name.lower()))
     found = [0.0]
     with suppress(InputError):  # texts, for instance
-        arrays = read_columns(path, rates, options).values.values() if rates else ()
-        found = [value for array in arrays for value in np.ravel(array).tolist()]
+        read = read_columns(path, rates, options).values if rates else {}
+        found = [value for name in rates & read.keys() for value in np.ravel(read[name]).tolist()]
     return found[0] if len(found) == 1 and 0 < found[0] < np.inf else None
 
 

@@ -23,6 +23,7 @@ from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.reading_child import read_limited
 from mmt.session.importing.samples import ROW_NUMBER, Samples
 from mmt.session.importing.stamps import Stamps
+from mmt.session.importing.tidy import read_apart
 
 _TEXTS: Final = (".csv", ".txt", ".tsv", ".dat", ".gz")
 _BOOKS: Final = (".xlsx",)
@@ -179,7 +180,7 @@ def read_columns(
     if path.is_file():
         with reading(f"import {path}", "a file that can be read"):
             require_fetched(path)
-    columns: SourceColumns = read_limited(path, options, read, path, wanted, options)
+    columns = read_limited(path, options, read_apart, read, path, wanted, options)
     if options.episode is not None and columns.episode is None:
         raise InputError(f"--episode {options.episode}: {path} is no data set with episodes")
     return columns

@@ -2,10 +2,10 @@
 
 import re
 from array import array
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import chain, islice, zip_longest
+from itertools import chain, count, islice, zip_longest
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -72,7 +72,15 @@ def read_table(
         }
         places |= {name: place for place, name in enumerate(called) if wanted(name)}
     number = Numbers(options)
-    columns, lines, remarks = _read_rows(origin, chain(start[begin:], rest), header, places, number)
+    unnamed = {name: place for place, name in enumerate(names) if name == str(place + 1)}
+    codes = {} if first is None else _codes(unnamed | places, start[begin:], number)
+    places |= {name: unnamed[name] for name in codes if name not in places}
+    whole = chain(start[begin:], rest)
+    columns, lines, remarks = _read_rows(origin, whole, header, places, number, codes)
+    labels = {
+        name: np.array([*texts, ""])[np.nan_to_num(columns.pop(name), nan=-1).astype(int)]
+        for name, texts in codes.items()
+    }
     number.check(origin)
     in_cells = {n: number.unit_in(n, np.asarray(values), origin) for n, values in columns.items()}
     units |= {name: unit for name, unit in in_cells.items() if unit}
@@ -86,7 +94,20 @@ def read_table(
         ends_left_out=True,
         notes=(*header.notes, *doubled, *remarks),
         began_utc_ns=parsed_date(columns.get(BEGAN), origin),
+        labels=labels,
     )
+
+
+def _codes(
+    places: Mapping[str, int], rows: Sequence[Sequence[Cell]], number: Numbers
+) -> dict[str, defaultdict[str, int]]:
+    """Return an empty code of texts for each column that has texts only in the first rows."""
+    codes = {}
+    for name, place in places.items():
+        cells = [row[place] for row in rows if place < len(row)]
+        if not any(map(number.reads, cells)) and not all(map(number.takes, cells)):
+            codes[name] = defaultdict[str, int](count().__next__)
+    return codes
 
 
 def _read_rows(
@@ -95,6 +116,7 @@ def _read_rows(
     header: "_Header",
     places: Mapping[str, int],
     number: Numbers,
+    codes: Mapping[str, Mapping[str, int]],
 ) -> tuple[dict[str, FloatArray], IntArray, list[str]]:
     """Return the numbers by column, the line number of each row, and notes on skipped lines."""
     columns = {name: array("d") for name in places}
@@ -105,7 +127,11 @@ def _read_rows(
         cells = [row[place] if place < len(row) else None for place in places.values()]
         try:
             values = [
-                None if cell is None or cell == "" else number(cell, name)
+                None
+                if cell is None or cell == ""
+                else codes[name][text_of(cell)]
+                if name in codes
+                else number(cell, name)
                 for name, cell in zip(places, cells, strict=True)
             ]
         except ValueError as error:
@@ -115,7 +141,9 @@ def _read_rows(
                 names = _names_in(row) or names
                 continue
             name, cell = next(
-                (n, c) for n, c in zip(places, cells, strict=True) if not number.takes(c)
+                (n, c)
+                for n, c in zip(places, cells, strict=True)
+                if n not in codes and not number.takes(c)
             )
             raise InputError(
                 f"{origin}: {name} is {text_of(cell)[:_SHOWN_CHARACTERS]!r} in line {line}, it "
