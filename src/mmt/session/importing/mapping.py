@@ -228,7 +228,10 @@ class _Mapping:
             return asked
         if asked.name in self._columns.labels:
             text = max(self._columns.labels[asked.name].ravel().tolist(), key=len)
-            raise InputError(f"{self._origin}: {asked.name} does not hold numbers: {text[:40]!r}")
+            raise InputError(
+                f"{self._origin}: {asked.name} does not hold numbers: {text[:40]!r} is none, nor a "
+                "date as 2026-01-31 10:30:00.5; --missing says what stands for none"
+            )
         dotted = f"{asked.name}."
         doubled = [n for n in names if n.startswith(dotted) and n[len(dotted) :].isdecimal()]
         if len(doubled) > 1 and not set(doubled) - set(columns):
