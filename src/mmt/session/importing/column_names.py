@@ -16,13 +16,13 @@ _WORDS: Final = {
     "speed": "v|vel|velocity|speed",
 }
 _TIME: Final = re.compile(
-    r"^(ts?|times?|timestamps?|stamps?|epoch|clock|(tv)?secs?|seconds|zeit|temps|tiempo|tempo|duration|date|datetime|xvalue)$"
+    r"^(ts?|((abs|elapsed|relative|system|unix)_?)?times?|timestamps?|stamps?|epoch|clock|(tv)?secs?|seconds|zeit|temps|tiempo|tempo|duration|date|datetime|xvalue)$"
 )
 _FRACTION: Final = re.compile(r"^(tv)?(n|nano|u|micro|m|milli)s(ecs?|econds?)?$")
 """Matches the name of a part of a second, which may stand beside one of `_SECONDS`."""
 AXIS_OF: Final = re.compile(r"(.+)[./]([xyzwXYZW])")
 """Matches an axis of something, as in ``wrench.force.x``."""
-VALUES: Final = re.compile(r"(\.signals)?\.(values?|data|samples|v|xyz)$", re.IGNORECASE)
+VALUES: Final = re.compile(r"(\.signals)?(\.(values?|data|samples|v|xyz))+$", re.IGNORECASE)
 """Matches the end of names of values that their owner's name tells, as in ``acc.data``."""
 NUMBER: Final = re.compile(r"\.\d+$")
 """Matches the number that tells columns of one name apart."""

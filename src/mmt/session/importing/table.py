@@ -68,7 +68,7 @@ def read_table(
         units |= {
             name: unit.strip("[]() ")
             for name, unit in zip(called, told, strict=False)
-            if unit.lower() not in MISSING and unit[-1] != "="
+            if unit.lower() not in MISSING and unit[-1] not in "=:"
         }
         places |= {name: place for place, name in enumerate(called) if wanted(name)}
     number = Numbers(options)
