@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from mmt.core.errors import InputError
 from mmt.session.files import import_session
@@ -135,6 +136,23 @@ def with_blanks_for_others(path):
     lines(path, "t,device,ax,ay,az,fx,fy,fz,px,py,pz,note", cells)
 
 
+def with_times_first(path):
+    """As Simulink's block To File and QUARC write them: a row for the time and each element."""
+    matrices = {"pos": motion(TIME_S), "force": np.column_stack([force(TIME_S), motion(TIME_S)])}
+    savemat(path, {name: np.vstack([TIME_S, values.T]) for name, values in matrices.items()})
+
+
+def dataset_of_structures(path):
+    series = {"Time": TIME_S[:, None], "Data": force(TIME_S)}
+    savemat(path, {"logsout": {"force": {"Values": series}, "Name": "logsout"}})
+
+
+def with_a_title_before_the_units(path):
+    head = "Sampling rate (Hz);1000\nabs time (s);Fx;Fy;Fz\nUnits:;N;N;N"
+    cells = ((t, *row) for t, row in zip(TIME_S, force(TIME_S).tolist(), strict=True))
+    lines(path, head, cells, ";")
+
+
 ALL = set(TRUTH)
 KINDS = {
     "tidy.csv": (tidy, ALL),
@@ -146,6 +164,9 @@ KINDS = {
     "tidy.npz": (tidy_arrays, ALL),
     "tidy.parquet": (tidy_parquet, ALL),
     "blanks.csv": (with_blanks_for_others, ALL),
+    "first.mat": (with_times_first, {"position", "force"}),
+    "dataset.mat": (dataset_of_structures, {"force"}),
+    "title.txt": (with_a_title_before_the_units, {"force"}),
     "units.csv": (with_units, {"position", "force"}),
     "hex.csv": (in_hexadecimals, {"acceleration"}),
 }
@@ -213,3 +234,14 @@ def test_numbers_of_sensors_are_names(tmp_path):
     columns = {"time": "channel_0.t", "force_x": "0", "force_y": "0", "force_z": "channel_2.value"}
     session = import_session(tmp_path / "a.csv", columns=columns)
     np.testing.assert_allclose(session.frames["force_n"][:, 2], 2 + TIME_S, atol=1e-6)
+
+
+def test_a_number_has_no_underscores(tmp_path):
+    lines(tmp_path / "a.csv", "Date,Fz", ((f"20240301_1000{int(t):02}", t) for t in TIME_S))
+    with pytest.raises(InputError, match="Date does not hold numbers: '20240301_100000'"):
+        import_session(tmp_path / "a.csv", columns={"time": "Date", "force": "Fz"})
+
+
+def test_axes_without_a_name_are_told(tmp_path):
+    lines(tmp_path / "a.csv", "time,x,y,z", ((t, t, t, t) for t in TIME_S))
+    assert "nothing says that it is one" in str(propose(tmp_path / "a.csv").columns.notes)

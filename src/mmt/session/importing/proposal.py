@@ -159,6 +159,9 @@ def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOpti
     options, parts = _in_parts(found, options, given)
     numbered = _numbered_axes([name for name in read.names if name in columns.values()])
     axes = [f"{name} is proposed as {target}" for target, name in numbered.items()]
+    x = guessed.get("position_x", "")
+    if x.lower() == "x" and x not in read.units and "position_x" not in given:
+        axes.append(f"{x}, ... is proposed as position, though nothing says that it is one")
     notes = (
         *axes,
         *parts,
@@ -173,16 +176,23 @@ def _in_parts(
 ) -> tuple[ImportOptions, list[str]]:
     """Map the first three columns of arrays with more, as of poses or wrenches; also return notes.
 
-    Poses go on with a rotation, wrenches with the torque, and most records of IMUs with rates.
+    Poses go on with a rotation, wrenches with the torque, and most records of IMUs with rates. All
+    may begin with the time, as Simulink and QUARC write them.
     """
     columns, notes = dict(options.columns), []
     for channel in CHANNELS:
         name = columns.get(channel, "")
-        shape = found.values[name].shape if name in found.values else ()
-        if channel not in given and len(shape) == 2 and shape[1] in _PARTS:
-            del columns[channel]
-            columns |= {f"{channel}_{a}": f"{name}[{place}]" for place, a in enumerate("xyz")}
-            notes.append(f"{channel}: the first three of the {shape[1]} columns of {name}")
+        values = found.values.get(name, np.zeros(0))
+        timed = values.ndim == 2 and len(values) > 1 and bool(np.all(np.diff(values[:, 0]) > 0))
+        timed = timed and "time" not in columns
+        width = values.shape[1] - timed if values.ndim == 2 else 0
+        if channel in given or not (width in _PARTS or (timed and width == 3)):
+            continue
+        del columns[channel]
+        columns |= {f"{channel}_{a}": f"{name}[{n}]" for n, a in enumerate("xyz", int(timed))}
+        columns |= {f"{channel}_time": f"{name}[0]"} if timed else {}
+        first = "the time and the next" if timed else "the first"
+        notes.append(f"{channel}: {first} three of the {values.shape[1]} columns of {name}")
     return replace(options, columns=columns), notes
 
 
