@@ -1,6 +1,7 @@
 """Recordings as the programs of a laboratory write them come in as proposed, with right values."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -245,3 +246,16 @@ def test_a_number_has_no_underscores(tmp_path):
 def test_axes_without_a_name_are_told(tmp_path):
     lines(tmp_path / "a.csv", "time,x,y,z", ((t, t, t, t) for t in TIME_S))
     assert "nothing says that it is one" in str(propose(tmp_path / "a.csv").columns.notes)
+
+
+def test_a_labview_file_without_times_needs_a_rate(tmp_path):
+    head = "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tNo\n***End_of_Header***\t\n\t\n"
+    head += "Channels\t2\t\nSamples\t2000\t2000\nDelta_X\t0.001\t0.001\n***End_of_Header***\t\t\n"
+    rows = ([f"\t{fx:.6f}", f"{fz:.6f}"] for fx, _, fz in force(TIME_S))
+    lines(tmp_path / "a.lvm", f"{head}X_Value\tForce X\tForce Z", rows, "\t")
+    proposal = propose(tmp_path / "a.lvm")
+    with pytest.raises(InputError, match=r"its times .X_Value. 0.* give --rate HZ"):
+        import_recording(tmp_path / "a.lvm", proposal.options)
+    options = replace(proposal.options, rate_hz=1000.0)
+    frames = import_recording(tmp_path / "a.lvm", options)[0].frames
+    np.testing.assert_allclose(frames["force_n"], force(TIME_S), atol=1e-5)

@@ -151,5 +151,4 @@ def _members(array: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _numbered(array: Any) -> dict[str, Any]:
-    upright = array[:, None] if array.ndim == 1 else array
-    return {str(place): column for place, column in enumerate(upright.T, start=1)}
+    return {str(place): column for place, column in enumerate(np.atleast_2d(array.T), start=1)}

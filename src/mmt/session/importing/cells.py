@@ -83,6 +83,8 @@ class Numbers:
 
     def __call__(self, cell: Cell, column: str = "") -> float | None:
         """Return the number in a cell, or None for a missing value; see `unit_in` for `column`."""
+        if cell is None or cell == "":
+            return None
         if isinstance(cell, str) and "_" in cell:  # which Python would leave out
             raise ValueError(cell)
         if self._plain and isinstance(cell, str | float | int):

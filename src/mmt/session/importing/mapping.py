@@ -27,6 +27,8 @@ from mmt.session.importing.samples import Samples, continued, name_of, order_of,
 
 _OF_FORMULAS: Final = "; a workbook's formulas have values once a spreadsheet program has saved it"
 
+_OF_RATE: Final = "; for rows without times give --rate HZ"
+
 
 def to_samples(columns: SourceColumns, options: ImportOptions) -> Samples:
     """Return the channels in the columns, in the units of frames.
@@ -71,7 +73,7 @@ class _Mapping:
             if len(time_s) != len(vectors):
                 raise InputError(
                     f"{self._origin}: {channel} has {len(vectors)} rows, its times "
-                    f"({name}) {len(time_s)}{'' if len(time_s) else _OF_FORMULAS}"
+                    f"({name}) {len(time_s)}{'' if len(time_s) else _OF_FORMULAS + _OF_RATE}"
                 )
             if (order := self._order(time_s, name)) is not None:
                 vectors, time_s = vectors[order], time_s[order]

@@ -75,8 +75,12 @@ def read_table(
     unnamed = {name: place for place, name in enumerate(names) if name == str(place + 1)}
     codes = {} if first is None else _codes(unnamed | places, start[begin:], number)
     places |= {name: unnamed[name] for name in codes if name not in places}
+    read: dict[str, Callable[[Cell], float | None]] = {
+        name: partial(_coded, codes[name]) if name in codes else partial(number, column=name)
+        for name in places
+    }
     whole = chain(start[begin:], rest)
-    columns, lines, remarks = _read_rows(origin, whole, header, places, number, codes)
+    columns, lines, remarks = _read_rows(origin, whole, header, places, read, number)
     labels = {
         name: np.array([*texts, ""])[np.nan_to_num(columns.pop(name), nan=-1).astype(int)]
         for name, texts in codes.items()
@@ -101,13 +105,17 @@ def read_table(
 def _codes(
     places: Mapping[str, int], rows: Sequence[Sequence[Cell]], number: Numbers
 ) -> dict[str, defaultdict[str, int]]:
-    """Return an empty code of texts for each column that has texts only in the first rows."""
-    codes = {}
-    for name, place in places.items():
-        cells = [row[place] for row in rows if place < len(row)]
-        if not any(map(number.reads, cells)) and not all(map(number.takes, cells)):
-            codes[name] = defaultdict[str, int](count().__next__)
-    return codes
+    """Return an empty code for each column that has texts only in the first rows."""
+    cells = {n: [row[place] for row in rows if place < len(row)] for n, place in places.items()}
+    return {
+        name: defaultdict[str, int](count().__next__)
+        for name, shown in cells.items()
+        if not any(map(number.reads, shown)) and not all(map(number.takes, shown))
+    }
+
+
+def _coded(code: Mapping[str, int], cell: Cell) -> float | None:
+    return code[text] if (text := text_of(cell)) else None
 
 
 def _read_rows(
@@ -115,8 +123,8 @@ def _read_rows(
     rows: Iterable[Sequence[Cell]],
     header: "_Header",
     places: Mapping[str, int],
+    read: Mapping[str, Callable[[Cell], float | None]],
     number: Numbers,
-    codes: Mapping[str, Mapping[str, int]],
 ) -> tuple[dict[str, FloatArray], IntArray, list[str]]:
     """Return the numbers by column, the line number of each row, and notes on skipped lines."""
     columns = {name: array("d") for name in places}
@@ -125,26 +133,16 @@ def _read_rows(
     names: Sequence[str] = ()
     for line, row in enumerate(rows, start=header.begin + 1):
         cells = [row[place] if place < len(row) else None for place in places.values()]
+        values: list[float | None] = []
         try:
-            values = [
-                None
-                if cell is None or cell == ""
-                else codes[name][text_of(cell)]
-                if name in codes
-                else number(cell, name)
-                for name, cell in zip(places, cells, strict=True)
-            ]
+            for name, cell in zip(places, cells, strict=True):
+                values.append(read[name](cell))
         except ValueError as error:
             if not any(number.reads(cell) for cell in row):
                 texts.append(line)
                 below = below or next(filter(None, map(text_of, row)), "")
                 names = _names_in(row) or names
                 continue
-            name, cell = next(
-                (n, c)
-                for n, c in zip(places, cells, strict=True)
-                if n not in codes and not number.takes(c)
-            )
             raise InputError(
                 f"{origin}: {name} is {text_of(cell)[:_SHOWN_CHARACTERS]!r} in line {line}, it "
                 "must be a number, or a date as 2026-01-31 10:30:00.5; --missing says what is none"
@@ -170,15 +168,21 @@ def _read_rows(
     if texts:
         notes.append(f"{len(texts)} lines of text were left out, the first is line {texts[0]}")
     damaged = _damaged(np.array(widths))
-    if len(damaged) and damaged[0] == len(lines) - 1:
-        notes.append(f"the last line, {lines[-1]}, is cut off, and was left out")
-    elif len(damaged):
-        shown = ", ".join(str(lines[row]) for row in damaged[:_SHOWN_LINES].tolist())
-        notes.append(f"{len(damaged)} lines have more or fewer cells and were left out: {shown}")
+    notes += _of_damage([lines[row] for row in damaged.tolist()], lines[-1] if lines else 0)
     left = {
         name: np.delete(column, damaged[damaged < len(column)]) for name, column in columns.items()
     }
     return left, np.delete(lines, damaged), notes
+
+
+def _of_damage(damaged: Sequence[int], last: int) -> list[str]:
+    """Return a note on damaged lines, if there are any."""
+    if not damaged:
+        return []
+    if damaged[0] == last:
+        return [f"the last line, {last}, is cut off, and was left out"]
+    shown = ", ".join(map(str, damaged[:_SHOWN_LINES]))
+    return [f"{len(damaged)} lines have more or fewer cells and were left out: {shown}"]
 
 
 def _damaged(widths: IntArray) -> IntArray:

@@ -188,12 +188,12 @@ def _unpacked(rows: Iterator[list[str]]) -> Iterator[Sequence[str]]:
 
 
 def _of_one_heading(lines: Iterator[str]) -> Iterator[str]:
-    """Yield the lines; those of a LabVIEW file without the headings of its later segments."""
-    headings, in_heading = 0, False
+    """Yield the lines; those of a LabVIEW file without the headings of its segments."""
+    labview, in_heading = False, False
     for line in lines:
         ends = line.startswith("***End_of_Header***")
-        headings += ends
-        in_heading = in_heading or (headings > 1 and line.startswith("Channels"))
+        labview = labview or ends
+        in_heading = in_heading or (labview and line.startswith("Channels"))
         yield "\n" if in_heading else line
         in_heading = in_heading and not ends
 
