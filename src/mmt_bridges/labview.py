@@ -8,9 +8,9 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.extras import require
-from mmt.session.importing.cells import columns_of
 from mmt.session.importing.columns import SourceColumns, distinct, reading, told_unit
 from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.readers.cells import columns_of
 
 _PERIOD: Final = "wf_increment"
 _BEGIN: Final = "wf_start_time"

@@ -14,7 +14,7 @@ from mmt.session.files import import_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose
 from mmt.session.importing.recording import import_recording, read_columns
-from mmt.session.messages import message_class
+from mmt.session.mcap.messages import message_class
 
 pytestmark = pytest.mark.usefixtures("read_here")
 

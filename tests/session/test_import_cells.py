@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
-from mmt.session.importing import cells
 from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.readers import cells
 
 FORMS = "%Y-%m-%d %H:%M:%S.%f|%Y-%m-%dT%H:%M:%S.%fZ|%Y-%m-%d %H:%M:%S+02:00|%d.%m.%Y %H:%M:%S,%f"
 FORMS += "|%d.%m.%Y %H:%M:%S|%Y/%m/%d %H:%M:%S.%f| %H:%M:%S.%f |%H:%M|%M:%S.%f|%I:%M:%S %p"

@@ -12,7 +12,7 @@ from mmt.session.files import import_session, read_session
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
 from mmt.session.info import info
-from mmt.session.mcap_index import open_windows
+from mmt.session.mcap.index import open_windows
 from mmt.session.stream import open_recording
 
 pytestmark = pytest.mark.usefixtures("read_here")

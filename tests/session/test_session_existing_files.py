@@ -6,7 +6,7 @@ from session_samples import made_frames
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.session.files import read_session
-from mmt.session.mcap_index import IndexedSession
+from mmt.session.mcap.index import IndexedSession
 from mmt.session.recorder import McapRecorder
 
 

@@ -22,8 +22,8 @@ from mmt.core.frames import ALL_CHANNELS, CHANNELS
 from mmt.session.data import OutputBlock
 from mmt.session.files import export_session, read_session, write_session
 from mmt.session.info import info
-from mmt.session.mcap_writer import SessionWriter
-from mmt.session.messages import FrameCodec
+from mmt.session.mcap.messages import FrameCodec
+from mmt.session.mcap.writer import SessionWriter
 from mmt.session.windows import MemoryWindows
 
 SCENE = {"session": {"name": "wood", "rate_hz": 1000}, "link": {"port": 8765}}
@@ -218,7 +218,7 @@ def test_somebody_elses_mcap_is_refused_with_its_topics(tmp_path):
 
 
 def test_a_newer_format_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("mmt.session.mcap_writer.FORMAT_VERSION", 4)
+    monkeypatch.setattr("mmt.session.mcap.writer.FORMAT_VERSION", 4)
     write_session(tmp_path / "new.mcap", made_frames(5, samples_per_frame=2))
     with pytest.raises(InputError, match=r"format version 4.*update mmt-haptics"):
         read_session(tmp_path / "new.mcap")
@@ -296,10 +296,10 @@ def test_a_demo_session_is_read_fast(tmp_path):
 
 def test_neither_scipy_nor_numba_is_imported():
     program = (
-        "import sys, mmt.session, mmt.session.recorder, mmt.session.replay, mmt.session.recover,"
-        " mmt.session.info, mmt.session.export_files, mmt.session.importing.recording,"
-        " mmt.session.importing.array_file, mmt.session.importing.text_file,"
-        " mmt.session.importing.modelled_share\n"
+        "import sys, mmt.session, mmt.session.recorder, mmt.session.replay,"
+        " mmt.session.mcap.recover, mmt.session.info, mmt.session.export_files,"
+        " mmt.session.importing.recording, mmt.session.importing.readers.array_file,"
+        " mmt.session.importing.readers.text_file, mmt.session.importing.modelled_share\n"
         "heavy = {'scipy', 'numba', 'pandas', 'pyarrow', 'h5py', 'matplotlib'}\n"
         "sys.exit(', '.join(heavy & set(sys.modules)) or None)"
     )

@@ -3,7 +3,7 @@
 import pytest
 
 from mmt.core.errors import MmtError
-from mmt.session.folders import replacing_folder
+from mmt.core.files.existing import replacing_folder
 
 
 def write(path, text):

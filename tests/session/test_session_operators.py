@@ -9,7 +9,7 @@ import mmt
 from mmt.cli.main import app
 from mmt.evaluation.reports import tables
 from mmt.session.files import read_session, write_session
-from mmt.session.mcap_index import IndexedSession
+from mmt.session.mcap.index import IndexedSession
 from mmt.session.operators import ControlPeriod, control_periods, control_sentence
 from mmt.session.stream import open_recording
 

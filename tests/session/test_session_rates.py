@@ -25,9 +25,9 @@ from mmt.session.files import export_session, import_session, read_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.info import info
-from mmt.session.mcap_index import open_windows
+from mmt.session.mcap.index import open_windows
+from mmt.session.mcap.recover import recover
 from mmt.session.recorder import McapRecorder
-from mmt.session.recover import recover
 from mmt.session.stream import blocks_of, open_recording
 
 
@@ -108,7 +108,7 @@ def test_samples_have_the_same_times_by_whole_numbers_and_by_others(steps_ns, sa
 def test_a_program_that_knows_no_rates_refuses_the_file(tmp_path, monkeypatch):
     recorded(tmp_path / "new.mcap", 5)
     recorded(tmp_path / "as-ever.mcap", 1)
-    monkeypatch.setattr("mmt.session.mcap_reader.FORMAT_VERSION", 2)
+    monkeypatch.setattr("mmt.session.mcap.reader.FORMAT_VERSION", 2)
     with pytest.raises(InputError, match="format version 3, this program reads up to 2"):
         read_session(tmp_path / "new.mcap")
     assert len(read_session(tmp_path / "as-ever.mcap").frames) == 90

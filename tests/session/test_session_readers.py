@@ -21,8 +21,8 @@ from mmt.core.errors import InputError
 from mmt.session.files import import_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
+from mmt.session.importing.readers.table import read_table
 from mmt.session.importing.recording import import_recording
-from mmt.session.importing.table import read_table
 
 pytestmark = pytest.mark.usefixtures("read_here")
 
@@ -681,7 +681,7 @@ def test_a_file_is_read_twice_for_a_proposal_once_for_its_names(tmp_path, monkey
         read.append(arguments[0])
         return read_table(*arguments)
 
-    monkeypatch.setattr("mmt.session.importing.text_file.read_table", noting)
+    monkeypatch.setattr("mmt.session.importing.readers.text_file.read_table", noting)
     proposal, report, error = try_proposal(path, propose(path))
     assert (error, len(read)) == (None, 2)
     assert report.channels[0].rows == ROWS - 1

@@ -16,13 +16,13 @@ from session_samples import made_frames
 
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
-from mmt.session import mcap_scan
 from mmt.session.data import OutputBlock
 from mmt.session.files import read_session, write_session
 from mmt.session.info import info
-from mmt.session.mcap_index import IndexedSession, open_windows
-from mmt.session.mcap_writer import SessionWriter
-from mmt.session.recover import recover
+from mmt.session.mcap import scan
+from mmt.session.mcap.index import IndexedSession, open_windows
+from mmt.session.mcap.recover import recover
+from mmt.session.mcap.writer import SessionWriter
 from mmt.session.stream import blocks_of, open_recording
 
 FLUSH_FRAMES = 500
@@ -329,7 +329,7 @@ def test_a_session_is_read_whatever_it_is_packed_by(
 @pytest.mark.parametrize("lost", ["offsets", "entry"])
 def test_a_chunk_that_the_index_does_not_tell_is_read(tmp_path, whole, monkeypatch, lost):
     path = packed(whole[0], tmp_path / "other.mcap", CompressionType.ZSTD, 1 << 14)
-    found = mcap_scan.make_reader
+    found = scan.make_reader
 
     def make(stream):
         summary = (reader := found(stream)).get_summary()
@@ -339,7 +339,7 @@ def test_a_chunk_that_the_index_does_not_tell_is_read(tmp_path, whole, monkeypat
             del summary.chunk_indexes[3]
         return reader
 
-    monkeypatch.setattr(mcap_scan, "make_reader", make)
+    monkeypatch.setattr(scan, "make_reader", make)
     blocks = list(blocks_of(open_recording(path)))
     np.testing.assert_array_equal(np.concatenate(blocks), whole[1])
 

@@ -15,7 +15,7 @@ from mmt.cli.main import app
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
 from mmt.session.data import OutputBlock
 from mmt.session.files import export_session, read_session, write_session
-from mmt.session.messages import FRAME_BLOCK, FrameCodec, frame_schema
+from mmt.session.mcap.messages import FRAME_BLOCK, FrameCodec, frame_schema
 from mmt.session.recorder import McapRecorder
 
 EVENT = {"time_s": 0.25, "event": "it begins", "kind": "mark", "more": [1, 2]}

@@ -10,7 +10,7 @@ from mmt.core.frames import CHANNELS
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.session.data import RecordedSession
 from mmt.session.files import read_session, write_session
-from mmt.session.mcap_index import IndexedSession
+from mmt.session.mcap.index import IndexedSession
 from mmt.session.recorder import McapRecorder
 from mmt.session.stream import blocks_of, in_memory, open_recording
 from mmt.texture.online.history import stream_blocks

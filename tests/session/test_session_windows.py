@@ -11,9 +11,9 @@ from mmt.core.frames import CHANNELS
 from mmt.session.data import OutputBlock, RecordedSession
 from mmt.session.files import export_session, read_session, write_session
 from mmt.session.info import info
-from mmt.session.mcap_index import IndexedSession, open_windows
-from mmt.session.mcap_writer import FRAMES_TOPIC, open_writer
-from mmt.session.messages import FRAME_BLOCK, FrameCodec, frame_schema
+from mmt.session.mcap.index import IndexedSession, open_windows
+from mmt.session.mcap.messages import FRAME_BLOCK, FrameCodec, frame_schema
+from mmt.session.mcap.writer import FRAMES_TOPIC, open_writer
 from mmt.session.recorder import McapRecorder
 from mmt.session.stream import open_recording
 

@@ -15,8 +15,8 @@ from mmt.evaluation.reports.tables import levels, overview
 from mmt.evaluation.results import Evaluation, evaluations_as_dict
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
-from mmt.session.mcap_reader import scanned_session
-from mmt.session.mcap_scan import scan_mcap
+from mmt.session.mcap.reader import scanned_session
+from mmt.session.mcap.scan import scan_mcap
 from mmt.session.stream import Recording
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.session.mcap_writer import FRAMES_PER_BLOCK
+from mmt.session.mcap.writer import FRAMES_PER_BLOCK
 
 _SAMPLE_BYTES = 4
 

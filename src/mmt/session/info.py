@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Final
 
 from mmt.core.errors import InputError, printable
 from mmt.core.extras import require
+from mmt.core.files.existing import size_bytes
 from mmt.core.frames import CHANNELS, Channel
 from mmt.session.data import JsonObject, RecordedSession, duration_s, missing_frames
 from mmt.session.files import read_session
-from mmt.session.folders import size_bytes
-from mmt.session.mcap_reader import scanned_session
-from mmt.session.mcap_scan import scan_mcap
+from mmt.session.mcap.reader import scanned_session
+from mmt.session.mcap.scan import scan_mcap
 from mmt.session.operators import ControlPeriod, control_periods
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from mmt.core.files.existing import exists_error, numbered
 from mmt.core.frames import Channel, frame_dtype, ordered_channels, samples_per_frame
 from mmt.session.assembling import BlockAssembler, OutputAssembler
 from mmt.session.data import JsonObject, to_json
-from mmt.session.mcap_writer import BACKFILL_TOPIC, FRAMES_TOPIC, SessionWriter
+from mmt.session.mcap.writer import BACKFILL_TOPIC, FRAMES_TOPIC, SessionWriter
 
 fcntl: Final[Any] = importlib.import_module("fcntl") if find_spec("fcntl") else None
 """None on Windows, which locks open files by itself."""

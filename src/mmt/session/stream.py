@@ -10,7 +10,7 @@ from mmt.session.data import RecordedSession
 from mmt.session.files import read_session
 
 if TYPE_CHECKING:
-    from mmt.session.mcap_index import IndexedSession
+    from mmt.session.mcap.index import IndexedSession
 
 Recording = Union[RecordedSession, "IndexedSession"]
 """A recorded session, in memory or in its file."""
@@ -47,7 +47,7 @@ def open_recording(path: Path) -> Recording:
     """
     indexed = None
     if path.suffix.lower() == ".mcap":
-        from mmt.session.mcap_index import IndexedSession
+        from mmt.session.mcap.index import IndexedSession
 
         indexed = IndexedSession.open_in_order(path)
     return read_session(path) if indexed is None else indexed

@@ -14,10 +14,9 @@ import numpy as np
 
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.core.files.existing import exists_error
+from mmt.core.files.existing import exists_error, replacing_folder
 from mmt.core.frames import FRAMES_HZ, Channel
 from mmt.session.data import RecordedSession, axis_columns
-from mmt.session.folders import replacing_folder
 from mmt_bridges.lerobot.rows import (
     DATA_FOLDER,
     FELT,

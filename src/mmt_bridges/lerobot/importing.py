@@ -21,7 +21,7 @@ from mmt.core.frames import FRAMES_HZ
 from mmt.session.data import RecordedSession
 from mmt.session.importing.columns import SourceColumns, distinct, reading
 from mmt.session.importing.options import ImportOptions
-from mmt.session.importing.parquet_file import read_numbers, read_parquet, read_schema
+from mmt.session.importing.readers.parquet_file import read_numbers, read_parquet, read_schema
 from mmt_bridges.lerobot.rows import (
     DATA_FOLDER,
     FORMAT,

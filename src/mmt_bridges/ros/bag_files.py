@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from mmt.core.errors import InputError, short_message
-from mmt.session.messages import message_class
+from mmt.session.mcap.messages import message_class
 from mmt_bridges.ros.storage import StoredMessage, stored_messages
 
 _LARGE_BYTES: Final = 1 << 16

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 from mmt.core.errors import InputError
 from mmt.core.extras import require
+from mmt.core.files.existing import replacing_folder
 from mmt.session.data import RecordedSession, event_time_s, to_json
-from mmt.session.folders import replacing_folder
 from mmt_bridges.ros.messages import SCENE, Message, Messages
 
 _BAG_SUFFIXES: Final = {".yaml", ".mcap", ".db3"}

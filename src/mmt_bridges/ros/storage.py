@@ -20,8 +20,8 @@ from typing import BinaryIO, Final, NamedTuple
 
 from mmt.core.errors import InputError, short_message
 from mmt.core.files.untrusted import require_fetched
-from mmt.session.mcap_scan import iterate_mcap, most_bytes
-from mmt.session.mcap_writer import FRAMES_TOPIC
+from mmt.session.mcap.scan import iterate_mcap, most_bytes
+from mmt.session.mcap.writer import FRAMES_TOPIC
 
 _BEGINS: Final = b"#ROSBAG V2.0\n"
 _LENGTH: Final = struct.Struct("<I")

@@ -11,9 +11,9 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.evaluation.reports.document import ReportTable
-from mmt.session.mcap_reader import scanned_frames, utc_offset_ns
-from mmt.session.mcap_scan import scan_mcap
-from mmt.session.mcap_writer import FRAMES_TOPIC, SESSION_METADATA
+from mmt.session.mcap.reader import scanned_frames, utc_offset_ns
+from mmt.session.mcap.scan import scan_mcap
+from mmt.session.mcap.writer import FRAMES_TOPIC, SESSION_METADATA
 from mmt_lab.soak.drift import Drift, by_window, drift, outside
 from mmt_lab.soak.faults import RESTART, SoakFault
 

@@ -13,7 +13,7 @@ from mmt.core.errors import InputError
 from mmt.core.frames import ALL_CHANNELS, CHANNELS, FIELD_OF_CHANNEL, Channel, axes_of
 from mmt.core.units import DATE, QUANTITIES, unit_factor, unit_in_name
 from mmt.session.data import FRAME_PERIOD_S, sample_times
-from mmt.session.importing.column_names import ends_in
+from mmt.session.importing.column_names import components_mapped, ends_in, normalised
 from mmt.session.importing.columns import (
     MESSAGE_PARTS,
     SHOWN_COLUMNS,
@@ -22,7 +22,6 @@ from mmt.session.importing.columns import (
     listed,
 )
 from mmt.session.importing.options import ImportOptions, Source
-from mmt.session.importing.quaternions import components_mapped, normalised
 from mmt.session.importing.samples import Samples, continued, name_of, order_of, unfilled_rows
 
 _OF_FORMULAS: Final = "; a workbook's formulas have values once a spreadsheet program has saved it"

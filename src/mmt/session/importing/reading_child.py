@@ -27,9 +27,9 @@ from typing import Any, Final, NamedTuple, ParamSpec, TypeVar
 import psutil
 
 from mmt.core.errors import InputError, MmtError, short_message
+from mmt.core.files.existing import size_bytes
 from mmt.core.running.child_process import ChildProcess, Parent
 from mmt.core.running.programs import import_path, when_parent_ends
-from mmt.session.folders import size_bytes
 from mmt.session.importing.options import ImportOptions
 
 DECODED_HERE: Final = (".csv", ".txt", ".tsv", ".dat", ".lvm", ".npy", ".npz", ".wav")

@@ -7,7 +7,7 @@ from mmt.core.errors import InputError
 from mmt.core.verdict import Facts, Verdict, verdict
 from mmt.scene import Scene, Texture
 from mmt.scene.files import scene_of_recording
-from mmt.session.mcap_index import open_windows
+from mmt.session.mcap.index import open_windows
 from mmt.session.windows import SessionWindows, Window
 from mmt.texture.model.texture_model import TextureModel
 from mmt.web.monitor import states

@@ -18,8 +18,8 @@ from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.frames import empty_frames
 from mmt.leader.output.stream import PlayoutBuffer
 from mmt.scene import Hand, Link
-from mmt.session.mcap_reader import scanned_frames
-from mmt.session.mcap_scan import scan_mcap
+from mmt.session.mcap.reader import scanned_frames
+from mmt.session.mcap.scan import scan_mcap
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.settings import ModellingSettings
 from mmt_lab.soak.services import SoakServices

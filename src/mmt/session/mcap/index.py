@@ -13,16 +13,17 @@ from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import Channel
 from mmt.session.data import JsonObject, OutputBlock, json_object
-from mmt.session.mcap_reader import (
+from mmt.session.mcap.messages import OutputCodec
+from mmt.session.mcap.reader import (
     frame_codec,
     output_block,
     recorded_event,
     scanned_session,
     utc_offset_ns,
 )
-from mmt.session.mcap_records import problems_of
-from mmt.session.mcap_scan import DAMAGE, chunk_messages, read_index, scan_mcap
-from mmt.session.mcap_writer import (
+from mmt.session.mcap.records import problems_of
+from mmt.session.mcap.scan import DAMAGE, chunk_messages, read_index, scan_mcap
+from mmt.session.mcap.writer import (
     ANNOTATIONS_ATTACHMENT,
     BACKFILL_TOPIC,
     EVENTS_TOPIC,
@@ -32,7 +33,6 @@ from mmt.session.mcap_writer import (
     SCENE_METADATA,
     SESSION_METADATA,
 )
-from mmt.session.messages import OutputCodec
 from mmt.session.windows import MemoryWindows, SessionWindows, Window, overlapping
 
 _CHUNKS_TOGETHER: Final = 8

@@ -7,10 +7,10 @@ from typing import Any
 
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.session.importing.cells import Cell
 from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.options import ImportOptions
-from mmt.session.importing.table import read_table
+from mmt.session.importing.readers.cells import Cell
+from mmt.session.importing.readers.table import read_table
 
 
 def read_spreadsheet(

@@ -12,7 +12,7 @@ from google.protobuf import descriptor_pb2, timestamp_pb2
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel, acceleration_samples, channels_of
 from mmt.session.data import FRAME_PERIOD_NS, axis_columns, sample_times
-from mmt.session.messages import Codec, Field, message_schema
+from mmt.session.mcap.messages import Codec, Field, message_schema
 
 PLOT_SAMPLE: Final = "mmt.PlotSample"
 LOG: Final = "foxglove.Log"

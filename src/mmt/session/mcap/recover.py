@@ -8,9 +8,9 @@ from typing import BinaryIO, ParamSpec
 from mmt.core.errors import InputError
 from mmt.core.files.existing import replacing
 from mmt.session.data import duration_s, json_object, missing_frames
-from mmt.session.mcap_reader import parse_event, scanned_frames
-from mmt.session.mcap_scan import Scan, scan_mcap
-from mmt.session.mcap_writer import EVENTS_TOPIC, RECOVERY_METADATA, SCENE_METADATA, open_writer
+from mmt.session.mcap.reader import parse_event, scanned_frames
+from mmt.session.mcap.scan import Scan, scan_mcap
+from mmt.session.mcap.writer import EVENTS_TOPIC, RECOVERY_METADATA, SCENE_METADATA, open_writer
 
 _P = ParamSpec("_P")
 

@@ -8,15 +8,15 @@ import numpy as np
 import numpy.typing as npt
 
 from mmt.core.extras import require
-from mmt.session.importing.cells import columns_of
 from mmt.session.importing.columns import (
     OF_THE_SESSION,
     SourceColumns,
     beside_columns,
     reading,
 )
-from mmt.session.importing.hdf5_file import read_hdf5
 from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.readers.cells import columns_of
+from mmt.session.importing.readers.hdf5_file import read_hdf5
 
 _OF_MMT: Final = {"sequence", "time_s"}
 """Variables that identify an exported session."""

@@ -27,8 +27,8 @@ from mmt.session.data import (
     sampled_parts,
     to_json,
 )
-from mmt.session.messages import Codec, FrameCodec, OutputCodec, event_codec
-from mmt.session.plot_messages import (
+from mmt.session.mcap.messages import Codec, FrameCodec, OutputCodec, event_codec
+from mmt.session.mcap.plot_messages import (
     ACCELERATION_SAMPLE,
     SCALARS,
     LogCodec,

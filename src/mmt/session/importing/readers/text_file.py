@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any, Final, TextIO
 
 from mmt.core.errors import InputError
-from mmt.session.importing.cells import weigh_numbers
 from mmt.session.importing.column_names import target_of
 from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.options import ImportOptions
-from mmt.session.importing.table import read_table
+from mmt.session.importing.readers.cells import weigh_numbers
+from mmt.session.importing.readers.table import read_table
 
 _LOOKED_AT = 300
 _SIGNS: Final = ";\t|, "

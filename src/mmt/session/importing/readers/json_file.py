@@ -12,9 +12,9 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.errors import InputError
-from mmt.session.importing.cells import columns_of
 from mmt.session.importing.columns import SourceColumns, distinct, reading
 from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.readers.cells import columns_of
 
 _LONGEST_CELL: Final = 16
 """Numbers in a cell of a row at most; longer lists are columns."""

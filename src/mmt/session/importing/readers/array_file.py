@@ -14,7 +14,7 @@ from mmt.core.extras import require
 from mmt.core.files.untrusted import load_arrays
 from mmt.core.frames import FRAMES_HZ, MOST_SAMPLES, frame_dtype
 from mmt.session.data import FRAME_PERIOD_NS
-from mmt.session.importing.cells import columns_of, numbers_in
+from mmt.session.export_files import read_comment
 from mmt.session.importing.columns import (
     BEGAN,
     OF_THE_SESSION,
@@ -24,7 +24,7 @@ from mmt.session.importing.columns import (
     reading,
 )
 from mmt.session.importing.options import ImportOptions
-from mmt.session.sound import read_comment
+from mmt.session.importing.readers.cells import columns_of, numbers_in
 
 
 def read_archive(

@@ -13,9 +13,9 @@ import numpy as np
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
 from mmt.core.units import DATE, is_unit
-from mmt.session.importing.cells import MISSING, Cell, Numbers, seconds_of, text_of
 from mmt.session.importing.columns import BEGAN, SourceColumns, distinct, parsed_date
 from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.readers.cells import MISSING, Cell, Numbers, seconds_of, text_of
 from mmt.session.importing.samples import name_of
 
 _LOOKED_AT = 200

@@ -12,7 +12,6 @@ from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, MOST_SAMPLES, frame_dtype
 from mmt.session.data import field_columns
-from mmt.session.importing.cells import columns_of
 from mmt.session.importing.columns import (
     OF_THE_SESSION,
     SourceColumns,
@@ -21,6 +20,7 @@ from mmt.session.importing.columns import (
     told_unit,
 )
 from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.readers.cells import columns_of
 
 _COUNTS: Final = range(1, MOST_SAMPLES + 1)
 _OF_FRAMES: Final = {
@@ -83,7 +83,7 @@ def _leaves(fields: Iterable[Any], prefix: str = "") -> Iterator[tuple[str, Any]
 def read_numbers(path: Path, names: Iterable[str], origin: str) -> dict[str, npt.NDArray[Any]]:
     """Return columns, (n,) or (n, k), of a file; of lists within lists k is the number of all.
 
-    They hold numbers, or what `mmt.session.importing.cells.numbers_in` takes for such.
+    They hold numbers, or what `mmt.session.importing.readers.cells.numbers_in` takes for such.
 
     Parameters
     ----------

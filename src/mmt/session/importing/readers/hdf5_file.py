@@ -9,7 +9,6 @@ import numpy as np
 
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.session.importing.cells import columns_of
 from mmt.session.importing.columns import (
     BEGAN,
     SHOWN_COLUMNS,
@@ -20,6 +19,7 @@ from mmt.session.importing.columns import (
     told_unit,
 )
 from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.readers.cells import columns_of
 
 _SCALES: Final = {"scale_factor": 1.0, "add_offset": 0.0}
 _BLANKS: Final = ("_FillValue", "missing_value")

@@ -20,8 +20,9 @@ from mmt.session.data import (
     compares_clocks,
     json_object,
 )
-from mmt.session.mcap_scan import Scan, scan_mcap
-from mmt.session.mcap_writer import (
+from mmt.session.mcap.messages import FRAME_BLOCK, FrameCodec, OutputCodec, event_codec
+from mmt.session.mcap.scan import Scan, scan_mcap
+from mmt.session.mcap.writer import (
     ACCELERATION_RATE,
     ANNOTATIONS_ATTACHMENT,
     BACKFILL_TOPIC,
@@ -35,7 +36,6 @@ from mmt.session.mcap_writer import (
     SESSION_METADATA,
     UTC_OFFSET,
 )
-from mmt.session.messages import FRAME_BLOCK, FrameCodec, OutputCodec, event_codec
 
 
 def read_mcap(path: Path) -> RecordedSession:

@@ -32,7 +32,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from mmt.core.errors import InputError
 from mmt.core.files.untrusted import require_fetched
-from mmt.session.mcap_records import HEAD, INDEX_DAMAGED, RecordWalk, intact, open_records
+from mmt.session.mcap.records import HEAD, INDEX_DAMAGED, RecordWalk, intact, open_records
 
 MOST_MIB: Final = "MMT_MOST_MIB"
 """Environment variable: size to which a file may unpack, in MiB. `_MOST_RATIO` times the file's
