@@ -54,6 +54,11 @@ def with_units(path):
     lines(path, "time;Fx;Fy;Fz;px;py;pz", cells, ";")
 
 
+def in_a_column_of_units(path):
+    rows = zip(TIME_S, 1e3 * force(TIME_S), strict=True)
+    lines(path, "time,fx,fy,fz,Units", ([t, *fs, "mN"] for t, fs in rows))
+
+
 def in_hexadecimals(path):
     counts = np.rint(1000 * vibration(TIME_S)).astype(int)
     cells = ([f"0x{round(1e6 * t):08X}", *(f"0x{c & 0xFFFF:04x}" for c in row)]
@@ -168,6 +173,7 @@ KINDS = {
     "first.mat": (with_times_first, {"position", "force"}),
     "dataset.mat": (dataset_of_structures, {"force"}),
     "title.txt": (with_a_title_before_the_units, {"force"}),
+    "a column.csv": (in_a_column_of_units, {"force"}),
     "units.csv": (with_units, {"position", "force"}),
     "hex.csv": (in_hexadecimals, {"acceleration"}),
 }
@@ -199,7 +205,12 @@ def of_a_sensor_in_two_units(path):
     lines(path, "time,signal,value,unit", [*rows, *((t, "ax", 1, "g") for t in TIME_S)])
 
 
+def of_rows_in_two_units(path):
+    lines(path, "time,Fz,unit", [(t, 1, "mN" if t > 1 else "N") for t in TIME_S])
+
+
 REFUSED = {
+    "rows.csv": (of_rows_in_two_units, "the table is in N and in mN: keep one"),
     "many.csv": (of_many_sensors, "topic tells 300 sensors apart.* keep what is needed"),
     "mixed.csv": (of_a_sensor_in_two_units, "ax is in g and in mN: keep one"),
     "two units.csv": (of_two_units, r"Fz are written with N or with mN"),

@@ -11,12 +11,14 @@ import numpy as np
 from mmt.core.arrays import BoolArray
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
+from mmt.core.units import is_unit
 from mmt.session.importing.column_names import target_of, tells_apart
 from mmt.session.importing.columns import SHOWN_COLUMNS, SourceColumns, Wanted
 from mmt.session.importing.options import ImportOptions, quantity_of
 
 _MOST: Final = 256
 _MOST_NUMBERS: Final = 16
+_UNITS: Final = ("unit", "units")
 _FEWEST_ROWS: Final = 4
 """Least number of rows of a sensor, on average."""
 
@@ -36,7 +38,7 @@ def read_apart(
     """
     columns = read(path, partial(_or_key, wanted), options)
     if not _keys(columns):
-        return columns
+        return _in_told_unit(columns)
     columns = read(path, Wanted(columns.names), options)
     keys, parts, units = _keys(columns), dict[str, Any](), dict(columns.units)
     joined = ("_".join(filter(None, row)) for row in zip(*keys.values(), strict=False))
@@ -68,7 +70,19 @@ def read_apart(
 
 
 def _or_key(wanted: Callable[[str], bool], name: str) -> bool:
-    return tells_apart(name) or wanted(name)
+    return tells_apart(name) or name.lower() in _UNITS or wanted(name)
+
+
+def _in_told_unit(columns: SourceColumns) -> SourceColumns:
+    """Return the columns of one sensor, in the unit that a column of units gives."""
+    told = [
+        text for name, texts in columns.labels.items() if name.lower() in _UNITS for text in texts
+    ]
+    if not told or not all(map(is_unit, filter(None, told))):
+        return columns
+    unit = _unit(columns, np.full(len(told), True), "the table")
+    names = (name for name in columns.names if target_of(name) != "time")
+    return replace(columns, units={**dict.fromkeys(names, unit), **columns.units})
 
 
 def _of_channels(texts: Any) -> bool:
@@ -77,7 +91,7 @@ def _of_channels(texts: Any) -> bool:
 
 def _unit(columns: SourceColumns, rows: BoolArray, sensor: str) -> str:
     """Return the unit in a column of units, which must be one in all rows of a sensor."""
-    texts = (texts[rows] for n, texts in columns.labels.items() if n.lower() in ("unit", "units"))
+    texts = (texts[rows] for n, texts in columns.labels.items() if n.lower() in _UNITS)
     units = sorted({text for each in texts for text in each.tolist() if text})
     if len(units) > 1:
         raise InputError(f"{columns.origin}: {sensor} is in {' and in '.join(units)}: keep one")
