@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from mmt.session.importing.options import ImportOptions
 
 _SHOWN_NAMES = 40
+_OF_TEXTS = "Texts and workbooks"
+_OF_LIMITS = "Limits of reading"
 
 SourceFile = Annotated[
     Path, typer.Argument(metavar="FILE", help="A file, bag or data set of another program.")
@@ -67,11 +69,16 @@ class ReadingOptions:
         typer.Option(
             metavar="GB",
             help="Memory to read a file of another format; 2 GB and 16 times its size if absent.",
+            rich_help_panel=_OF_LIMITS,
         ),
     ] = None
     reading_time: Annotated[
         float | None,
-        typer.Option(metavar="S", help="Time to read it; 60 s, and 5 s for each MB, if absent."),
+        typer.Option(
+            metavar="S",
+            help="Time to read it; 60 s, and 5 s for each MB, if absent.",
+            rich_help_panel=_OF_LIMITS,
+        ),
     ] = None
 
     def checked(self, **others: Any) -> "ImportOptions":
@@ -118,20 +125,33 @@ class ImportingOptions(ReadingOptions):
         int | None, typer.Option(help="Episode of a LeRobot data set; the first if absent.")
     ] = None
     header: Annotated[
-        int | None, typer.Option(help="Line with the columns' names, from 1; looked for if absent.")
+        int | None,
+        typer.Option(
+            help="Line with the columns' names, from 1; looked for if absent.",
+            rich_help_panel=_OF_TEXTS,
+        ),
     ] = None
-    sheet: Annotated[str | None, typer.Option(help="Sheet of a workbook, by name or number.")] = (
-        None
-    )
+    sheet: Annotated[
+        str | None,
+        typer.Option(help="Sheet of a workbook, by name or number.", rich_help_panel=_OF_TEXTS),
+    ] = None
     separator: Annotated[
-        str | None, typer.Option(help="Between the cells: comma, semicolon, tab, blank or a sign.")
+        str | None,
+        typer.Option(
+            help="Between the cells: comma, semicolon, tab, blank or a sign.",
+            rich_help_panel=_OF_TEXTS,
+        ),
     ] = None
     decimal: Annotated[
-        str | None, typer.Option(help="The decimal sign of a text, . or a comma.")
+        str | None,
+        typer.Option(help="The decimal sign of a text, . or a comma.", rich_help_panel=_OF_TEXTS),
     ] = None
     missing: Annotated[
         list[str] | None,
-        typer.Option(help="What stands for no value, such as 9999. May be repeated."),
+        typer.Option(
+            help="What stands for no value, such as 9999. May be repeated.",
+            rich_help_panel=_OF_TEXTS,
+        ),
     ] = None
     tool_axes: Annotated[
         list[str] | None,
