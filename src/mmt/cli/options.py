@@ -75,7 +75,9 @@ def with_flags(command: Literal["leader", "demo"]) -> Callable[[Callable[..., No
                 name,
                 inspect.Parameter.KEYWORD_ONLY,
                 default=False,
-                annotation=Annotated[bool, typer.Option(flag.name, help=flag.help)],
+                annotation=Annotated[
+                    bool, typer.Option(flag.name, help=flag.help, rich_help_panel="Added parts")
+                ],
             )
             for name, flag in flags.items()
         ]

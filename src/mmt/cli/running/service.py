@@ -104,6 +104,7 @@ def create_side_services(
     ]
 
 
+_LOG = "Progress and log"
 AnyService = TypeVar("AnyService", bound=RunnableService)
 
 
@@ -113,22 +114,33 @@ class ServiceOptions:
 
     json_file: Annotated[Path | None, json_option("Write the summary there.")] = None
     json_lines: Annotated[
-        bool, typer.Option("--json-lines", help="Progress and summary as JSON lines on stdout.")
+        bool,
+        typer.Option(
+            "--json-lines",
+            help="Progress and summary as JSON lines on stdout.",
+            rich_help_panel=_LOG,
+        ),
     ] = False
     log: Annotated[
-        Path | None, typer.Option("--log", help="Add a JSON line per event to this file.")
+        Path | None,
+        typer.Option("--log", help="Add a JSON line per event to this file.", rich_help_panel=_LOG),
     ] = None
     log_level: Annotated[
         str | None,
         typer.Option(
-            metavar="LEVEL", help="Least level of the log: debug, info, warning or error."
+            metavar="LEVEL",
+            help="Least level of the log: debug, info, warning or error.",
+            rich_help_panel=_LOG,
         ),
     ] = None
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
     ] = False
     verbose: Annotated[
-        bool, typer.Option("--verbose", help="Show what runs, and all counters at the end.")
+        bool,
+        typer.Option(
+            "--verbose", help="Show what runs, and all counters at the end.", rich_help_panel=_LOG
+        ),
     ] = False
 
 
