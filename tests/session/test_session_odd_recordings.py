@@ -174,7 +174,7 @@ KINDS = {
     "dataset.mat": (dataset_of_structures, {"force"}),
     "title.txt": (with_a_title_before_the_units, {"force"}),
     "a column.csv": (in_a_column_of_units, {"force"}),
-    "units.csv": (with_units, {"position", "force"}),
+    "units.log": (with_units, {"position", "force"}),
     "hex.csv": (in_hexadecimals, {"acceleration"}),
 }
 

@@ -32,7 +32,8 @@ from mmt.core.running.child_process import ChildProcess, Parent
 from mmt.core.running.programs import import_path, when_parent_ends
 from mmt.session.importing.options import ImportOptions
 
-DECODED_HERE: Final = (".csv", ".txt", ".tsv", ".dat", ".lvm", ".npy", ".npz", ".wav")
+TEXTS: Final = (".csv", ".txt", ".tsv", ".dat", ".lvm", ".log", ".asc")
+DECODED_HERE: Final = (*TEXTS, ".npy", ".npz", ".wav")
 
 _MEMORY_GB: Final = 2.0
 _MEMORY_PER_BYTE: Final = 16

@@ -20,7 +20,7 @@ from mmt.session.importing.columns import SourceColumns, reading, wanted_names
 from mmt.session.importing.framing import on_the_grid, to_frames
 from mmt.session.importing.mapping import to_samples
 from mmt.session.importing.options import MATCHED, ImportOptions, quantity_of
-from mmt.session.importing.reading_child import read_limited
+from mmt.session.importing.reading_child import TEXTS, read_limited
 from mmt.session.importing.resampling import RATE_HZ
 from mmt.session.importing.samples import ROW_NUMBER, Samples
 from mmt.session.importing.stamps import Stamps
@@ -134,7 +134,7 @@ def _shocks(samples: Samples) -> tuple[float, FloatArray]:
     return begin_s, total
 
 
-_TEXTS: Final = (".csv", ".txt", ".tsv", ".dat", ".gz")
+_TEXTS: Final = (*TEXTS, ".gz")
 _BOOKS: Final = (".xlsx",)
 _KINDS_OF_OPTIONS: Final = {
     **dict.fromkeys(("separator", "decimal"), _TEXTS),
