@@ -4,7 +4,7 @@ from typing import Final
 
 from pydantic import Field
 
-from mmt.scene.added import AddedPart, PassingTable
+from mmt.scene.table import AddedPart, PassingTable
 
 
 class Lsl(PassingTable):

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from mmt.scene.added import AddedPart
+from mmt.scene.table import AddedPart
 
 GENERATING: Final = AddedPart(
     "mmt_methods.generators.part:GeneratingPart",

@@ -5,8 +5,7 @@ from typing import ClassVar, Final, Literal
 
 from pydantic import Field
 
-from mmt.scene.added import AddedPart, Flag
-from mmt.scene.table import PartTable, SecuredTable, ServedTable
+from mmt.scene.table import AddedPart, Flag, PartTable, SecuredTable, ServedTable
 
 CONTROL_VARIABLE: Final = "MMT_CONTROL_TOKEN"
 _VISITORS: Final = "mmt_share.commands.visitors_page:visitors_page"

@@ -6,7 +6,7 @@ import pytest
 
 from mmt.core.verdict import has_failed
 from mmt.evaluation.reports.headlines import headlines
-from mmt.evaluation.reports.run_verdict import fault_sentences, run_verdict
+from mmt.evaluation.run_verdict import fault_sentences, run_verdict
 from mmt.texture.signals.aligned import SignalFaults
 
 LEADER = {

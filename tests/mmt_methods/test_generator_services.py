@@ -10,7 +10,7 @@ import pytest
 from service_runs import Together, small_scene
 
 from mmt.core.errors import InputError
-from mmt.evaluation.reports.run_verdict import fault_sentences
+from mmt.evaluation.run_verdict import fault_sentences
 from mmt.leader.part import Part, Session
 from mmt.leader.parts import PARTS, build_parts
 from mmt.leader.service import Leader

@@ -4,7 +4,7 @@ import asyncio
 
 from monitor_browser import monitored, open_browser, until
 
-from mmt.evaluation.reports.run_verdict import run_verdict
+from mmt.evaluation.run_verdict import run_verdict
 from mmt.scene import Scene
 from mmt.session.files import write_session
 from mmt.testing.simulation.offline import simulate_session

@@ -16,7 +16,7 @@ from mmt.texture.autoregression.forms import lsf_to_ar
 from mmt.texture.field.cells import FELT_POWER, FieldCells
 from mmt.texture.model.texture_model import TextureModel, load_model
 from mmt.texture.space import ANISOTROPIC, ISOTROPIC
-from mmt.texture.touch_down import Law, Transient
+from mmt.texture.touch_down.transient import Law, Transient
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "model-file.md"
 

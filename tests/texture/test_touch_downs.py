@@ -20,7 +20,6 @@ from mmt.texture.model.texture_model import TextureModel, load_model
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt.texture.touch_down import Law
 from mmt.texture.touch_down.fitting import (
     LEAST,
     TouchDown,
@@ -28,6 +27,7 @@ from mmt.texture.touch_down.fitting import (
     fit_transient,
     held_out_errors,
 )
+from mmt.texture.touch_down.transient import Law
 
 K = 5
 RATE_HZ = 1000.0 * K

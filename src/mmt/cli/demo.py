@@ -38,8 +38,8 @@ from mmt.core.running.programs import on_end_signal
 from mmt.devices.drivers import load_device
 from mmt.follower.sources import build_source
 from mmt.scene import Scene
-from mmt.scene.added import Flag, added_flags, tables_of
 from mmt.scene.files import find_scene, load_scene
+from mmt.scene.table import Flag, added_flags, tables_of
 from mmt.testing.emulated.drivers import LabOptions
 
 _EMULATED: Final = {

@@ -30,8 +30,8 @@ from mmt.leader.modelling.process import ModellingProcess
 from mmt.leader.parts import numerics_of
 from mmt.leader.reports import LeaderStatus
 from mmt.scene import Scene
-from mmt.scene.added import Flag, tables_of
 from mmt.scene.files import load_scene
+from mmt.scene.table import Flag, tables_of
 
 if TYPE_CHECKING:
     from mmt.leader.service import Leader

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Literal, get_type_hints
 import typer
 
 from mmt.core.errors import InputError
-from mmt.scene.added import added_flags
+from mmt.scene.table import added_flags
 
 _WORDS: Final = {
     "bool": "",

@@ -132,7 +132,7 @@ def completing(session: Session, parts: LeaderParts) -> Part:
 
 def metrics(session: Session, _: LeaderParts) -> Part:
     """Make the part that serves metrics."""
-    from mmt.leader.reports import MetricsPart
+    from mmt.leader.metrics import MetricsPart
 
     return MetricsPart.build(session)
 

@@ -2,7 +2,7 @@
 
 Parts are built, and their verbs called, in the order of the list: parts that read come before
 parts that play. To add a part, write its module, a builder and a line; another package adds
-one by an entry point (`mmt.scene.added`).
+one by an entry point (`mmt.scene.table`).
 """
 
 from collections.abc import Callable, Collection
@@ -13,7 +13,7 @@ from mmt.leader import building
 from mmt.leader.building import LeaderParts
 from mmt.leader.part import Part, Session
 from mmt.scene import Scene
-from mmt.scene.added import added_parts, imported
+from mmt.scene.table import added_parts, imported
 
 if TYPE_CHECKING:
     from mmt.leader.modelling.process import ModellingProcess

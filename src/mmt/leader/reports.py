@@ -1,23 +1,16 @@
-"""The leader's reports: live status, faults and verdict of a run, its summary, and metrics."""
+"""The leader's reports: live status, faults and verdict of a run, and a summary at its end."""
 
 from collections import deque
-from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.core.extras import require
 from mmt.core.running.ticking import TickStatistics
 from mmt.core.verdict import LATE_SHARE, Facts, Verdict, has_failed, verdict
-from mmt.leader.part import Part, Session
+from mmt.leader.part import Session
 
 if TYPE_CHECKING:
-    from prometheus_client.core import Metric
-
-    from mmt.leader.backfill import Backfill
     from mmt.leader.output.model_output import ModelOutput
     from mmt.leader.output.vibration import VibrationPart
-    from mmt.link.serving.http import Page
-
 
 _LOOKS: Final = 11
 """Readings of the ticks, five a second, from which their lateness is judged: 2 s."""
@@ -202,68 +195,3 @@ class RunHealth:
             "mode": status.mode,
             "faults": ended + self.faults(),
         }
-
-
-class MetricsPart(Part):
-    """Serve the metrics of every part beside the link.
-
-    Parameters
-    ----------
-    session
-        Session of the run.
-    """
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
-
-    @classmethod
-    def build(cls, session: Session) -> "MetricsPart":
-        """Return the part.
-
-        Raises
-        ------
-        InputError
-            prometheus-client is not installed.
-        """
-        require("prometheus_client")
-        return cls(session)
-
-    def pages(self) -> "list[Page]":
-        """Return ``/metrics``."""
-        from mmt.core.output.exposition import registry_of
-        from mmt.link.serving.http import metrics_page
-
-        return [metrics_page(registry_of(self.collect))]
-
-    def collect(self) -> Iterator["Metric"]:
-        """Yield the leader's metrics; called in a thread, about a millisecond."""
-        from mmt.core.output.exposition import gauge, session, tick_metrics
-
-        shared = self._session
-        yield session(shared.log.session_id, "leader")
-        yield gauge("session_time_seconds", "Session time.", shared.time_s())
-        if shared.ticker is not None:
-            yield from tick_metrics(shared.ticker.statistics, shared.ticker.periods)
-        for part in shared.parts:
-            yield from part.metrics()
-
-    def metrics(self) -> "Iterable[Metric]":
-        """Return the counts of the link."""
-        from mmt.core.output.exposition import gauge, link_metrics
-
-        remote = self._session.remote
-        if remote is not None and remote.server is not None:
-            server = remote.server
-            yield gauge("connected", "Whether a follower is connected.", server.connected)
-            yield from link_metrics(server.statistics, server.latency)
-            yield from _backfill(remote.backfill)
-
-
-def _backfill(backfill: "Backfill") -> Iterator["Metric"]:
-    from mmt.core.output.exposition import counter, gauge
-
-    frames = backfill.missing.summary
-    yield counter("missing_frames", "Frames that were missing at their turn.", frames["missing"])
-    yield counter("filled_frames", "Missing frames that were filled in.", frames["filled"])
-    yield counter("unfilled_frames", "Missing frames that were given up.", frames["lost"])
-    yield gauge("awaited_frames", "Missing frames that may still come.", frames["waiting"])

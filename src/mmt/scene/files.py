@@ -10,9 +10,8 @@ from pydantic import BaseModel, ValidationError
 
 from mmt.core.errors import InputError
 from mmt.scene import Scene
-from mmt.scene.added import added_parts
 from mmt.scene.leader_tables import by_method, without_former
-from mmt.scene.table import explain_problems
+from mmt.scene.table import added_parts, explain_problems
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 

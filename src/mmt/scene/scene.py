@@ -9,13 +9,6 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeVar, get_args
 from pydantic import Field, create_model, model_validator
 
 from mmt.core.frames import AccelerationRateHz, Channel, ordered_channels
-from mmt.scene.added import (
-    PassingTable,
-    added_parts,
-    added_tables,
-    import_problem,
-    imported,
-)
 from mmt.scene.device_tables import Actuator, Devices, Hand, Handle, MotionLimits, Replay, Simulated
 from mmt.scene.leader_tables import (
     ForceFeedback,
@@ -27,7 +20,17 @@ from mmt.scene.leader_tables import (
     Texture,
 )
 from mmt.scene.link_tables import Link, Network
-from mmt.scene.table import OptionalTable, PartTable, Service, Table
+from mmt.scene.table import (
+    OptionalTable,
+    PartTable,
+    PassingTable,
+    Service,
+    Table,
+    added_parts,
+    added_tables,
+    import_problem,
+    imported,
+)
 
 _Added = TypeVar("_Added", bound=PartTable)
 

@@ -21,7 +21,7 @@ from mmt.evaluation.model_errors import root_mean_square
 from mmt.evaluation.reports.document import ReportTable
 from mmt.evaluation.reports.figures import style_axes
 from mmt.evaluation.reports.report_files import picture
-from mmt.evaluation.reports.run_verdict import median_of_known
+from mmt.evaluation.run_verdict import median_of_known
 from mmt.evaluation.texts import number
 from mmt.scene import PROFILES, Network
 from mmt.testing.simulation import RATE_HZ

@@ -19,8 +19,8 @@ from mmt.evaluation.reports import figures
 from mmt.evaluation.reports.document import Block, Heading, ReportTable
 from mmt.evaluation.reports.growth import model_growth
 from mmt.evaluation.reports.report_files import picture
-from mmt.evaluation.reports.run_verdict import median_of_known
 from mmt.evaluation.results import Evaluation
+from mmt.evaluation.run_verdict import median_of_known
 from mmt.evaluation.texts import number
 from mmt.scene import Hand, Scene
 from mmt.session.data import RecordedSession

@@ -78,9 +78,9 @@ def print_ending(
 ) -> None:
     """Print the verdict on a run that has ended, and what to open next.
 
-    See `mmt.evaluation.reports.run_verdict.run_verdict` for the summaries and the evaluation.
+    See `mmt.evaluation.run_verdict.run_verdict` for the summaries and the evaluation.
     """
-    from mmt.evaluation.reports.run_verdict import run_verdict  # not needed while a service runs
+    from mmt.evaluation.run_verdict import run_verdict  # not needed while a service runs
 
     found, leader = run_verdict(summaries, evaluation), summaries.get("leader", {})
     for line in ending_lines(program, found, leader, report, output.width):

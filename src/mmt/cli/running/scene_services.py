@@ -13,7 +13,7 @@ from mmt.cli.running.child import Child
 from mmt.cli.running.display import StatusLine
 from mmt.cli.running.service import SideService
 from mmt.scene import Scene
-from mmt.scene.added import added_flags
+from mmt.scene.table import added_flags
 
 _LAST_SECONDS: Final = 5.0
 _LONGEST_OPENING_S: Final = 10.0

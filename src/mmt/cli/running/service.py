@@ -30,7 +30,7 @@ from mmt.core.extras import __version__, optional_import
 from mmt.core.output.logs import Logs, details
 from mmt.core.output.streams import drain_output
 from mmt.scene import Scene, Service
-from mmt.scene.added import Flag, imported
+from mmt.scene.table import Flag, imported
 
 SceneFile: TypeAlias = Annotated[
     Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")

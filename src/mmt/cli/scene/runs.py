@@ -15,8 +15,8 @@ from mmt.cli.running.scene_services import DemoRun, run_services
 from mmt.cli.scene.costs import OF_PROCESSES, SceneRun
 from mmt.core.errors import MmtError
 from mmt.scene import Replay, Scene
-from mmt.scene.added import added_parts
 from mmt.scene.files import ENVIRONMENT_PREFIX
+from mmt.scene.table import added_parts
 
 _MARGIN_S = 2.0
 """Extra length of a recording that is simulated for a replay."""

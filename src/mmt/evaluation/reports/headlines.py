@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from mmt.evaluation.reports.document import ReportTable
-from mmt.evaluation.reports.run_verdict import final_of, median_of_most, run_verdict
+from mmt.evaluation.run_verdict import final_of, median_of_most, run_verdict
 from mmt.evaluation.texts import number, seconds, share
 
 _SESSION: Final = (

@@ -22,8 +22,8 @@ from mmt.evaluation.reports.document import (
     Tiles,
 )
 from mmt.evaluation.reports.report_files import picture, write_report_files
-from mmt.evaluation.reports.run_verdict import median_of_known, run_verdict
 from mmt.evaluation.results import Evaluation, evaluations_as_dict
+from mmt.evaluation.run_verdict import median_of_known, run_verdict
 from mmt.evaluation.texts import DEFINITIONS, share
 
 _COMPLETION: Final = {

@@ -15,7 +15,7 @@ from mmt.texture.settings import Method
 from mmt.texture.space import InputSpace, TextureSamples
 
 if TYPE_CHECKING:
-    from mmt.texture.touch_down import Transient
+    from mmt.texture.touch_down.transient import Transient
 
 _LARGEST_WHOLE: Final = 2**31
 
@@ -181,7 +181,7 @@ def _field(content: Arrays, *, directed: bool) -> FieldCells:
 def _touch_down(content: Arrays) -> "Transient | None":
     if "touch_down_shapes" not in content:
         return None
-    from mmt.texture.touch_down import Law, Transient
+    from mmt.texture.touch_down.transient import Law, Transient
 
     shapes, speeds, law = (
         real_numbers(name, content[name])

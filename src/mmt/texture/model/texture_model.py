@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from mmt.texture.field.posterior import LevelField
     from mmt.texture.interpolation.delaunay import Triangulation
     from mmt.texture.model.rendered import PublishedRendered
-    from mmt.texture.touch_down import Transient
+    from mmt.texture.touch_down.transient import Transient
 
 __all__ = ["TextureModel", "TextureSamples", "load_model"]
 

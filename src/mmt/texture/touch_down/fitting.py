@@ -21,7 +21,8 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock, dft321
-from mmt.texture.touch_down import MOST_SHAPES, STEEPEST, WINDOW_S, Law, Transient
+from mmt.texture.touch_down import WINDOW_S
+from mmt.texture.touch_down.transient import MOST_SHAPES, STEEPEST, Law, Transient
 
 QUIET_S: Final = 0.1
 """Least time in the air before a contact."""

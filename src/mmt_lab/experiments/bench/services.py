@@ -20,7 +20,7 @@ from mmt.cli.running.scene_services import DemoRun, run_services
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import check_acceleration_rate
 from mmt.core.running.process import require_real_time
-from mmt.evaluation.reports.run_verdict import median_of_known
+from mmt.evaluation.run_verdict import median_of_known
 from mmt.scene.files import ENVIRONMENT_PREFIX, example_scenes, load_scene
 from mmt_lab.bench import strangers as disturbing
 from mmt_lab.bench.measuring import Figure, single_figures
