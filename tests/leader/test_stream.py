@@ -1,6 +1,8 @@
 """Vibration and motion as they are streamed, before there is a model."""
 
 import math
+from dataclasses import asdict
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -41,6 +43,51 @@ def test_the_streamed_vibration_is_the_acceleration_without_gravity(axis, peak):
     assert np.abs(output[:10]).max() < 1.2 * peak, "gravity must make no step"
     assert output[500:].std() * 2.0**0.5 == pytest.approx(peak, rel=0.05)
     assert abs(output[500:].mean()) < 0.05 * peak
+
+
+WITH_A_HAND = {"link": {}, "simulated": {}, "hand": {}, "actuator": {}}
+
+
+def test_the_part_is_what_the_scene_says_and_tells_its_delay():
+    tables = {
+        "playout": {"delay_ms": 7.0, "longest_delay_ms": 50.0, "conceal": "repetition"},
+        "texture": {"axis": "y"},
+    }
+    scene = mmt.Scene.model_validate(WITH_A_HAND | tables)
+    remote = SimpleNamespace(clock_offset_ns=2_000_000)
+    session = SimpleNamespace(
+        scene=scene, period_ns=500_000, samples_per_frame=2, rate_hz=2000.0, remote=remote
+    )
+    part = StreamedVibration.build(session)
+    frames = made_frames(0, 400, ("acceleration",), samples_per_frame=2)
+    frames["acceleration_m_s2"] = 0.0
+    frames["acceleration_m_s2"][..., 1] = 3.0 * (-1.0) ** np.arange(800).reshape(400, 2)
+    frames["time_ns"] = np.arange(400) * 500_000
+    output = played(part, part.buffer, frames)
+    assert len(output) == 800
+    assert np.abs(output[-100:]).mean() == pytest.approx(3.0, rel=0.02)
+    assert np.flatnonzero(output)[0] // 2 == 14, "7 ms at 2 kHz"
+    assert part.status() == {"playout_delay_ms": 7.0}
+    counts = asdict(part.buffer.statistics())
+    told = part.summary(0.2)["vibration"]["playout"]
+    assert told == counts | {"age_ms": part.buffer.age_ms(2_000_000)}
+    assert told["age_ms"] != part.buffer.age_ms(None)
+    session.remote = None
+    assert part.summary(0.2)["vibration"]["playout"]["age_ms"] == part.buffer.age_ms(None)
+    (gauge,) = part.metrics()
+    assert (gauge.name, gauge.documentation) == (
+        "mmt_playout_delay_seconds",
+        "Delay of the playout buffer.",
+    )
+    assert [sample.value for sample in gauge.samples] == [0.007]
+
+
+@pytest.mark.parametrize(
+    "tables", [{"recording": {}}, {"rendering": {"before": "silent"}, "texture": {}}]
+)
+def test_a_scene_that_streams_nothing_has_no_playout(tables):
+    session = SimpleNamespace(scene=mmt.Scene.model_validate(WITH_A_HAND | tables))
+    assert StreamedVibration.build(session) is None
 
 
 def coloured(rng, centre_hz, count):

@@ -183,3 +183,48 @@ def test_a_unit_in_every_cell_is_that_of_the_column(values, unit, blank, form, o
     assert np.isnan(found[-1])
     with pytest.raises(InputError, match="numbers of a are written with"):
         cells.numbers_in([*texts, f"1{other}"], "a", "a.json")
+
+
+@pytest.mark.parametrize(
+    ("texts", "told"),
+    [
+        (["1,5", "1.25"], r"with a comma \(1,5\) and with a point: say which is the decimal sign "),
+        (
+            ["1,500"],
+            r"with a comma \(1,500\) and no other decimals: say which is the decimal sign ",
+        ),
+    ],
+)
+def test_decimals_that_are_uncertain_are_told(texts, told):
+    number = cells.Numbers(ImportOptions())
+    for text in texts:
+        number(text)
+    with pytest.raises(InputError, match=rf"^a\.csv: there are numbers {told}\(--decimal \. or "):
+        number.check("a.csv")
+
+
+def test_columns_of_texts_are_labels():
+    arrays = {"who": np.array([[b" acc ", b"f"], [b"", b"g"]]), "z": np.array(["1 N", "2 N"])}
+    found = cells.columns_of(arrays, "a.npz", {"z": "mN", "who": "V"})
+    assert found["labels"]["who"].tolist() == [["acc", "f"], ["", "g"]]
+    assert found["values"]["z"].tolist() == [1.0, 2.0]
+    assert found["units"] == {"z": "N", "who": "V"}
+    with pytest.raises(InputError, match=r"^a\.npz: who does not hold numbers"):
+        cells.columns_of({"who": np.array(["a", "1"])}, "a.npz")
+    with pytest.raises(InputError, match=r"^a\.npz: the numbers of z are written with N or with m"):
+        cells.columns_of({"z": np.array(["1 N", "2 mN"])}, "a.npz")
+    with pytest.raises(InputError, match=r"written with N or with nothing: write all alike$"):
+        cells.columns_of({"z": np.array(["1 N", "2"])}, "a.npz")
+
+
+def test_complex_arrays_without_imaginary_parts_are_real():
+    found, unit = cells.numbers_in(np.array([1 + 0j, 2]), "f", "a.mat")
+    assert (found.tolist(), found.dtype, unit) == ([1.0, 2.0], np.float64, "")
+    with pytest.raises(InputError, match=r"^a\.mat: f "):
+        cells.numbers_in(np.array([1 + 1j]), "f", "a.mat")
+
+
+@pytest.mark.parametrize("text", ["1_000", "_1", "rubbish", "0xFG", "1.5 furlongs"])
+def test_texts_that_are_no_numbers_are_named(text):
+    with pytest.raises(ValueError, match=f"^{text}$"):
+        cells.Numbers(ImportOptions())(text)
