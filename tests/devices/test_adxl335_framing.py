@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 from sensor_reading import read_some
 from sketches import FIRMWARE, check_whole, compiled, needs_compiler, running
 
-from mmt.devices.adxl335.gravity import GRAVITY_M_S2
-from mmt.devices.adxl335.serial_driver import (
+from mmt.devices.adxl335.framing import (
     MOST_SAMPLES,
     VERSION,
     BoardDecoder,
     BoardFrame,
-    SerialAdxl335,
     Timeline,
     encode_frame,
 )
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2
+from mmt.devices.adxl335.serial_driver import SerialAdxl335
 from mmt.devices.serial_ports import cobs_decode, cobs_encode
 
 SKETCH = FIRMWARE / "adxl335" / "adxl335.ino"

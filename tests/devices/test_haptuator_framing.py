@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.devices.haptuator.board import (
+from mmt.devices.haptuator.framing import (
     FULL_SCALE,
     MOST_SAMPLES,
     VERSION,

@@ -14,7 +14,8 @@ pty = pytest.importorskip("pty", reason="the emulated port is a pseudo-terminal"
 
 from mmt.core.errors import DeviceLost, InputError, MmtError  # noqa: E402
 from mmt.devices.drivers import load_device  # noqa: E402
-from mmt.devices.haptuator.board import FULL_SCALE, BoardResampler  # noqa: E402
+from mmt.devices.haptuator.board import BoardResampler  # noqa: E402
+from mmt.devices.haptuator.framing import FULL_SCALE  # noqa: E402
 from mmt.devices.haptuator.serial_driver import SerialHaptuator  # noqa: E402
 from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard  # noqa: E402
 

@@ -14,7 +14,7 @@ from sketches import FIRMWARE, check_whole, compiled, needs_compiler, running
 
 from mmt.core.errors import DeviceLost
 from mmt.devices.drivers import load_device
-from mmt.devices.haptuator.board import (
+from mmt.devices.haptuator.framing import (
     FULL_SCALE,
     MOST_SAMPLES,
     BoardReport,

@@ -11,16 +11,9 @@ from pydantic import Field
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.drivers import read_options
-from mmt.devices.haptuator.board import (
-    FULL_SCALE,
-    MOST_SAMPLES,
-    BoardReport,
-    BoardResampler,
-    BoardSamples,
-    HaptuatorBoard,
-    Reset,
-)
+from mmt.devices.haptuator.board import BoardResampler, HaptuatorBoard
 from mmt.devices.haptuator.driver import SILENCE_NS, HaptuatorDriver
+from mmt.devices.haptuator.framing import FULL_SCALE, MOST_SAMPLES, BoardReport, BoardSamples, Reset
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.resampling import AFTER
 from mmt.devices.leader_reports import ActuatorStatistics

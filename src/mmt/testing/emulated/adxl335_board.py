@@ -5,9 +5,9 @@ import random
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.units import GRAVITY_M_S2
+from mmt.devices.adxl335.framing import BoardFrame, Counts, encode_frame
 from mmt.devices.adxl335.gravity import GravityCalibration, nominal
 from mmt.devices.adxl335.sensor import LARGEST_BANDWIDTH_HZ, TYPICAL_RANGE_M_S2
-from mmt.devices.adxl335.serial_driver import BoardFrame, Counts, encode_frame
 from mmt.testing.emulated import FaultySending, Truth
 from mmt.testing.emulated.serial_port import EmulatedSerialDevice
 

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from mmt.core.arrays import Vector
 from mmt.core.units import GRAVITY_M_S2
-from mmt.devices.haptuator.board import FULL_SCALE
+from mmt.devices.haptuator.framing import FULL_SCALE
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
 from mmt.testing.emulated.lab_process import LabDevice, run_lab

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from mmt.devices.haptuator.board import BoardReport, BoardSamples, Decoder, Reset, encode
+from mmt.devices.haptuator.framing import BoardReport, BoardSamples, Decoder, Reset, encode
 from mmt.testing.emulated import with_flipped_bit
 from mmt.testing.emulated.serial_port import EmulatedSerialDevice
 
