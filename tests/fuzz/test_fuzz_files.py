@@ -20,7 +20,7 @@ from mmt.core.errors import MmtError
 from mmt.devices.ati.gauges import parse_calibration_file
 from mmt.scene.files import example_scenes, load_scene
 from mmt.session.files import import_session, read_session, write_session
-from mmt.session.mcap.recover import recover
+from mmt.session.recover import recover
 from mmt.testing.simulation.recorded_path import load_path
 from mmt_bridges.hatt.file import parse_hatt
 

@@ -15,8 +15,8 @@ from service_runs import MadeSource, Together, run_session, small_scene
 from mmt.core.errors import InputError
 from mmt.session.files import read_session
 from mmt.session.info import info
-from mmt.session.mcap.recover import recover
 from mmt.session.mcap.writer import SessionWriter
+from mmt.session.recover import recover
 
 FULL = "No space left on device"
 

@@ -11,7 +11,7 @@ from service_processes import LONGEST_S, Service, follower_of, scene, session, s
 
 from mmt.core.errors import InputError
 from mmt.session.files import read_session
-from mmt.session.mcap.recover import recover
+from mmt.session.recover import recover
 
 SOON_S = 3.0
 """Loose bound of what takes a fraction of a second."""

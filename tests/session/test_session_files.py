@@ -297,7 +297,7 @@ def test_a_demo_session_is_read_fast(tmp_path):
 def test_neither_scipy_nor_numba_is_imported():
     program = (
         "import sys, mmt.session, mmt.session.recorder, mmt.session.replay,"
-        " mmt.session.mcap.recover, mmt.session.info, mmt.session.export_files,"
+        " mmt.session.recover, mmt.session.info, mmt.session.export_files,"
         " mmt.session.importing.recording, mmt.session.importing.readers.array_file,"
         " mmt.session.importing.readers.text_file, mmt.session.importing.modelled_share\n"
         "heavy = {'scipy', 'numba', 'pandas', 'pyarrow', 'h5py', 'matplotlib'}\n"

@@ -26,8 +26,8 @@ from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.info import info
 from mmt.session.mcap.index import open_windows
-from mmt.session.mcap.recover import recover
 from mmt.session.recorder import McapRecorder
+from mmt.session.recover import recover
 from mmt.session.stream import blocks_of, open_recording
 
 

@@ -17,9 +17,9 @@ from waiting import until
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.session.files import export_session, read_session
-from mmt.session.mcap.recover import recover
 from mmt.session.mcap.writer import SessionWriter
 from mmt.session.recorder import McapRecorder
+from mmt.session.recover import recover
 
 
 @given(sizes=st.lists(st.integers(0, 70), max_size=40))

@@ -21,8 +21,8 @@ from mmt.session.files import read_session, write_session
 from mmt.session.info import info
 from mmt.session.mcap import scan
 from mmt.session.mcap.index import IndexedSession, open_windows
-from mmt.session.mcap.recover import recover
 from mmt.session.mcap.writer import SessionWriter
+from mmt.session.recover import recover
 from mmt.session.stream import blocks_of, open_recording
 
 FLUSH_FRAMES = 500

@@ -266,7 +266,7 @@ def recover(
     force: Force = False,
 ) -> None:
     """Save the readable part of a session file that was cut off; FILE is not changed."""
-    from mmt.session.mcap.recover import recover as recover_session
+    from mmt.session.recover import recover as recover_session
 
     if target is None:
         beside = source.parent / f"{source.stem}.recovered{source.suffix}"
