@@ -204,13 +204,15 @@ def test_decimals_that_are_uncertain_are_told(texts, told):
 
 
 def test_columns_of_texts_are_labels():
-    arrays = {"who": np.array([[b" acc ", b"f"], [b"", b"g"]]), "z": np.array(["1 N", "2 N"])}
+    arrays = {"who": np.array([b" acc ", b"", b"g"]), "z": np.array(["1 N", "2 N"])}
     found = cells.columns_of(arrays, "a.npz", {"z": "mN", "who": "V"})
-    assert found["labels"]["who"].tolist() == [["acc", "f"], ["", "g"]]
+    assert found["labels"]["who"].tolist() == ["acc", "", "g"]
     assert found["values"]["z"].tolist() == [1.0, 2.0]
     assert found["units"] == {"z": "N", "who": "V"}
     with pytest.raises(InputError, match=r"^a\.npz: who does not hold numbers"):
         cells.columns_of({"who": np.array(["a", "1"])}, "a.npz")
+    with pytest.raises(InputError, match=r"^a\.npz: who does not hold numbers"):
+        cells.columns_of({"who": np.array([["a", "b"]])}, "a.npz")
     with pytest.raises(InputError, match=r"^a\.npz: the numbers of z are written with N or with m"):
         cells.columns_of({"z": np.array(["1 N", "2 mN"])}, "a.npz")
     with pytest.raises(InputError, match=r"written with N or with nothing: write all alike$"):

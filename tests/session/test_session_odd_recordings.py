@@ -241,6 +241,45 @@ def test_a_column_that_tells_no_sensors_apart_is_let_alone(tmp_path, head, row):
     assert list(names) == head.split(",")
 
 
+ASIDE = {
+    "a unit": np.array("N"),
+    "units of members": np.array(["s", "mm", "N"]),
+    "units in a table": np.array([["s", "mm"], ["N", "V"]]),
+    "an object": np.array({"name": "ATI"}, dtype=object),
+    "complex": np.exp(1j * TIME_S),
+    "records": np.zeros(3, dtype=[("gain", "f8"), ("id", "i4")]),
+    "a few numbers": np.arange(3),
+    "pairs": np.arange(2 * len(TIME_S)).reshape(-1, 2) % 2,
+    "a state": np.arange(len(TIME_S)) % 2,
+    "words": np.array(["ok", "fault"])[np.arange(len(TIME_S)) % 2],
+    "one unit": np.full(len(TIME_S), "mN"),
+}
+
+
+@pytest.mark.parametrize("value", ASIDE)
+@pytest.mark.parametrize("name", ["unit", "sensor", "channel", "Units"])
+def test_what_stands_beside_whole_channels_changes_nothing(tmp_path, name, value):
+    named = {FIELDS[channel]: made(TIME_S) for channel, made in TRUTH.items()}
+    np.savez(tmp_path / "a.npz", time_s=TIME_S, **named)
+    np.savez(tmp_path / "b.npz", time_s=TIME_S, **named, **{name: ASIDE[value]})
+    plain, beside = (import_session(tmp_path / each).frames for each in ("a.npz", "b.npz"))
+    np.testing.assert_array_equal(beside, plain)
+
+
+def test_two_arms_in_rows_of_one_time_are_told_apart(tmp_path):
+    rows = ((t, arm, 9 * arm + t, t, t, arm - t, 0, t) for t in TIME_S for arm in (0, 1))
+    lines(tmp_path / "a.csv", "t,device,px,py,pz,fx,fy,fz", rows)
+    assert "device_1.px" in propose(tmp_path / "a.csv").names
+
+
+def test_two_columns_of_units_are_no_unit(tmp_path):
+    rows = ([t, *fs, "mN", "N"] for t, fs in zip(TIME_S, force(TIME_S), strict=True))
+    lines(tmp_path / "a.csv", "time,fx,fy,fz,unit,Units", rows)
+    frames = imported(tmp_path / "a.csv").frames
+    time_s = frames["time_ns"] / 1e9
+    np.testing.assert_allclose(frames["force_n"], force(time_s), atol=2e-3)
+
+
 def test_numbers_of_sensors_are_names(tmp_path):
     lines(tmp_path / "a.csv", "t,channel,value", ((t, c, c + t) for t in TIME_S for c in range(3)))
     columns = {"time": "channel_0.t", "force_x": "0", "force_y": "0", "force_z": "channel_2.value"}

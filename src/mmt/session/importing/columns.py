@@ -66,7 +66,7 @@ class SourceColumns:
     ends_left_out: bool = False
     """Whether the blanks at the end of a column were left out, as of tables."""
     labels: Mapping[str, npt.NDArray[np.str_]] = field(default_factory=dict)
-    """Texts of wanted columns that hold no number."""
+    """Texts (n,) of wanted columns that hold no number."""
     scene: JsonObject | None = None
     annotations: bytes = b""
     events: Sequence[JsonObject] = ()

@@ -235,7 +235,7 @@ def columns_of(
     """Return arrays as the fields ``values``, ``units`` and ``labels`` of `SourceColumns`.
 
     Units that a file has `told` count unless the values are dates; see `numbers_in`. Labels are
-    the texts of columns without any number.
+    the texts (n,) of columns without any number.
     """
     values, labels, units = {}, {}, dict(told or {})
     for name, array in arrays.items():
@@ -244,9 +244,10 @@ def columns_of(
         except InputError:
             cells = np.ravel(array).tolist()
             number = Numbers(ImportOptions()).reads
-            if not all(isinstance(c, str | bytes | None) for c in cells) or any(map(number, cells)):
+            texts = np.ndim(array) == 1 and all(isinstance(c, str | bytes | None) for c in cells)
+            if not texts or any(map(number, cells)):
                 raise
-            labels[name] = np.reshape(list(map(text_of, cells)), np.shape(array))
+            labels[name] = np.array(list(map(text_of, cells)))
         else:
             units |= {name: unit} if unit else {}
     return {"values": values, "labels": labels, "units": units}
