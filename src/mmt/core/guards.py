@@ -118,7 +118,6 @@ RAMP_TICKS: Final = 50
 """Length of a ramp out or in: if no tick is missed, the force is zero after 100 ms of silence."""
 FADE_TICKS: Final = SILENCE_TICKS + RAMP_TICKS
 """Ticks from the last force of a source until no force is displayed."""
-_NONE: Final[Vector] = (0.0, 0.0, 0.0)
 _VIBRATION_TICKS: Final = 10
 """Ticks over which the vibration fades out, and in again."""
 
@@ -143,7 +142,7 @@ class ForceRamp:
         self._silence_ticks = silence_ticks
         self._ramp_ticks = ramp_ticks
         self._age_ticks = 0
-        self._shown = self._start = _NONE
+        self._shown = self._start = _NOUGHT
         self._share = 1.0  # of the source's force; the rest is that of the ramp's start
         self._left = 1.0  # of the force in a silence
 
@@ -167,7 +166,7 @@ class ForceRamp:
     def pause(self, elapsed: int) -> None:
         """Note that nothing is displayed for these ticks; the force then returns from zero."""
         self._age_ticks += elapsed
-        self._shown = self._start = _NONE
+        self._shown = self._start = _NOUGHT
         self._share = 0.0
 
     def shape(self, force_n: Vector, elapsed: int) -> Vector:
@@ -210,7 +209,7 @@ class GuardedDisplay:
     ) -> None:
         self._display = display
         self._largest_step_n = largest_step_n
-        self._written = _NONE
+        self._written = _NOUGHT
         self.guard: Final = ForceGuard(limit_n)
         """Bounds forces, and counts those that are not finite."""
         self.limited_writes = 0

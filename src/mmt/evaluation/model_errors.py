@@ -214,7 +214,7 @@ class GridErrors:
 
     ``gfc`` compares the spectra at the resolution of every measured GFC (Welch, 64 samples);
     ``power_error_db`` and ``log_spectral_db`` are in dB, and so is ``bands_db``, shape (k, 9), of
-    `mmt.evaluation.model_errors`.
+    `band_errors_db`.
     """
 
     gfc: FloatArray

@@ -8,7 +8,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import FAILED
-from mmt.core.frames import COMMAND_DTYPE
+from mmt.core.frames import COMMAND_DTYPE, FeedbackSide
 from mmt.core.running.process import ProcessMeter
 from mmt.core.sequence_numbers import Range
 from mmt.leader.backfill import Backfill
@@ -17,7 +17,6 @@ from mmt.leader.part import Session
 from mmt.scene import LARGEST_SPEED
 
 if TYPE_CHECKING:
-    from mmt.core.frames import FeedbackSide
     from mmt.leader.modelling.pipeline import Modelling
     from mmt.link.clock_exchange import RemoteClock
     from mmt.link.clock_offset import ClockJump
@@ -48,7 +47,7 @@ class RemoteFollower:
     def __init__(
         self,
         session: Session,
-        feedback: "FeedbackSide | None" = None,
+        feedback: FeedbackSide | None = None,
         modelling: "Modelling | None" = None,
     ) -> None:
         self._session = session

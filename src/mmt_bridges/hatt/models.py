@@ -118,7 +118,7 @@ def import_hatt(path: Path) -> ImportedModel:
 
     Every vertex of the file, its boundary points included, becomes a sample. The plane is
     triangulated again, on axes divided by the file's maxima. Filters with zeros are replaced by
-    all-pole filters of a higher order, see `mmt_bridges.hatt.models.all_pole`.
+    all-pole filters of a higher order, see `all_pole`.
 
     Parameters
     ----------

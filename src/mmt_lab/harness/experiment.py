@@ -104,8 +104,7 @@ def listed(group: Group | None = None) -> Iterator[Experiment]:
 
     The modules are read, not imported: numerics take seconds to load.
     """
-    files = [file for folder in experiments.__path__ for file in Path(folder).rglob("[!_]*.py")]
-    for file in sorted(files, key=lambda each: each.stem):
+    for file in sorted(_files().values(), key=lambda each: each.stem):
         one = _read(file)
         if group in {None, one.group}:
             yield one
@@ -121,13 +120,25 @@ def load(name: str) -> Callable[..., Findings]:
     ImportError
         The experiment needs a package that is not installed.
     """
-    groups = {one.name: one.group for one in listed()}
-    if name not in groups:
-        raise InputError(f"lab {name}: allowed are {', '.join(groups)}")
-    folder = f"{experiments.__name__}.bench" if groups[name] == "bench" else experiments.__name__
-    module = importlib.import_module(f"{folder}.{name.replace('-', '_')}")
-    run: Callable[..., Findings] = module.run
+    modules = {_name_of(file): module for module, file in _files().items()}
+    if name not in modules:
+        raise InputError(f"lab {name}: allowed are {', '.join(sorted(modules))}")
+    run: Callable[..., Findings] = importlib.import_module(modules[name]).run
     return run
+
+
+def _files() -> dict[str, Path]:
+    """Return the file of each experiment by its module's name."""
+    folders = map(Path, experiments.__path__)
+    files = ((folder, file) for folder in folders for file in folder.rglob("[!_]*.py"))
+    return {
+        ".".join((experiments.__name__, *file.relative_to(folder).with_suffix("").parts)): file
+        for folder, file in files
+    }
+
+
+def _name_of(file: Path) -> str:
+    return file.stem.replace("_", "-")
 
 
 def chosen_textures(textures: str | None) -> list[str]:
@@ -209,6 +220,6 @@ def _read(path: Path) -> Experiment:
             ):
                 said[name] = value
     try:
-        return Experiment(path.stem.replace("_", "-"), said["SHOWS"], said["TAKES"], said["GROUP"])
+        return Experiment(_name_of(path), said["SHOWS"], said["TAKES"], said["GROUP"])
     except KeyError as error:
         raise TypeError(f"{path}: an experiment needs SHOWS and TAKES, plain texts") from error

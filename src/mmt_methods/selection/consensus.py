@@ -210,7 +210,7 @@ class Consensus:
 
         Notes
         -----
-        O(n^3), see `mmt_methods.selection.consensus`.
+        O(n^3), see `LeaveOneOut`.
         """
         groups, effective = (self.level - self._law, self.shape), (1.0, float(self._order))
         level, shape = self._others.predict(groups, effective, present)

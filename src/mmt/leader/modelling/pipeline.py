@@ -28,7 +28,7 @@ from mmt.leader.modelling.stage import (
 from mmt.leader.modelling.stages import Models, UpdateResult, received
 from mmt.leader.part import Part, Session, Tick
 from mmt.texture.modeller_factory import ModellerFactory
-from mmt.texture.online.updates import ModelUpdate, NewSamples
+from mmt.texture.online.updates import ModelUpdate, NewSamples, SurfaceStatement
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
@@ -192,8 +192,6 @@ class Modelling(Part):
         """
         if not self._factory.sequential:
             raise InputError("this scene has one surface: it has no [texture.surfaces]")
-        from mmt.texture.online.updates import SurfaceStatement
-
         self._process.notify("state_surface", SurfaceStatement(self._newest_sample + 1, surface))
 
     def reset(self) -> None:

@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Any, Self
 from mmt.core.errors import MmtError
 from mmt.core.extras import require
 from mmt.core.running.child_process import ChildProcess, Parent
-from mmt.core.running.process import ProcessMeter, lower_priority, release_compiler
+from mmt.core.running.process import ProcessCost, ProcessMeter, lower_priority, release_compiler
 from mmt.texture.modeller_factory import ModellerFactory
 
 if TYPE_CHECKING:
-    from mmt.core.running.process import ProcessCost
     from mmt.scene import Scene
     from mmt.texture.settings import ModellingSettings
 

@@ -11,12 +11,17 @@ from typing import TYPE_CHECKING, cast
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.modeller_factory import ModellerFactory
-from mmt.texture.online.updates import ModelUpdate, NewSamples, ReadyModel, UpdateWork
+from mmt.texture.online.updates import (
+    ModelUpdate,
+    NewSamples,
+    ReadyModel,
+    SurfaceStatement,
+    UpdateWork,
+)
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel
-    from mmt.texture.online.updates import SurfaceStatement
     from mmt.texture.surfaces.modeller import SurfaceModeller
 
 
@@ -81,7 +86,7 @@ class Stages:
         self._numbers = itertools.count()
         self.begin()
 
-    def begin(self, statements: "Sequence[SurfaceStatement]" = ()) -> None:
+    def begin(self, statements: Sequence[SurfaceStatement] = ()) -> None:
         """Begin a new model, and discard all work under way.
 
         Parameters
@@ -98,7 +103,7 @@ class Stages:
         """Return the samples of each update from now on."""
         self._returns_samples = True
 
-    def state_surface(self, statement: "SurfaceStatement") -> None:
+    def state_surface(self, statement: SurfaceStatement) -> None:
         """Set the surface as stated by a person; call only if surfaces are told apart."""
         cast("SurfaceModeller", self._modeller).state_surface(statement)
 

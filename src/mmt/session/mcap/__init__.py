@@ -1,1 +1,1 @@
-"""The MCAP files of recorded sessions: written, read and recovered."""
+"""The MCAP files of recorded sessions: written, read and scanned."""

@@ -8,11 +8,10 @@ from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.adxl335.framing import BoardFrame, Counts, encode_frame
 from mmt.devices.adxl335.gravity import GravityCalibration, nominal
 from mmt.devices.adxl335.sensor import LARGEST_BANDWIDTH_HZ, TYPICAL_RANGE_M_S2
-from mmt.testing.emulated import FaultySending, Truth
+from mmt.testing.emulated import Clockwork, FaultySending, Truth
 from mmt.testing.emulated.serial_port import EmulatedSerialDevice
 
 if TYPE_CHECKING:
-    from mmt.testing.emulated import Clockwork
     from mmt.testing.emulated.lab import World
 
 NOISE_DENSITY: Final = 150e-6 * GRAVITY_M_S2
@@ -136,7 +135,7 @@ class EmulatedAdxl335Board(EmulatedSerialDevice, FaultySending):
         return min(max(int(volts / self._volts_per_count), 0), self._top)
 
 
-def in_lab(world: "World", seed: int, _clockwork: "Clockwork") -> EmulatedAdxl335Board:
+def in_lab(world: "World", seed: int, _clockwork: Clockwork) -> EmulatedAdxl335Board:
     """Return the accelerometer of the virtual lab, which sends a frame each half millisecond."""
     samples = world.samples_per_frame
     return EmulatedAdxl335Board(

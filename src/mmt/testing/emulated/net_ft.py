@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import parse_qsl, urlsplit
 
 from mmt.devices.ati.net_wire import START, STOP, Record, pack_record, parse_request
-from mmt.testing.emulated import FaultySending, Truth
+from mmt.testing.emulated import Clockwork, FaultySending, Truth
 
 if TYPE_CHECKING:
-    from mmt.testing.emulated import Clockwork
     from mmt.testing.emulated.lab import World
 
 _BOX_RATE_HZ: Final = 7000
@@ -243,6 +242,6 @@ class EmulatedNetFt(FaultySending):
         self.pages["setbias"] = ";".join(values.get(f"setbias{i}", bias[i]) for i in range(6))
 
 
-def in_lab(world: "World", seed: int, _clockwork: "Clockwork") -> EmulatedNetFt:
+def in_lab(world: "World", seed: int, _clockwork: Clockwork) -> EmulatedNetFt:
     """Return the force sensor of the virtual lab."""
     return EmulatedNetFt(world.force_n, clock_ppm=40.0, seed=seed)

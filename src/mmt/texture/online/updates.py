@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, Protocol
 
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.signals.aligned import SignalFaults
+from mmt.texture.signals.aligned import AlignedBlock, SignalFaults
 
 if TYPE_CHECKING:
     from mmt.texture.field.blocks import Blocks
     from mmt.texture.model.fits import Fit
     from mmt.texture.segmentation.segmenter import SampleRange, Segment
-    from mmt.texture.signals.aligned import AlignedBlock
     from mmt.texture.touch_down.fitting import TouchDown
 
 
@@ -113,7 +112,7 @@ class ModelUpdate:
     source: ModelSource
     durations_s: dict[str, float]
     surface: int | None = None
-    changes: "tuple[SurfaceChange, ...]" = ()
+    changes: tuple[SurfaceChange, ...] = ()
     left: "tuple[ModelUpdate, ...]" = ()
     faults: SignalFaults = field(default_factory=SignalFaults)
 
@@ -173,7 +172,7 @@ class UpdateWork:
 
     modeller: UpdateSteps
     time_s: float
-    observed: "list[AlignedBlock]"
+    observed: list[AlignedBlock]
     added: "list[Segment]"
     removed: "list[SampleRange]"
     noise_power: float
@@ -191,7 +190,7 @@ class UpdateWork:
     source: ModelSource = ReadyModel()
     announced: bool = True
     surface: int | None = None
-    changes: "tuple[SurfaceChange, ...]" = ()
+    changes: tuple[SurfaceChange, ...] = ()
     left: tuple[ModelUpdate, ...] = ()
     session_time_s: float | None = None
     update: ModelUpdate | None = None
@@ -228,7 +227,7 @@ class NewSamples(NamedTuple):
     """Part of the `UpdateWork` of one update that is the input of another method of modelling."""
 
     time_s: float
-    observed: "list[AlignedBlock]"
+    observed: list[AlignedBlock]
     added: "list[Segment]"
     removed: "list[SampleRange]"
 

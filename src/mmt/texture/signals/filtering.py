@@ -136,7 +136,7 @@ class StreamFilter:
     state of its offset before it. Samples are marked invalid until the filters have settled. The
     last `delay_samples` frames before such a gap are not output, as their filtered motion is
     missing; the newest frames are output later. The numbering continues if the frames' own numbers
-    restart or wrap (`mmt.texture.signals.filtering`); times are examined only for this. Frames that
+    restart or wrap (`StreamNumbering`); times are examined only for this. Frames that
     come late or twice are ignored.
 
     Cost: about 0.1 ms a block plus 0.5 us a frame (four channels and one axis; 0.8 us with three
