@@ -159,7 +159,14 @@ def test_a_leaders_cost_is_with_that_of_the_process_that_models(modelling, tmp_p
         return DemoRun(leader, start_s={"leader": 1.0}, modules={"leader": []})
 
     monkeypatch.setattr(scene_runs, "run_services", run_services)
-    found = SceneRunner(tmp_path, 2.0)(example("demo")).figures["leader"]
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "recorded.mcap").touch()
+    demo = example("demo")
+    demo.recording.file.parent.mkdir()
+    demo.recording.file.touch()
+    found = SceneRunner(tmp_path, 2.0)(demo).figures["leader"]
+    assert demo.recording.file.exists(), "a recording of the user is none of the run"
+    assert not (tmp_path / "recorded.mcap").exists()
     cost = found["core_share"], found["memory_mb"]
     assert cost == ((0.75, 280.0) if modelling else (0.5, 100.0))
 

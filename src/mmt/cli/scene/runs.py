@@ -4,7 +4,6 @@ import asyncio
 import os
 import secrets
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +35,7 @@ class SceneRunner:
 
     def __init__(self, directory: Path, duration_s: float) -> None:
         self._directory = directory
+        self._recorded = directory / "recorded.mcap"
         self._duration_s = duration_s
         # already applied to the scene; they would add a table again that is left out
         self._environment = {
@@ -53,8 +53,7 @@ class SceneRunner:
             "session": scene.session.model_copy(update={"duration_s": self._duration_s})
         }
         if scene.recording is not None:
-            file = self._directory / "recorded.mcap"
-            changes["recording"] = scene.recording.model_copy(update={"file": file})
+            changes["recording"] = scene.recording.model_copy(update={"file": self._recorded})
         if scene.replay is not None and scene.replay.file is None:
             changes["replay"] = scene.replay.model_copy(update={"file": self._simulate(scene)})
         return scene.model_copy(update=changes)
@@ -91,9 +90,7 @@ class SceneRunner:
         run = asyncio.run(
             run_services(file, scene, None, None, console=quiet, environment=self._environment)
         )
-        if scene.recording is not None:
-            with suppress(FileNotFoundError):
-                scene.recording.file.unlink()
+        self._recorded.unlink(missing_ok=True)
         if run.interrupted:
             raise KeyboardInterrupt
         if run.failed:
