@@ -129,8 +129,41 @@ def nearest_distances(among: FloatArray, points: FloatArray, count: int) -> Floa
     return nearest
 
 
-@kernel("void(f8[:, ::1], u8, u8, u8, f8[::1], u8, f8[:, ::1], u8)", inner=True)
-def _subtract(
+@kernel("void(f8[:, ::1], u8, u8, u8, f8[:, ::1], f8[:, ::1], u8)", inner=True)
+def _subtract_pair(
+    out: FloatArray,
+    row: int,
+    column: int,
+    stop: int,
+    weights: FloatArray,
+    rows: FloatArray,
+    first: int,
+) -> None:
+    """Do as `_subtract` for two rows of `out` and a whole block, which is read once for both.
+
+    Indices are unsigned: signed ones would be tested for negative values, which prevents
+    vectorisation of the loop.
+    """
+    below = row + _1
+    s, t, u, v = weights[row, 0], weights[row, 1], weights[row, 2], weights[row, 3]
+    w, x, y, z = weights[row, 4], weights[row, 5], weights[row, 6], weights[row, 7]
+    i, k, m, n = weights[below, 0], weights[below, 1], weights[below, 2], weights[below, 3]
+    p, q, r, o = weights[below, 4], weights[below, 5], weights[below, 6], weights[below, 7]
+    a, b, c, d = first, first + _1, first + _2, first + _3
+    e, f, g, h = a + _4, b + _4, c + _4, d + _4
+    for j in range(column, stop):
+        at_a, at_b, at_c, at_d = rows[a, j], rows[b, j], rows[c, j], rows[d, j]
+        at_e, at_f, at_g, at_h = rows[e, j], rows[f, j], rows[g, j], rows[h, j]
+        out[row, j] -= ((s * at_a + t * at_b) + (u * at_c + v * at_d)) + (
+            (w * at_e + x * at_f) + (y * at_g + z * at_h)
+        )
+        out[below, j] -= ((i * at_a + k * at_b) + (m * at_c + n * at_d)) + (
+            (p * at_e + q * at_f) + (r * at_g + o * at_h)
+        )
+
+
+@kernel("void(f8[:, ::1], u8, u8, u8, f8[:, ::1], u8, f8[:, ::1], u8)", inner=True)
+def _subtract_from_row(
     out: FloatArray,
     row: int,
     column: int,
@@ -140,14 +173,10 @@ def _subtract(
     rows: FloatArray,
     first: int,
 ) -> None:
-    """Subtract `count` weighted rows, from `first` on, from a row of `out`, between two columns.
-
-    Indices are unsigned: signed ones would be tested for negative values, which prevents
-    vectorisation of the loop.
-    """
+    """Do as `_subtract` for one row of `out`."""
     if count == _BLOCK:
-        s, t, u, v = weights[0], weights[1], weights[2], weights[3]
-        w, x, y, z = weights[4], weights[5], weights[6], weights[7]
+        s, t, u, v = weights[row, 0], weights[row, 1], weights[row, 2], weights[row, 3]
+        w, x, y, z = weights[row, 4], weights[row, 5], weights[row, 6], weights[row, 7]
         a, b, c, d = first, first + _1, first + _2, first + _3
         e, f, g, h = a + _4, b + _4, c + _4, d + _4
         for j in range(column, stop):  # in one loop, so that out is read and written once
@@ -156,30 +185,57 @@ def _subtract(
             ) + ((w * rows[e, j] + x * rows[f, j]) + (y * rows[g, j] + z * rows[h, j]))
         return
     for each in range(count):
-        weight = weights[each]
+        weight = weights[row, each]
         for j in range(column, stop):
             out[row, j] -= weight * rows[first + each, j]
+
+
+@kernel("void(f8[:, ::1], i8, i8, i8, i8, f8[:, ::1], i8, f8[:, ::1], i8)", inner=True)
+def _subtract(
+    out: FloatArray,
+    row: int,
+    last: int,
+    column: int,
+    stop: int,
+    weights: FloatArray,
+    count: int,
+    rows: FloatArray,
+    first: int,
+) -> None:
+    """Subtract `count` weighted rows, from `first` on, from rows of `out`, between two columns.
+
+    ``weights`` has a row for each row of `out`.
+    """
+    paired = (last - row) // 2 * 2 if count == _BLOCK else 0
+    for each in range(row, row + paired, 2):
+        _subtract_pair(out, each, column, stop, weights, rows, first)
+    for each in range(row + paired, last):
+        _subtract_from_row(out, each, column, stop, weights, count, rows, first)
 
 
 @kernel("b1(f8[:, ::1])")
 def factorise(matrix: FloatArray) -> bool:
     """Overwrite a matrix by its factor; return whether it is positive definite."""
     size = len(matrix)
-    weights = np.empty(_BLOCK)
+    weights = np.empty((size, _BLOCK))
     for begin in range(0, size, _BLOCK):
         stop = min(begin + _BLOCK, size)
         for k in range(begin, size):
-            count = min(k, stop) - begin
-            for row in range(count):
-                weights[row] = matrix[begin + row, k]
-            _subtract(matrix, k, k, size, weights, count, matrix, begin)
-            if k < stop:
-                out = matrix[k, k:]
-                if not 0.0 < out[0] < np.inf:
-                    return False
-                root = np.sqrt(out[0])
-                for j in range(len(out)):
-                    out[j] /= root
+            for row in range(begin, min(k, stop)):
+                weights[k, row - begin] = matrix[row, k]
+            if k >= stop:
+                continue
+            _subtract_from_row(matrix, k, k, size, weights, k - begin, matrix, begin)
+            out = matrix[k, k:]
+            if not 0.0 < out[0] < np.inf:
+                return False
+            root = np.sqrt(out[0])
+            for j in range(len(out)):
+                out[j] /= root
+        for k in range(stop, size - 1, 2):  # of the second row, one column more than is needed
+            _subtract_pair(matrix, k, k, size, weights, matrix, begin)
+        if (size - stop) % 2:
+            _subtract_from_row(matrix, size - 1, size - 1, size, weights, _BLOCK, matrix, begin)
     for i in range(size):
         for j in range(i):
             matrix[i, j] = matrix[j, i]
@@ -190,24 +246,26 @@ def factorise(matrix: FloatArray) -> bool:
 def forward(factor: FloatArray, rows: FloatArray, upper: bool) -> None:
     """Solve for rows in place; with ``upper``, row i is zero before column i."""
     size = len(factor)
-    weights = np.empty(_BLOCK)
+    weights = np.empty((len(rows), _BLOCK))
     for begin in range(0, size, _BLOCK):
         stop = min(begin + _BLOCK, size)
-        for each in range(stop if upper else len(rows)):
-            row = rows[each]
-            for k in range(begin, stop):
-                value = row[k]
-                for j in range(begin, k):
-                    value -= factor[k, j] * row[j]
-                row[k] = weights[k - begin] = value / factor[k, k]
-            _subtract(rows, each, stop, size, weights, stop - begin, factor, begin)
+        last = stop if upper else len(rows)
+        corner = factor[begin:stop, begin:stop].copy()
+        for each in range(last):
+            row = rows[each, begin:stop]
+            for k in range(stop - begin):
+                value, own = row[k], corner[k]
+                for j in range(k):
+                    value -= own[j] * row[j]
+                row[k] = weights[each, k] = value / own[k]
+        _subtract(rows, 0, last, stop, size, weights, stop - begin, factor, begin)
 
 
 @kernel("void(f8[:, ::1], f8[:, ::1])")
 def backward(factor: FloatArray, rows: FloatArray) -> None:
     """Solve for rows in place, see `solve_backward`."""
     size = len(factor)
-    weights = np.empty(_BLOCK)
+    weights = np.empty((len(rows), _BLOCK))
     for stop in range(size, 0, -_BLOCK):
         begin = max(stop - _BLOCK, 0)
         for each in range(len(rows)):
@@ -216,20 +274,20 @@ def backward(factor: FloatArray, rows: FloatArray) -> None:
                 value = row[k]
                 for j in range(k + 1, stop):
                     value -= factor[k, j] * row[j]
-                row[k] = weights[k - begin] = value / factor[k, k]
-            _subtract(rows, each, 0, begin, weights, stop - begin, factor, begin)
+                row[k] = weights[each, k - begin] = value / factor[k, k]
+        _subtract(rows, 0, len(rows), 0, begin, weights, stop - begin, factor, begin)
 
 
 @kernel("f8[:, ::1](f8[:, :], f8[:, ::1])")
 def product(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the matrix product of (n, k) and (k, m)."""
-    out, weights = np.zeros((len(a), b.shape[1])), np.empty(_BLOCK)
+    out, weights = np.zeros((len(a), b.shape[1])), np.empty((len(a), _BLOCK))
     for begin in range(0, len(b), _BLOCK):
         count = min(_BLOCK, len(b) - begin)
         for i in range(len(a)):
             for row in range(count):
-                weights[row] = -a[i, begin + row]
-            _subtract(out, i, 0, out.shape[1], weights, count, b, begin)
+                weights[i, row] = -a[i, begin + row]
+        _subtract(out, 0, len(a), 0, out.shape[1], weights, count, b, begin)
     return out
 
 
