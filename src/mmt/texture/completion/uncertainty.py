@@ -228,11 +228,17 @@ class UncertaintyCriterion(Criterion):
             return
         self._evaluated_s = self.density.total_s
         weights = self.density.weights
-        right, gain = predict_gains(field, self.grid, weights)
+        advice = None  # needed no more once stopped
+        if self.stopped:
+            right = field.predict(self.grid.strokes).within(JND_DB / DB)
+        else:
+            right, gain = predict_gains(field, self.grid, weights)
+            best = self.grid.points[int(np.argmax(gain))] * self.grid.space.scale
+            advice = tuple(best.tolist())
         self.progress = Progress(
             scale=self.scale,
             value=float(np.clip(right @ weights, 0.0, 1.0)),
             cells=tuple(self.grid.mean_of_cells(right).tolist()),
-            advice=tuple((self.grid.points[int(np.argmax(gain))] * self.grid.space.scale).tolist()),
+            advice=advice,
         )
         self.record_value(self.progress.value, time_s)
