@@ -269,8 +269,8 @@ def mean_on_grid(
 ) -> FloatArray:
     """Return ``sum_ki weights_ki covariance_k(node, stroke_i)``, (headings, speeds, forces).
 
-    The product of the axes' covariances takes O(n) exponentials per node of an axis, not of the
-    grid. The result has one heading if the heading does not count.
+    The product of the axes' covariances takes an exponential per node of an axis and different
+    coordinate. The result has one heading if the heading does not count.
 
     Parameters
     ----------
@@ -285,13 +285,17 @@ def mean_on_grid(
     """
     all_weights, rough = weights.sum(axis=0), np.square(every[:, 3]) @ weights
     length = CELL_WIDTHS[every.shape[1] > _PLANAR]
-    total = product(matern(axes.u, at.u, length) * rough, matern(at.v, axes.v, length))
+    of_u, of_v = np.empty((2, len(at.u)), np.int64)
+    different_u, different_v = different(at.u, of_u), different(at.v, of_v)
+    u, v = matern(axes.u, different_u, length), matern(different_v, axes.v, length)
+    total = product(u[:, of_u] * rough, v[of_v])
     total += SLOPES[0][1] ** 2 * (all_weights @ at.u) * axes.u[:, None]
     total += SLOPES[1][1] ** 2 * (all_weights @ at.v) * axes.v
     total += _FREE * all_weights.sum()
     for own, setting in zip(weights, every, strict=True):
-        u, v = matern(axes.u, at.u, setting[1]), matern(at.v, axes.v, setting[2])
-        total += product(u * (setting[0] ** 2 * own), v)
+        u = matern(axes.u, different_u, setting[1])
+        v = matern(different_v, axes.v, setting[2])
+        total += product(u[:, of_u] * (setting[0] ** 2 * own), v[of_v])
     if every.shape[1] == _PLANAR:
         return np.asarray(total[np.newaxis])
     turning = np.zeros((len(axes.heading), total.size))

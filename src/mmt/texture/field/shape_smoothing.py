@@ -92,11 +92,11 @@ def smoothed(
     chosen = np.unique(np.linspace(0, len(nodes) - 1, min(len(nodes), _CHOICE)).round().astype(int))
     scales, reduced = _best_scales(nodes[chosen], values[chosen], known[chosen])
     if len(chosen) < len(nodes):
-        reduced = _reduced(_covariance(nodes, nodes, scales), values, known)
+        reduced = _reduced(_covariances(nodes, nodes, *scales)[0], values, known)
     noise = _costs(reduced).argmin(axis=0)
     filtered = shifted_solutions(reduced.matrix, reduced.rotated, np.square(_NOISE[noise]))
     gains = reduced.roots[:, None] * filtered
-    result = matrix_product(_covariance(asked, nodes, scales), gains) + middle
+    result = matrix_product(_covariances(asked, nodes, *scales)[0], gains) + middle
     return _kept_apart(result, fitted)
 
 
@@ -110,13 +110,18 @@ def smoothed_shapes(samples: TextureSamples) -> FloatArray:
     return smoothed(samples.points, samples.lsf, weights, around)
 
 
-def _covariance(a: FloatArray, b: FloatArray, scales: tuple[float, float]) -> FloatArray:
-    """Return the prior covariance (k, l) of points, in units of the departure's variance."""
+def _covariances(a: FloatArray, b: FloatArray, *scales: tuple[float, ...]) -> list[FloatArray]:
+    """Return prior covariances (k, l) of points, in units of the departure's variance.
+
+    There is one for each pair of scales, of speed or velocity and of force.
+    """
     linear = _FREE * (1.0 + (a - 0.5) @ (b - 0.5).T)
-    force = _matern(np.abs(np.subtract.outer(a[:, -1], b[:, -1])), scales[1])
+    apart = np.abs(np.subtract.outer(a[:, -1], b[:, -1]))
+    forces = [_matern(apart, scale) for scale in scales[1]]
     if a.shape[1] == 2:
-        along = _matern(np.abs(np.subtract.outer(a[:, 0], b[:, 0])), scales[0])
-        return np.asarray(linear + along * force)
+        away = np.abs(np.subtract.outer(a[:, 0], b[:, 0]))
+        along = [_matern(away, scale) for scale in scales[0]]
+        return [linear + motion * force for motion, force in product(along, forces)]
     speeds = np.hypot(a[:, 0], a[:, 1]) - 0.5, np.hypot(b[:, 0], b[:, 1]) - 0.5
     linear += _FREE * np.multiply.outer(*speeds)
     away, back = (
@@ -126,8 +131,8 @@ def _covariance(a: FloatArray, b: FloatArray, scales: tuple[float, float]) -> Fl
         )
         for side in (1.0, -1.0)
     )
-    along = _matern(away, scales[0]) + _RETURN * _matern(back, scales[0])
-    return np.asarray(linear + along * force)
+    along = [_matern(away, scale) + _RETURN * _matern(back, scale) for scale in scales[0]]
+    return [linear + motion * force for motion, force in product(along, forces)]
 
 
 def _reduced(covariance: FloatArray, values: FloatArray, weights: FloatArray) -> _Reduced:
@@ -147,11 +152,12 @@ def _costs(reduced: _Reduced) -> FloatArray:
 
 def _best_scales(
     points: FloatArray, values: FloatArray, weights: FloatArray
-) -> tuple[tuple[float, float], _Reduced]:
-    choices = list(product(*_SCALES))
-    every = [_reduced(_covariance(points, points, scales), values, weights) for scales in choices]
+) -> tuple[tuple[tuple[float, ...], ...], _Reduced]:
+    covariances = _covariances(points, points, *_SCALES)
+    every = [_reduced(covariance, values, weights) for covariance in covariances]
     best = int(np.argmin([_costs(reduced).min(axis=0).sum() for reduced in every]))
-    return choices[best], every[best]
+    speed, force = list(product(*_SCALES))[best]
+    return ((speed,), (force,)), every[best]
 
 
 def _pooled(
