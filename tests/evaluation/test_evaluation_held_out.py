@@ -7,7 +7,7 @@ import pytest
 
 from mmt.core.errors import InputError
 from mmt.evaluation.evaluate import evaluate_session
-from mmt.evaluation.held_out import HELD_OUT, HeldOutRecording, choose_held_out
+from mmt.evaluation.held_out import HELD_OUT, HeldOutRecording, approximate, choose_held_out
 from mmt.scene import Scene
 from mmt.session.data import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
@@ -67,7 +67,7 @@ def test_a_right_model_scores_its_ceiling():
     vibration = np.convolve(vibration, [1.0, 0.8, 0.3], mode="valid")[:400]
     model = even_model(vibration, 8)
     recording = HeldOutRecording(segment(0, 400, vibration), 1000.0)
-    result = recording.approximate(model, seed=0)
+    result = approximate(model, [recording], 0)[0]
     assert result.gfc == pytest.approx(result.gfc_ceiling, abs=0.02)
     assert 0.96 < result.gfc_ceiling < 1.0
 
@@ -76,7 +76,7 @@ def test_raw_amplitudes_of_a_right_model_score_a_quarter_of_pi():
     vibration = np.random.default_rng(5).standard_normal(400)
     recording = HeldOutRecording(segment(0, 400, vibration), 1000.0, Spectra.FOURIER)
     model = even_model(vibration, 8)
-    results = [recording.approximate(model, seed) for seed in range(3)]
+    results = [approximate(model, [recording], seed)[0] for seed in range(3)]
     assert len(recording.frequencies_hz) == 201
     for scores in zip(*((one.gfc, one.gfc_ceiling) for one in results), strict=True):
         assert np.mean(scores) == pytest.approx(np.pi / 4, abs=0.03)
@@ -94,9 +94,9 @@ def test_a_wrong_shape_scores_less_and_a_wrong_level_does_not():
     low = np.convolve(generator.standard_normal(420), np.ones(8) / 8, mode="valid")[:400]
     high = np.diff(generator.standard_normal(401))
     recording = HeldOutRecording(segment(0, 400, low), 1000.0)
-    right = recording.approximate(even_model(low, 10), seed=0)
-    loud = recording.approximate(even_model(low, 10, power=100.0), seed=0)
-    wrong = recording.approximate(even_model(high, 10), seed=0)
+    right = approximate(even_model(low, 10), [recording], 0)[0]
+    loud = approximate(even_model(low, 10, power=100.0), [recording], 0)[0]
+    wrong = approximate(even_model(high, 10), [recording], 0)[0]
     assert wrong.gfc < 0.7 < right.gfc
     assert loud.gfc == pytest.approx(right.gfc, abs=1e-9)
 
@@ -104,7 +104,7 @@ def test_a_wrong_shape_scores_less_and_a_wrong_level_does_not():
 def test_power_error_compares_exact_with_measured_power():
     vibration = 2.0 * np.sin(np.arange(300)) + 0.1 * np.random.default_rng(1).standard_normal(300)
     recording = HeldOutRecording(segment(0, 300, vibration), 1000.0)
-    result = recording.approximate(even_model(vibration, 4, power=10 * recording.power), seed=0)
+    result = approximate(even_model(vibration, 4, power=10 * recording.power), [recording], 0)[0]
     assert recording.power == pytest.approx(np.mean(vibration**2))
     assert result.power_error_db == pytest.approx(10.0, abs=1e-6)
 
@@ -125,6 +125,6 @@ def test_what_is_not_felt_of_a_segment_is_left_out_of_its_power():
 def test_short_segments_are_scored(length):
     vibration = np.random.default_rng(length).standard_normal(length)
     recording = HeldOutRecording(segment(0, length, vibration), 1000.0)
-    result = recording.approximate(even_model(vibration, 3), seed=0)
+    result = approximate(even_model(vibration, 3), [recording], 0)[0]
     assert 0.5 < result.gfc <= 1.0
     assert len(recording.frequencies_hz) == len(recording.amplitude) == len(result.amplitude)

@@ -100,27 +100,47 @@ class HeldOutRecording:
         filled = band_membership(self.frequencies_hz, edges_hz).any(axis=0)
         return np.where(filled, errors_db, np.nan)
 
+    def amplitudes(self, vibration_m_s2: FloatArray) -> FloatArray:
+        """Return the amplitude spectra (k, f) of vibrations of the segment's length, (k, n)."""
+        return amplitude_spectra(vibration_m_s2, self._rate_hz, self._window)[1]
+
     def inputs(self, model: TextureModel) -> FloatArray:
         """Return the segment's mean inputs to a model, shape (1, d)."""
         return np.array([self.segment.inputs(model.space)])
 
-    def approximate(self, model: TextureModel, seed: int) -> Approximation:
-        """Compare the recorded vibration with what a model renders in its place.
 
-        One long stretch is rendered at the segment's mean inputs, stationary from its first
-        sample, and cut into realisations of the segment's length.
-        """
-        inputs = self.inputs(model)
-        length = len(self.segment.vibration_m_s2)
-        count = REALISATIONS * length
-        synthesizer = Synthesizer(model, seed=seed, renewal_samples=count, limit_m_s2=np.inf)
-        rendered = synthesizer.render(*(np.full(count, value) for value in inputs[0]))
-        pieces = rendered.reshape(REALISATIONS, length)
-        _, amplitudes = amplitude_spectra(pieces, self._rate_hz, self._window)
-        measured = np.broadcast_to(self.amplitude, amplitudes.shape)
-        return Approximation(
-            gfc=float(np.mean(gfc_of_rows(amplitudes, measured))),
-            gfc_ceiling=float(np.mean(gfc_of_rows(amplitudes[1:], amplitudes[:-1]))),
-            power_error_db=float(level_error_db(model, inputs, np.array([self.power]))[0]),
-            amplitude=amplitudes.mean(axis=0),
-        )
+def level_errors_db(model: TextureModel, recordings: Sequence[HeldOutRecording]) -> FloatArray:
+    """Return the errors in dB of a model's level at held-out segments, at least one, (k,)."""
+    inputs = np.concatenate([recording.inputs(model) for recording in recordings])
+    return level_error_db(model, inputs, np.array([recording.power for recording in recordings]))
+
+
+def approximate(
+    model: TextureModel, recordings: Sequence[HeldOutRecording], seed: int
+) -> list[Approximation]:
+    """Compare the recorded vibration of held-out segments with what a model renders in its place.
+
+    For each, one long stretch is rendered at the segment's mean inputs, stationary from its first
+    sample, and cut into realisations of the segment's length. The seeds are consecutive.
+    """
+    errors_db = level_errors_db(model, recordings).tolist() if recordings else []
+    return [
+        _approximation(model, recording, seed + index, error_db)
+        for index, (recording, error_db) in enumerate(zip(recordings, errors_db, strict=True))
+    ]
+
+
+def _approximation(
+    model: TextureModel, recording: HeldOutRecording, seed: int, error_db: float
+) -> Approximation:
+    count = REALISATIONS * len(recording.segment.vibration_m_s2)
+    synthesizer = Synthesizer(model, seed=seed, renewal_samples=count, limit_m_s2=np.inf)
+    rendered = synthesizer.render(*(np.full(count, value) for value in recording.inputs(model)[0]))
+    amplitudes = recording.amplitudes(rendered.reshape(REALISATIONS, -1))
+    measured = np.broadcast_to(recording.amplitude, amplitudes.shape)
+    return Approximation(
+        gfc=float(np.mean(gfc_of_rows(amplitudes, measured))),
+        gfc_ceiling=float(np.mean(gfc_of_rows(amplitudes[1:], amplitudes[:-1]))),
+        power_error_db=error_db,
+        amplitude=amplitudes.mean(axis=0),
+    )

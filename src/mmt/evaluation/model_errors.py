@@ -12,7 +12,7 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.autoregression.burg import relative_density, shares
-from mmt.texture.autoregression.forms import lsf_output_power, lsf_to_ar
+from mmt.texture.autoregression.forms import lsf_to_ar
 from mmt.texture.completion.distance import FORCE_RANGE_N, SPEED_RANGE_MM_S, middles
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.signals.metrics import power_error_db, within_jnd
@@ -67,11 +67,9 @@ _PERIOD: Final = 2048
 
 def level_error_db(model: TextureModel, inputs: FloatArray, power: FloatArray) -> FloatArray:
     """Return the error in dB of a model's felt power at inputs (k, d) against `power` (k,)."""
-    lsf, variance = model.at(*inputs.T)
-    whole = lsf_output_power(variance, lsf)
-    return power_level_error_db(
-        whole - power_above_felt(lsf_to_ar(lsf), whole, model.rate_hz), power
-    )
+    lsf, _, whole = model.filters(*inputs.T)
+    above = power_above_felt(lsf_to_ar(lsf), whole, model.rate_hz)
+    return power_level_error_db(whole - above, power)
 
 
 def power_above_felt(ar: FloatArray, power: FloatArray, rate_hz: float) -> FloatArray:

@@ -10,13 +10,17 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.evaluation.held_out import Approximation, HeldOutRecording
+from mmt.evaluation.held_out import (
+    Approximation,
+    HeldOutRecording,
+    approximate,
+    level_errors_db,
+)
 from mmt.evaluation.model_errors import (
     GridErrors,
     HeadingErrors,
     Strokes,
     band_edges_hz,
-    level_error_db,
     root_mean_square,
 )
 from mmt.evaluation.results import Band, HeldOutSegment, Levels, PowerMap, Score, Worst
@@ -228,9 +232,7 @@ class Scorer:
             return self._against_truth(model, None)
         if not self._recordings:
             return Levels()
-        inputs = np.concatenate([recording.inputs(model) for recording in self._recordings])
-        power = np.array([recording.power for recording in self._recordings])
-        return _levels(level_error_db(model, inputs, power))
+        return _levels(level_errors_db(model, self._recordings))
 
     def _model(self, number: int) -> TextureModel | None:
         """Return the leader's model, ready to render; it is built anew unless something holds it.
@@ -256,12 +258,8 @@ class Scorer:
             model = self._rebuilt.model(number)
             rebuilt = _Rebuilt(0, self._empty_distance, [])
             if model is not None:
-                approximations = [
-                    recording.approximate(model, self._seed + index)
-                    for index, recording in enumerate(self._recordings)
-                ]
-                distance = distance_sum(model.points)
-                rebuilt = _Rebuilt(len(model.samples), distance, approximations)
+                made = approximate(model, self._recordings, self._seed)
+                rebuilt = _Rebuilt(len(model.samples), distance_sum(model.points), made)
             self._of_rebuilt[number] = rebuilt
         return self._of_rebuilt[number]
 

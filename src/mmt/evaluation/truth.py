@@ -34,7 +34,7 @@ from mmt.evaluation.model_errors import (
 from mmt.evaluation.results import PowerMap, Worst
 from mmt.evaluation.worst import StrokeError, explain
 from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface, surface_from_annotations
-from mmt.texture.autoregression.forms import ar_spectra, ar_spectrum, lsf_output_power, lsf_to_ar
+from mmt.texture.autoregression.forms import ar_spectra, ar_spectrum, lsf_to_ar
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.metrics import expected_amplitude, gfc_of_rows
@@ -99,8 +99,8 @@ class TruthAt:
 
     def level_errors_db(self, model: TextureModel) -> FloatArray:
         """Return a model's error of level, (k,), in dB; five to ten times faster than `errors`."""
-        lsf, variance = model.at(*self.strokes.inputs(model.space).T)
-        own = _felt_power(lsf, lsf_to_ar(lsf), variance, model.rate_hz)
+        lsf, variance, power = model.filters(*self.strokes.inputs(model.space).T)
+        own = _felt_power(lsf_to_ar(lsf), variance, power, model.rate_hz)
         return power_level_error_db(own, self.power)
 
     def errors(self, model: TextureModel) -> GridErrors:
@@ -240,11 +240,11 @@ def known_texture(
 
 
 def _spectra_of(model: TextureModel, strokes: Strokes) -> _Spectra:
-    lsf, variance = model.at(*strokes.inputs(model.space).T)
+    lsf, variance, output = model.filters(*strokes.inputs(model.space).T)
     # By the coefficients: several times faster than by LSF.
     ar = lsf_to_ar(lsf)
     density = ar_spectra(ar, variance, round(model.rate_hz / _STEP_HZ), model.rate_hz)
-    power = _felt_power(lsf, ar, variance, model.rate_hz)
+    power = _felt_power(ar, variance, output, model.rate_hz)
     return _spectra(model.rate_hz, density, power)
 
 
@@ -256,10 +256,9 @@ def _spectra(rate_hz: float, density: FloatArray, power: FloatArray) -> _Spectra
 
 
 def _felt_power(
-    lsf: FloatArray, ar: FloatArray, variance: FloatArray, rate_hz: float
+    ar: FloatArray, variance: FloatArray, power: FloatArray, rate_hz: float
 ) -> FloatArray:
-    """Return the power (k,) that is felt, from 8 Hz on, of filters (k, m) given in both forms."""
-    power = lsf_output_power(variance, lsf)
+    """Return the part (k,) of the power that is felt, from 8 Hz on, of filters (k, m)."""
     low = ar_spectrum(ar, variance, np.arange(LOWEST_HZ + 1.0), rate_hz)
     lost = np.trapezoid(low, axis=1) + power_above_felt(ar, power, rate_hz)
     return np.asarray(power - np.minimum(lost, 0.999 * power))

@@ -21,6 +21,7 @@ from mmt.core.bounds import check, check_fields, real_numbers
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.autoregression import LARGEST_ORDER
+from mmt.texture.autoregression.lsf import are_lsf
 from mmt.texture.settings import CHANNELS, MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, Inputs
 
 Maximum = Annotated[float, Ge(1e-6), Le(1e6)]
@@ -299,8 +300,7 @@ class TextureSamples:
                 if not (np.asarray(values) > 0.0).all():
                     raise InputError(f"{name} must be positive")
         check("noise_power", self.noise_power, Power)
-        inside = np.isfinite(lsf).all() and (lsf > 0).all() and (lsf < np.pi).all()
-        if not inside or (np.diff(lsf, axis=1) <= 0).any():
+        if not are_lsf(np.require(lsf, requirements=["C", "W"])):  # for compiled code
             raise InputError("lsf must ascend strictly inside (0, pi)")
 
 

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import BoolArray
-from mmt.evaluation.held_out import Approximation, HeldOutRecording
+from mmt.evaluation.held_out import Approximation, HeldOutRecording, approximate
 from mmt.texture.signals.metrics import Spectra
 from mmt_lab.selection.concatenated import ORDER as OWN_ORDER
 from mmt_lab.selection.concatenated import (
@@ -151,7 +151,5 @@ def _score(
     chosen[: row.points] = mask
     model = NetworkModel.from_contents(found.pool.model(chosen).contents)
     fresh = segments_of(stroke(row.surface, FRESH_S, seed, directed=row.directed), settings)
-    return [
-        HeldOutRecording(one, settings.vibration_rate_hz, spectra).approximate(model, number)
-        for number, one in enumerate(fresh)
-    ]
+    recordings = [HeldOutRecording(one, settings.vibration_rate_hz, spectra) for one in fresh]
+    return approximate(model, recordings, 0)

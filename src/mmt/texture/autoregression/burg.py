@@ -28,7 +28,7 @@ from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.bounds import check, real_numbers
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
-from mmt.texture.autoregression import Order
+from mmt.texture.autoregression import TINY, Order
 
 LARGEST_REFLECTION: Final = 1.0 - 2.0**-53
 """The largest number below one, the bound of |k|."""
@@ -241,7 +241,6 @@ def burg_each_into(
 
 
 LARGEST_OF_SPECTRA: Final = 1.0 - 1e-9
-TINY: Final = 1e-300
 _RESOLVED_HZ: Final = 1.25
 _LEAST_PERIOD: Final = 1024
 

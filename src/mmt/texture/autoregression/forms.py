@@ -30,9 +30,8 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.bounds import real_numbers
 from mmt.core.errors import InputError
-from mmt.texture.autoregression import LARGEST_ORDER
+from mmt.texture.autoregression import LARGEST_ORDER, TINY
 from mmt.texture.autoregression.burg import (
-    TINY,
     period_of,
     relative_density,
     shares,
@@ -40,6 +39,7 @@ from mmt.texture.autoregression.burg import (
 )
 from mmt.texture.autoregression.lsf import (
     ar_to_reflection_each_into,
+    are_lsf,
     lsf_inverse_gain_each_into,
     lsf_to_ar_each_into,
     reflection_to_ar_each_into,
@@ -192,8 +192,7 @@ def _checked_reflection(reflection: FloatArray) -> FloatArray:
 
 def _checked_lsf(lsf: FloatArray) -> FloatArray:
     array = _checked("lsf", lsf)
-    ascending = (array[..., 1:] > array[..., :-1]).all()
-    if not (ascending and (array[..., 0] > 0.0).all() and (array[..., -1] < np.pi).all()):
+    if not are_lsf(np.atleast_2d(array)):
         raise InputError("lsf must ascend strictly inside (0, pi)")
     return array
 

@@ -111,6 +111,18 @@ def lsf_to_ar_into(lsf: FloatArray, ar: FloatArray, work: FloatArray) -> None:
     ar[symmetric_count - 1] = 0.5 * symmetric[symmetric_count]
 
 
+@kernel("b1(f8[:, ::1])")
+def are_lsf(rows: FloatArray) -> bool:
+    """Return whether the values of every row (n, m) ascend strictly inside (0, pi)."""
+    for row in range(len(rows)):
+        last = 0.0
+        for each in range(rows.shape[1]):
+            if not last < rows[row, each] < np.pi:
+                return False
+            last = rows[row, each]
+    return True
+
+
 @kernel("void(f8[:, ::1], f8[:, ::1])")
 def lsf_to_ar_each_into(lsf: FloatArray, ar: FloatArray) -> None:
     """Do `lsf_to_ar_into` for every row (n, m)."""

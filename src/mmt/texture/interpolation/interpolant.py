@@ -18,7 +18,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
-from mmt.texture.autoregression import LARGEST_ORDER
+from mmt.texture.autoregression import LARGEST_ORDER, TINY
 from mmt.texture.autoregression.lsf import lsf_inverse_gain
 from mmt.texture.interpolation.delaunay import linear_into
 from mmt.texture.interpolation.networks import network_into
@@ -142,7 +142,9 @@ def tabulated_level(parameters: FloatArray, x: float, y: float, force: float) ->
     return float(np.exp(value) * fall)
 
 
-@kernel("void(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[::1])")
+@kernel(
+    "void(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[::1], f8[::1])"
+)
 def filters_into(
     rows: FloatArray,
     links: IntArray,
@@ -151,8 +153,9 @@ def filters_into(
     points: FloatArray,
     lsf: FloatArray,
     variance: FloatArray,
+    power: FloatArray,
 ) -> None:
-    """Write LSF (k, m) and excitation variances (k,) at points (k, d).
+    """Write LSF (k, m), excitation variances (k,) and output powers (k,) at points (k, d).
 
     `rows`, `links` and `tail` are the interpolant's. Its level is the variance, unless a table
     gives powers: then the filter's gain converts them, as a mean of LSF has no mean of gains.
@@ -162,9 +165,10 @@ def filters_into(
         hint = interpolate_into(rows, links, tail, hint, points[row], values, work)
         for k in range(lsf.shape[1]):
             lsf[row, k] = values[1 + k]
-        variance[row] = values[0]
+        inverse_gain = lsf_inverse_gain(lsf[row], work)
+        variance[row], power[row] = values[0], values[0] / max(inverse_gain, TINY)
         if parameters[TABLE_SIZES] > 0.0:
             y = points[row, 1] if points.shape[1] == 3 else 0.0
             force = points[row, points.shape[1] - 1]
-            power = tabulated_level(parameters, points[row, 0], y, force)
-            variance[row] = power * lsf_inverse_gain(lsf[row], work) if power > 0.0 else 0.0
+            power[row] = tabulated_level(parameters, points[row, 0], y, force)
+            variance[row] = power[row] * inverse_gain if power[row] > 0.0 else 0.0

@@ -27,9 +27,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression import LARGEST_ORDER
+from mmt.texture.autoregression import LARGEST_ORDER, TINY
 from mmt.texture.autoregression.burg import (
-    TINY,
     ReflectionFits,
     burg_batch,
     period_of,

@@ -250,10 +250,15 @@ class TextureModel(Plottable):
         InputError
             There are not d inputs.
         """
-        points = np.ascontiguousarray(self.space.normalise(self.space.stack(*inputs)))
-        lsf, variance = np.empty((len(points), self.order)), np.empty(len(points))
-        filters_into(*self.interpolant, self.kernel_parameters, points, lsf, variance)
+        lsf, variance, _ = self.filters(*inputs)
         return lsf, variance
+
+    def filters(self, *inputs: npt.ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what `at` returns, and the power of the vibration, the filter's output, (k,)."""
+        points = np.ascontiguousarray(self.space.normalise(self.space.stack(*inputs)))
+        lsf, (variance, power) = np.empty((len(points), self.order)), np.empty((2, len(points)))
+        filters_into(*self.interpolant, self.kernel_parameters, points, lsf, variance, power)
+        return lsf, variance, power
 
     def spectrum(self, *inputs: npt.ArrayLike, frequencies_hz: FloatArray) -> FloatArray:
         """Return the one-sided power spectral density in (m/s2)^2/Hz, shape (k, f) or (f,).
