@@ -22,6 +22,7 @@ prior, and the posterior is the mixture over all of them, weighted by their evid
 (`mmt.texture.field.posterior`). The prior's figures are in `HYPERPRIOR`.
 """
 
+from functools import cache
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
@@ -120,6 +121,7 @@ def grid_nodes(axes: Coordinates) -> Coordinates:
     return Coordinates(u.ravel(), v.ravel(), heading.ravel())
 
 
+@cache
 def settings(count: int, *, directed: bool, rough: bool = True) -> FloatArray:
     """Return hyperparameters spread evenly over their prior, (count, 4) or (count, 8).
 
@@ -137,6 +139,7 @@ def settings(count: int, *, directed: bool, rough: bool = True) -> FloatArray:
     middles, spreads = np.array([HYPERPRIOR[names[column]] for column in spread]).T
     every = np.zeros((count, len(names)))
     every[:, spread] = middles * np.exp(spreads * ndtri(0.002 + 0.996 * shares))
+    every.setflags(write=False)
     return every
 
 
@@ -155,7 +158,7 @@ def prior_covariance(a: Coordinates, b: Coordinates, every: FloatArray) -> Float
     covariance
         Shape (k, l), or (s, k, l).
     """
-    rows = np.atleast_2d(np.asarray(every, np.float64))
+    rows = np.array(every, np.float64, ndmin=2)  # writable, for compiled code
     out = np.empty((len(rows), len(a.u), len(b.u)))
     slopes = np.array(SLOPES)[:, 1]
     _covariances(np.array(a), np.array(b), rows, slopes, out)
