@@ -4,9 +4,6 @@ Leader and follower run as processes with a rough texture, first with one listen
 many, all on this machine. Listeners join within one second when the model is ready, receive each of
 its changes, and render nothing. The time to the first model includes the time to build one model.
 Ticks are compared within a pair of sessions; the median over several pairs counts.
-
-With ``--minutes`` the session lasts for that time, while listeners join and leave, vanish, stall,
-and send rubbish.
 """
 
 import asyncio
@@ -22,52 +19,18 @@ from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.findings import Findings
 from mmt_lab.sharing.crowd import join_apart
 from mmt_lab.sharing.hubs import findings
-from mmt_lab.sharing.long_session import run_long_session
 from mmt_lab.sharing.session import run_with_listeners
 
 SHOWS: Final = "what it costs to share a model, and how soon a hundred listeners have it"
 TAKES: Final = "3 min"
 
 
-_FORMS: Final = {
-    "minutes": ("seed",),
-    "hubs": ("duration", "listeners"),
-    "": ("duration", "listeners", "pairs"),
-}
-"""Options allowed with each form of the experiment; the last form is the plain experiment."""
-
-
-def _check_form(**given: object) -> None:
-    """Raise `InputError` for an option that the form would ignore; None means not given."""
-    form = next(name for name in _FORMS if given.get(name) is not None or not name)
-    for name, value in given.items():
-        if value is not None and name not in (form, *_FORMS[form]):
-            fit = [_name(other) for other, options in _FORMS.items() if name in options]
-            goes = f"it goes with {' or '.join(fit)}" if fit else "give one of them"
-            raise InputError(f"--{name} does not go with {_name(form)}: {goes}")
-
-
-def _name(form: str) -> str:
-    return f"--{form}" if form else "the plain experiment"
-
-
 def run(
-    duration: Annotated[
-        float | None, typer.Option(help="Seconds of each session; 18 if absent.")
-    ] = None,
-    listeners: Annotated[
-        int | None, typer.Option(min=2, help="How many join at once; 100 if absent.")
-    ] = None,
+    duration: Annotated[float, typer.Option(help="Seconds of each session.")] = 18.0,
+    listeners: Annotated[int, typer.Option(min=2, help="How many join at once.")] = 100,
     pairs: Annotated[
         int | None,
         typer.Option(min=1, max=99, help="Sessions with one and with many, by turns; 3 if absent."),
-    ] = None,
-    minutes: Annotated[
-        float | None,
-        typer.Option(min=1.0, max=1400.0, help="So long, with listeners that make trouble."),
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(min=0, help="The first seed of the trouble; 1 if absent.")
     ] = None,
     hubs: Annotated[
         int | None,
@@ -75,19 +38,9 @@ def run(
     ] = None,
 ) -> Findings:
     """Share a model with one listener, and with many who join at once."""
-    _check_form(
-        minutes=minutes,
-        hubs=hubs,
-        duration=duration,
-        listeners=listeners,
-        pairs=pairs,
-        seed=seed,
-    )
-    duration = 18.0 if duration is None else duration
-    listeners = 100 if listeners is None else listeners
-    if minutes is not None:
-        return run_long_session(60.0 * minutes, 1 if seed is None else seed)
     if hubs is not None:
+        if pairs is not None:
+            raise InputError("--pairs does not go with --hubs: leave one of them out")
         require("redis")
         return findings(hubs, listeners, duration)
     ratios: list[float] = []

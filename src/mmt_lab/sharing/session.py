@@ -3,7 +3,7 @@
 import asyncio
 import os
 import re
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -24,13 +24,12 @@ LAST_S: Final = 30.0
 class Service:
     """A service as a process, read line by line."""
 
-    def __init__(self, child: Child, watch: Callable[[int], None] = lambda _: None) -> None:
-        self.child, self._watch, self._lines = child, watch, child.lines()
+    def __init__(self, child: Child) -> None:
+        self.child, self._lines = child, child.lines()
 
     async def line(self, kind: str, pattern: str = "") -> dict[str, Any]:
         """Return the next line of a kind whose event matches a pattern."""
         async for line in self._lines:
-            self._watch(self.child.pid)
             if line["kind"] == kind and re.search(pattern, str(line.get("event", ""))):
                 return line
         raise MmtError(f"the {self.child.name} has ended: {self.child.messages}")
@@ -46,13 +45,13 @@ class ListenedSession:
         """URL at which the model is shared."""
         self._link = ""
 
-    async def start_leader(self, duration_s: float, watch: Callable[[int], None]) -> None:
+    async def start_leader(self, duration_s: float) -> None:
         """Start the leader, and wait until its model is shared."""
         recording = Path(self._stack.enter_context(TemporaryDirectory())) / "session.mcap"
         options = ["--share", "--port", "0", "--duration", str(duration_s)]
         options += ["--record", str(recording)]
         self.leader = await self.start(
-            "leader", _SCENE, *options, watch=watch, environment={"MMT_SHARING__PORT": "0"}
+            "leader", _SCENE, *options, environment={"MMT_SHARING__PORT": "0"}
         )
         self._link = f"http://127.0.0.1:{(await self.leader.line('ready'))['port']}"
         told = await self.leader.line("event", "^shared at ")
@@ -65,7 +64,6 @@ class ListenedSession:
     async def start(
         self,
         *command: str,
-        watch: Callable[[int], None] = lambda _: None,
         prefix: Sequence[str] = (),
         environment: Mapping[str, str] = MappingProxyType({}),
     ) -> Service:
@@ -78,7 +76,7 @@ class ListenedSession:
             prefix=prefix,
         )
         self._stack.push_async_callback(child.kill)
-        return Service(child, watch)
+        return Service(child)
 
     def listen(self, *calls: tuple[Any, ...]) -> list[Connection]:
         """Run listeners until the session is over; see `background_processes`."""
@@ -86,13 +84,11 @@ class ListenedSession:
 
 
 @asynccontextmanager
-async def shared_session(
-    duration_s: float, watch: Callable[[int], None] = lambda _: None
-) -> AsyncIterator[ListenedSession]:
+async def shared_session(duration_s: float) -> AsyncIterator[ListenedSession]:
     """Run a leader that shares its model; the follower is not started yet."""
     async with AsyncExitStack() as stack:
         session = ListenedSession(stack)
-        await session.start_leader(duration_s, watch)
+        await session.start_leader(duration_s)
         yield session
 
 
@@ -100,7 +96,6 @@ async def run_with_listeners(
     duration_s: float,
     listeners: tuple[Any, ...],
     first: int,
-    watch: Callable[[int], None] = lambda _: None,
 ) -> tuple[dict[str, Any], Any]:
     """Run one session with listeners; return the leader's summary and the listeners' results.
 
@@ -108,7 +103,7 @@ async def run_with_listeners(
     longest time.
     """
     function, *arguments = listeners
-    async with shared_session(duration_s, watch) as session:
+    async with shared_session(duration_s) as session:
         (pipe,) = session.listen((function, session.url, duration_s + LAST_S, *arguments))
         await session.leader.line("event", f", {first} listening")
         await session.start_follower()
