@@ -51,7 +51,7 @@ def _without_column(column: int) -> Replace:
 
     def replace(settings: Callable[..., Any]) -> Callable[..., Any]:
         def left(count: int, *, directed: bool) -> Any:
-            every = settings(count, directed=directed)
+            every = settings(count, directed=directed).copy()
             every[:, column : column + 1] = 0.0
             return every
 
