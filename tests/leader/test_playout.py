@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mmt.leader.output.concealment import build_concealment
 from mmt.leader.output.stream import PlayoutBuffer, PlayoutStatistics
 
 MS = 1_000_000
@@ -289,3 +290,15 @@ def test_in_silence_a_difference_of_two_samples_is_made_up_for_at_once(jump_ms, 
     buffer = steady(501, silent=True)
     assert buffer.pull((501 + jump_ms) * MS) == (heard,)
     assert buffer.statistics().slips == 0
+
+
+@pytest.mark.parametrize("way", ["silence", "repetition", "model"])
+@pytest.mark.parametrize("samples", [1, 4])
+def test_a_delay_that_reaches_back_before_the_first_frame_plays_none(way, samples):
+    buffer = PlayoutBuffer("auto", concealment=build_concealment(way, 1, samples))
+    frames = [(k, k * MS, max(k, 99 if k else 0) * MS) for k in range(300)]  # held up after one
+    for tick in range(300):
+        for frame in frames:
+            if frame[2] == tick * MS:
+                buffer.push(*frame, [1.0] * samples)
+        assert len(buffer.pull(tick * MS)) == samples

@@ -91,7 +91,7 @@ class PlayoutBuffer:
         fixed = _MARGIN_FRAMES if delay_ms == "auto" else round(delay_ms * 1e6 / period_ns)
         self._delay = min(max(fixed, 0), self._longest)
         self._values: list[Sequence[float]] = [()] * _RING
-        self._sequences = [-1] * _RING
+        self._sequences = list(range(1, _RING + 1))  # none at its own place, so none matches yet
         self._newest = -1
         self._next: int | None = None
         self._lags: deque[int] = deque(maxlen=_WINDOW_TICKS)
