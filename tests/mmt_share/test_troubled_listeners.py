@@ -5,7 +5,9 @@ import random
 from contextlib import suppress
 
 import aiohttp
+import psutil
 import socketio
+from service_runs import LONGEST_S, Together, small_scene
 from sharing_samples import listening, shared, until
 
 from mmt_lab.harness.proxy import Proxy
@@ -60,3 +62,24 @@ async def test_troubles_disturb_nobody():
         await until(lambda: heard.models[-1:] == [2])
         assert heard.client.rejected == 0
         await until(lambda: len(sharing.relay.listeners) == 1)
+
+
+async def test_a_process_for_listeners_that_is_killed_ends_the_sharing_and_nothing_else(tmp_path):
+    tables = {"texture": {}, "rendering": {}, "sharing": {"port": 0}}
+    together = await Together.listening(
+        small_scene(tmp_path, session={"duration_s": 4.0}, **tables)
+    )
+    following = asyncio.create_task(together.follow())
+    async with asyncio.timeout(LONGEST_S):
+        await until(lambda: any(said.startswith("shared at") for said in together.said))
+        for child in psutil.Process().children():
+            if "mmt_share.process" in child.cmdline():
+                child.kill()
+        await until(together.leader.health.faults)
+        assert together.leader.status().more["listeners"] == 0
+        await following
+    summary = await together.end()
+    said = "the process that shares the model has ended: the session goes on without it"
+    assert together.said.count(said) == 1
+    assert (summary.outcome, summary.problem) == ("completed", None)
+    assert summary.link["frames"] == summary.recording["frames"] >= 4000

@@ -105,6 +105,7 @@ class SharingPart(Part):
         self._publishing: asyncio.Future[PublishedModel] | None = None
         self.port: int | None = None
         """Port for listeners, or None before the process listens."""
+        self._fault = ""
         self.on_control: Callable[[dict[str, Any]], None] = lambda _: None
         """Called with each operator's message; set by `ControlPart`."""
 
@@ -166,6 +167,10 @@ class SharingPart(Part):
         """Receive only the motion of this operator; None receives none."""
         self._write({"admit": operator})
 
+    def faults(self) -> list[str]:
+        """Return that nothing is shared any more, if the process has ended."""
+        return [self._fault] if self._fault else []
+
     def status(self) -> dict[str, Any]:
         """Return how many are listening."""
         return {"listeners": self.listeners.now}
@@ -186,12 +191,12 @@ class SharingPart(Part):
         return self.listeners.metrics()
 
     async def _run(self) -> None:
-        """Start the process and pass on what is new, until cancelled.
+        """Start the process and pass on what is new, until it ends or this is cancelled.
 
         Raises
         ------
         MmtError
-            The process cannot listen, or has ended.
+            The process cannot listen.
         """
         table, control = self._table, self._session.scene.table(Control)
         given = {
@@ -215,7 +220,9 @@ class SharingPart(Part):
             if self.port is not None and not self._congested:
                 await self._hand_on()
         reading.result()
-        raise MmtError("the process that shares the model has ended")
+        self.listeners.now = 0
+        self._fault = "the process that shares the model has ended: the session goes on without it"
+        self._session.journal.event(self._fault)
 
     async def _read(self, process: asyncio.subprocess.Process) -> None:
         """Handle the lines that the process writes, until it ends.
@@ -227,6 +234,8 @@ class SharingPart(Part):
         """
         assert process.stdout is not None  # noqa: S101 - it was asked for
         async for raw in process.stdout:
+            if not raw.endswith(b"\n"):
+                return  # the process was killed while it wrote
             line = json.loads(raw)
             if "problem" in line:
                 raise MmtError(f"the model cannot be shared: {line['problem']}")
