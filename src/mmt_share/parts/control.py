@@ -127,7 +127,7 @@ class ControlPart(Part):
     def _decide(self, order: dict[str, Any]) -> str:
         """Carry out an order, which is not trusted; see `orders`."""
         decision, who = order.get("decision"), order.get("who", 0)
-        if decision not in _DECISIONS:
+        if decision not in tuple(_DECISIONS):  # it may be no hashable value
             raise InputError(f"decision is {decision!r}: allowed are {', '.join(_DECISIONS)}")
         if not isinstance(who, int):
             raise InputError("who is the number of a listener that asks")
