@@ -112,9 +112,10 @@ async def test_with_a_token_the_socket_asks_for_it(tmp_path, browser, monkeypatc
         socket = await browser.look_on(together, wrong)
         message = await socket.receive()
         assert (message.type, message.data) == (aiohttp.WSMsgType.CLOSE, 4401)
-    async with browser.http.ws_connect(address(together)) as socket:
-        await socket.send_str("[1, 2]")
-        assert (await socket.receive()).data == 4401
+    for rubbish in ("[1, 2]", "[" * 4000):
+        async with browser.http.ws_connect(address(together)) as socket:
+            await socket.send_str(rubbish)
+            assert (await socket.receive()).data == 4401
     async with browser.http.ws_connect(address(together), autoping=False) as socket:
         await socket.ping(b"who is there")
         assert (await socket.receive()).data == 4401

@@ -155,7 +155,7 @@ async def open_socket(
 
 async def _token(socket: web.WebSocketResponse) -> Any:
     """Return the token in the first message, or None if there is none."""
-    with suppress(TimeoutError, ValueError, TypeError, AttributeError):
+    with suppress(TimeoutError, ValueError, TypeError, AttributeError, RecursionError):
         return json.loads(await socket.receive_str(timeout=HANDSHAKE_S)).get("token")
     return None
 
