@@ -1,5 +1,6 @@
 import ast
 import json
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ from mmt.core.compiled import (
     kernel,
 )
 from mmt.core.kernel_cache import compile_kernels
+from mmt.texture.model.texture_model import load_model
 
 SAVED_MODEL = """
 [rendering]
@@ -32,8 +34,18 @@ MODELLING = """
 [rendering]
 """
 
+DRIVEN = MODELLING.replace(
+    "[actuator]",
+    """[actuator]
+driver = "haptuator-serial"
+port = "/dev/none"
+full_scale_v = 3.0
+volts_per_m_s2 = 0.1
+""",
+)
+
 ASKED_FOR = """
-import json, sys
+import json, pickle, sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
 from mmt.core.kernel_cache import compile_kernels
@@ -51,10 +63,12 @@ Dispatcher.compile = compile_noted
 scene = load_scene(Path(sys.argv[1]))
 compile_kernels(numerics_of(scene), lambda _: None)
 asked = len(names)
-build_parts(Session(scene))
+parts = build_parts(Session(scene))
+parts.completing._tell_of_skin(pickle.loads(Path(sys.argv[2]).read_bytes()))
 print(json.dumps([asked, names[asked:]]))
 """
-"""Ask for a scene's kernels, load its parts, and tell what these needed beside."""
+"""Ask for a scene's kernels, load its parts, have them judge a model, and tell what these needed
+beside."""
 
 DOUBLED = """
 from mmt.core.compiled import kernel
@@ -165,11 +179,14 @@ def test_kernels_that_only_kernels_call_are_inner():
     assert {name for name, inner in kernels.items() if inner} == kernels.keys() - read
 
 
-@pytest.mark.parametrize("scene", [SAVED_MODEL, MODELLING], ids=["saved model", "modelling"])
+@pytest.mark.parametrize(
+    "scene", [SAVED_MODEL, MODELLING, DRIVEN], ids=["saved model", "modelling", "driven"]
+)
 def test_a_scene_asks_for_every_kernel_that_it_uses(tmp_path, scene):
     (tmp_path / "scene.toml").write_text(scene)
+    (tmp_path / "model").write_bytes(pickle.dumps(load_model("oak").prepared()))
     ended = subprocess.run(
-        [sys.executable, "-c", ASKED_FOR, tmp_path / "scene.toml"],
+        [sys.executable, "-c", ASKED_FOR, tmp_path / "scene.toml", tmp_path / "model"],
         check=True,
         capture_output=True,
         text=True,

@@ -60,8 +60,8 @@ class Recorder:
         self.models = []
         self.events = []
 
-    def attach_model(self, data, time_s):
-        self.models.append((data.decode(), time_s))
+    def attach_model(self, pack, time_s):
+        self.models.append((pack().decode(), time_s))
 
     def record_event(self, event):
         self.events.append(event)

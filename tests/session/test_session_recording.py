@@ -77,7 +77,12 @@ def test_frames_that_come_late_stand_apart_and_are_read_at_their_places(tmp_path
 
 def test_everything_recorded_comes_back_at_its_time(tmp_path):
     path = tmp_path / "runs" / "deep" / "run.mcap"
-    clock_ns = [7_000_000_000]
+    clock_ns, packers = [7_000_000_000], []
+
+    def pack():
+        packers.append(threading.current_thread())
+        return b"npz"
+
     recorder = McapRecorder(
         path, channels=CHANNELS, scene={"session": {"name": "x"}}, clock=lambda: clock_ns[0]
     )
@@ -87,7 +92,7 @@ def test_everything_recorded_comes_back_at_its_time(tmp_path):
     recorder.record_event({"event": "now"})
     recorder.record_event({"time_s": 0.125, "event": "then"})
     recorder.record_event({"time_s": float("nan"), "event": "unclear"})
-    recorder.attach_model(b"npz", 0.5)
+    recorder.attach_model(pack, 0.5)
     for index in range(45):
         mode = "streamed" if index < 30 else "model"
         recorder.record_output(7_000_000_000 + index * 1_000_000, mode, [float(index)])
@@ -96,6 +101,7 @@ def test_everything_recorded_comes_back_at_its_time(tmp_path):
     assert session.annotations == b"truth"
     assert session.scene == {"session": {"name": "x"}}
     assert session.models == [(0.5, b"npz")]
+    assert packers != [threading.main_thread()]  # it takes longer than a tick
     assert session.events[:2] == [
         {"time_s": 0.25, "event": "now"},
         {"time_s": 0.125, "event": "then"},
@@ -122,7 +128,7 @@ def test_a_slow_disk_costs_the_oldest_frames_and_counts_them(tmp_path, monkeypat
     recorder = McapRecorder(path, channels=CHANNELS, queue_limit=500)
     for index in range(0, 2000, 2):
         recorder.record_frames(frames[index : index + 2])
-    recorder.attach_model(b"never dropped", 0.0)
+    recorder.attach_model(lambda: b"never dropped", 0.0)
     assert recorder.dropped >= 800
     blocked.set()
     recorder.close()

@@ -116,6 +116,9 @@ def numerics_of(scene: Scene) -> list[str]:
         # such a model is built in this process, a growing one in the one that models
         field = "mmt.texture.field"
         names += ["mmt.texture.model.rendered", f"{field}.posterior", f"{field}.shape_smoothing"]
+    if table is not None and scene.actuator is not None and scene.actuator.driver is not None:
+        # for the share of a model's power that the actuator plays
+        names += ["mmt.texture.synthesis.actuator", "mmt.texture.autoregression.forms"]
     return names
 
 

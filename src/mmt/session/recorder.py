@@ -210,9 +210,10 @@ class McapRecorder:
         log_time_ns = self._log_time_ns(time_s if timed else None)
         self._put_rare(self._writer.write_event, to_json(dict(event)), log_time_ns)
 
-    def attach_model(self, data: bytes, time_s: float) -> None:
-        """Attach the bytes of a texture model's ``.npz`` at a session time."""
-        self._put_rare(self._writer.write_model, data, self._log_time_ns(time_s))
+    def attach_model(self, pack: Callable[[], bytes], time_s: float) -> None:
+        """Attach a texture model's ``.npz`` at a session time; `pack` makes it, in the thread."""
+        log_time_ns = self._log_time_ns(time_s)
+        self._put_rare(lambda: self._writer.write_model(pack(), log_time_ns))
 
     def attach_annotations(self, data: bytes) -> None:
         """Attach the follower's annotations of the session; the last call counts."""

@@ -141,7 +141,7 @@ class TouchRecorder:
             existing=self._existing,
             samples_per_frame=self._samples,
         )
-        recorder.attach_model(model.to_bytes(), 0.0)
+        recorder.attach_model(model.to_bytes, 0.0)
         recorder.record_event({"time_s": 0.0, "event": f"{name} is played", "texture": name})
         return _TextureFile(recorder, self._samples)
 

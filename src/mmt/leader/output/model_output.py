@@ -315,4 +315,4 @@ class ModelOutput(Part):
             recorder.record_event(
                 {"kind": "model", "surface": surface, "samples": samples, "time_s": update.time_s}
             )
-        recorder.attach_model(model.to_bytes(), update.time_s)
+        recorder.attach_model(model.to_bytes, update.time_s)
