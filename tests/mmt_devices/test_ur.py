@@ -5,6 +5,7 @@ import re
 import sys
 from importlib.util import find_spec
 
+import numpy as np
 import pytest
 from running_source import RunningSource
 from scipy.spatial.transform import Rotation
@@ -123,6 +124,25 @@ def test_the_bias_is_taken_off_at_rest_alone_and_stays_in_the_next_connection(la
     lab.arm.noise_n = 5.0
     with pytest.raises(MmtError, match="moves while its bias is taken"):
         lab.force.calibrate()
+
+
+def test_an_arm_whose_tool_is_pressed_is_not_taken_again_until_it_is_free(lab):
+    lab.robot.connect()
+    lab.robot.close()
+    lab.tip.command_mm = (0.0, 0.0, -6.0)
+    with pytest.raises(MmtError, match="feels 12 N, and the arm zeroes its force sensor when"):
+        lab.robot.connect()
+    lab.tip.command_mm = None
+    lab.robot.connect()
+    assert lab.robot.read() == pytest.approx((0.0, 0.0, 5.0))
+
+
+def test_a_force_sensor_that_was_away_warns_of_a_zero_that_it_has_not_seen(lab, caplog):
+    lab.force.connect()
+    lab.force.calibrate()
+    assert not caplog.messages
+    lab.force.connect()
+    assert "is connected again: if its program has started meanwhile" in caplog.text
 
 
 FAULTS = {
@@ -323,8 +343,9 @@ def test_frames_cease_in_a_protective_stop_and_go_on_after_it(lab):
         assert len(running.run(lambda _: next(turns) > 50)) == 0
         lab.arm.restore()
         running.run(lambda _: not running.told[-1][0])
-        frames = running.run(lambda number: number >= 60)
+        frames = running.run(lambda number: number >= 300)
         assert frames["position_mm"][-1] == pytest.approx((5.0, 0.0, -1.0), abs=0.1)
+        np.testing.assert_allclose(frames["force_n"][:, 2], 2.0, atol=0.5)  # zeroed in contact
         assert lab.arm.runtime_state == PLAYING
         assert [sentence for _, sentence in running.told if "force" in sentence] == []
     finally:

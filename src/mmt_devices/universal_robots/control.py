@@ -27,9 +27,11 @@ _MODES: Final = {
     -1: "NO_CONTROLLER", 0: "DISCONNECTED", 1: "CONFIRM_SAFETY", 2: "BOOTING", 3: "POWER_OFF",
     4: "POWER_ON", 5: "IDLE", 6: "BACKDRIVE", 8: "UPDATING_FIRMWARE",
 }  # fmt: skip
-_PLAYING: Final = 2
+PLAYING: Final = 2
 _PAUSED: Final = 4
 _START_S: Final = 1.0
+ZEROING_S: Final = 0.2
+"""Time after a program's start in which an e-Series arm may still be zeroing its force sensor."""
 
 
 class ArmControl(threading.Thread):
@@ -85,9 +87,10 @@ class ArmControl(threading.Thread):
 
         try:
             control = rtde_control.RTDEControlInterface(self._host, frequency_hz)
+            time.sleep(1.5 * ZEROING_S)  # then its force sensor has moved the bias
             guarded = control.setWatchdog(WATCHDOG_HZ)
             deadline = time.monotonic() + _START_S
-            while self._receive.getRuntimeState() != _PLAYING and time.monotonic() < deadline:
+            while self._receive.getRuntimeState() != PLAYING and time.monotonic() < deadline:
                 time.sleep(0.001)  # `receive` reports it a cycle later
         except Exception as error:
             raise MmtError(
@@ -132,7 +135,7 @@ class ArmControl(threading.Thread):
         reason = self._problem(time.monotonic())
         if reason:
             self._lose(reason)
-        elif self._receive.getRuntimeState() != _PLAYING:
+        elif self._receive.getRuntimeState() != PLAYING:
             self._explains = True  # in a thread: the dashboard server may be slow
             explaining = threading.Thread(target=lambda: self._lose(self._why_not()), daemon=True)
             explaining.start()

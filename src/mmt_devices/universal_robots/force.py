@@ -1,5 +1,7 @@
 """The force at the tool of an arm by Universal Robots, as the controller measures it."""
 
+import logging
+import math
 import time
 from collections import Counter
 from typing import Any, Final
@@ -8,10 +10,13 @@ from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.extras import require
 from mmt.devices.drivers import read_options
+from mmt_devices.universal_robots.control import ZEROING_S
 from mmt_devices.universal_robots.frame import SceneFrame
 from mmt_devices.universal_robots.link import ArmLink
 from mmt_devices.universal_robots.messages import UrState
 from mmt_devices.universal_robots.options import ForceOptions
+
+LOG: Final = logging.getLogger("mmt_devices.universal_robots")
 
 _BIAS_S: Final = 0.2
 _BIAS_STATES: Final = 20
@@ -19,6 +24,9 @@ _BIAS_PATIENCE_S: Final = 2.0
 _UNREST_N: Final = 5.0
 """Largest spread of the values along an axis while the bias is taken."""
 _CHANGE_S: Final = 0.5
+_EDGE_S: Final = 0.05
+"""Time about a program's start that is left out of the means before and after it."""
+_SAID_N: Final = 1.0
 
 
 class UrForceSensor:
@@ -27,6 +35,8 @@ class UrForceSensor:
     The force is ``actual_TCP_force`` of RTDE: the external force on the tool in the base's axes,
     without the payload that is set at the controller. A tool that presses on a table under an
     upright arm measures a positive z. `read` subtracts the bias and rotates into the scene's axes.
+    An e-Series arm zeroes its sensor whenever a program starts, as after a stop; the bias is then
+    moved, so that the force goes on as before.
 
     Parameters
     ----------
@@ -44,7 +54,9 @@ class UrForceSensor:
         require("rtde_receive")
         self._frame = SceneFrame((0.0, 0.0, 0.0), self._options.rotation_rad)
         self._link: ArmLink | None = None
-        self._bias_n: Vector = (0.0, 0.0, 0.0)
+        self._bias_n: Vector | None = None
+        self._program_ran: bool | None = None
+        self._started: tuple[float, Vector | None] | None = None
         self._last_n: Vector | None = None
         self._same_since_s = 0.0
         self._stuck = False
@@ -65,6 +77,14 @@ class UrForceSensor:
             self._link.start()
             if self._stuck:
                 self._await_change()
+            self._program_ran = self._started = None
+            if self._bias_n is not None:
+                LOG.warning(
+                    "the UR arm at %s is connected again: if its program has started meanwhile "
+                    "with the tool pressed, the arm has zeroed its force sensor so, and the force "
+                    "is wrong by that; then start again with the tool free",
+                    self._options.host,
+                )
         except BaseException:
             self.close()
             raise
@@ -120,7 +140,8 @@ class UrForceSensor:
         elif 0.0 < self._options.stuck_ms <= 1e3 * (state.timestamp_s - self._same_since_s):
             self._stuck = True
             raise DeviceLost(self._explain_stuck())
-        (x, y, z), (u, v, w) = state.force_n, self._bias_n
+        self._follow_zero(state)
+        (x, y, z), (u, v, w) = state.force_n, self._bias_n or (0.0, 0.0, 0.0)
         return self._frame.to_scene((x - u, y - v, z - w))
 
     def close(self) -> None:
@@ -128,6 +149,37 @@ class UrForceSensor:
         link, self._link = self._link, None
         if link is not None:
             link.end()
+
+    def _follow_zero(self, state: UrState) -> None:
+        """Move the bias by what a program's start has changed, once that is over."""
+        now_s, ran, self._program_ran = state.timestamp_s, self._program_ran, state.program_runs
+        if state.program_runs and ran is False:
+            self._started = now_s, self._mean_n(now_s - ZEROING_S, now_s - _EDGE_S)
+        if self._started is None or now_s < self._started[0] + ZEROING_S:
+            return
+        (began_s, before), self._started = self._started, None
+        after = self._mean_n(began_s + _EDGE_S, now_s)
+        if before is None or after is None:
+            return
+        x, y, z = (a - b for a, b in zip(after, before, strict=True))
+        u, v, w = self._bias_n or (0.0, 0.0, 0.0)
+        self._bias_n = (u + x, v + y, w + z)
+        if math.hypot(x, y, z) > _SAID_N:
+            LOG.warning(
+                "the UR arm at %s has zeroed its force sensor at %.1f N, as its program started: "
+                "the force goes on as before",
+                self._options.host,
+                math.hypot(x, y, z),
+            )
+
+    def _mean_n(self, begin_s: float, end_s: float) -> Vector | None:
+        """Return the mean force (N) between two times of the controller, None if none came."""
+        kept = () if self._link is None else self._link.kept
+        forces = [each.force_n for each in kept if begin_s <= each.timestamp_s <= end_s]
+        if not forces:
+            return None
+        x, y, z = (sum(column) / len(forces) for column in zip(*forces, strict=True))
+        return (x, y, z)
 
     def _state(self) -> UrState:
         if self._link is None:

@@ -16,8 +16,8 @@ from mmt_devices.universal_robots.servo import ServoSettings
 
 _CONNECT_S: Final = 15.0
 _SILENT_NS: Final = 700_000_000
-_KEPT: Final = 64
-"""Number of states kept, 1/8 s at 500 Hz."""
+_KEPT: Final = 128
+"""Number of states kept, 1/4 s at 500 Hz."""
 _SHORT_S: Final = 0.001
 
 
@@ -32,6 +32,8 @@ class ArmLink:
         Settings for moving the arm; None if the arm is only read.
     counts
         Faults that the process survives are counted here.
+    again
+        Whether this session has moved the arm before.
 
     Attributes
     ----------
@@ -42,14 +44,24 @@ class ArmLink:
     """
 
     def __init__(
-        self, options: UrOptions, servo: ServoSettings | None, counts: Counter[str]
+        self,
+        options: UrOptions,
+        servo: ServoSettings | None,
+        counts: Counter[str],
+        *,
+        again: bool = False,
     ) -> None:
         self._options, self._servo = options, servo
         self._host = host = options.host
         settings = None if servo is None else asdict(servo)
         self._process = DriverProcess(
             "mmt_devices.universal_robots.process",
-            {"host": host, "frequency_hz": options.frequency_hz, "servo": settings},
+            {
+                "host": host,
+                "frequency_hz": options.frequency_hz,
+                "servo": settings,
+                "again": again,
+            },
             f"the process that talks to the UR arm at {host} has ended, as the library may when "
             "its connection breaks: check the arm's cable, and that it is switched on",
             counts,

@@ -12,7 +12,7 @@ STATE: Final = b"S"
 """An arm that is to move takes commands before its first state comes."""
 LOST: Final = b"L"
 """The arm takes no more commands; a text says why."""
-_STATE: Final = struct.Struct("<7dq3d")
+_STATE: Final = struct.Struct("<7dq3d?")
 
 
 class UrState(NamedTuple):
@@ -28,15 +28,17 @@ class UrState(NamedTuple):
     """Time of arrival, by the host's monotonic clock."""
     rotation_rad: Vector
     """Rotation vector of the tool, in the base's frame."""
+    program_runs: bool
+    """Whether a program runs on the controller; an e-Series arm zeroes its sensor at its start."""
 
 
 def pack_state(state: UrState) -> bytes:
     """Return the body of a `STATE` message."""
-    (timestamp_s, position_m, force_n, time_ns, rotation_rad) = state
-    return _STATE.pack(timestamp_s, *position_m, *force_n, time_ns, *rotation_rad)
+    (timestamp_s, position_m, force_n, time_ns, rotation_rad, runs) = state
+    return _STATE.pack(timestamp_s, *position_m, *force_n, time_ns, *rotation_rad, runs)
 
 
 def unpack_state(body: bytes) -> UrState:
     """Return the state in the body of a `STATE` message."""
-    timestamp_s, x, y, z, u, v, w, time_ns, a, b, c = _STATE.unpack(body)
-    return UrState(timestamp_s, (x, y, z), (u, v, w), time_ns, (a, b, c))
+    timestamp_s, x, y, z, u, v, w, time_ns, a, b, c, runs = _STATE.unpack(body)
+    return UrState(timestamp_s, (x, y, z), (u, v, w), time_ns, (a, b, c), runs)

@@ -5,13 +5,14 @@ answered. A lost connection leaves threads behind that hang, or that connect and
 by themselves. In this process they block nothing else, and end with it.
 """
 
+import math
 import time
 from typing import Any, Final
 
 from mmt.core.errors import MmtError, short_message
 from mmt.devices.driver_process import COUNT, DriverPipes, run_process
 from mmt_devices.universal_robots import messages as to
-from mmt_devices.universal_robots.control import ArmControl
+from mmt_devices.universal_robots.control import PLAYING, ArmControl
 from mmt_devices.universal_robots.messages import UrState
 from mmt_devices.universal_robots.servo import ServoSettings
 
@@ -24,6 +25,8 @@ _SILENT_S: Final = 0.5
 _SILENT_CYCLES: Final = 20
 """A loss also takes this many cycles without new data, since the host may have been held up."""
 _RELEASE_S: Final = 3.0
+_PRESSED_N: Final = 10.0
+"""More than a free tool feels after the sensor was zeroed."""
 _NO_DATA: Final = (
     "the UR controller at {} gives no data by RTDE{}: check that it is switched on and started, "
     "that RTDE is enabled (Settings, Security, Services), and that its software is 3.4 or later"
@@ -39,6 +42,8 @@ class ArmProcess:
         Address and rate of the controller.
     servo
         Settings of the servo; None if the arm is only read.
+    again
+        Whether the arm was moved by this session before.
     pipes
         Pipes to the driver.
     """
@@ -48,10 +53,11 @@ class ArmProcess:
         host: str,
         frequency_hz: float,
         servo: ServoSettings | None,
+        again: bool,
         pipes: DriverPipes,
     ) -> None:
         self._host, self._frequency_hz, self._settings = host, frequency_hz, servo
-        self._pipes = pipes
+        self._again, self._pipes = again, pipes
         self._receive: Any = None
         self._control: ArmControl | None = None
         self._held_back = 0
@@ -68,6 +74,8 @@ class ArmProcess:
         """
         self._connect()
         if self._settings is not None:
+            if self._again:
+                self._require_free_tool()
             self._control = ArmControl(
                 self._host, self._frequency_hz, self._settings, self._receive
             )
@@ -99,6 +107,16 @@ class ArmProcess:
             time.sleep(0.001)
         self._changed_s = time.monotonic()
 
+    def _require_free_tool(self) -> None:
+        """Raise if the tool is pressed: zeroed so, the sensor would hide that from all limits."""
+        pressed_n = math.hypot(*self._receive.getActualTCPForce()[:3])
+        if pressed_n > _PRESSED_N:
+            raise MmtError(
+                f"the tool of the arm at {self._host} feels {pressed_n:.0f} N, and the arm zeroes "
+                "its force sensor when its program starts: free the tool; if it is free, start "
+                "and stop any program at the pendant"
+            )
+
     def _take_commands(self) -> bool:
         """Take the driver's commands; return whether the driver is still there."""
         commands = self._pipes.receive(to.COMMAND)
@@ -124,7 +142,9 @@ class ArmProcess:
         (x, y, z, a, b, c), (u, v, w, *_) = receive.getActualTCPPose(), receive.getActualTCPForce()
         if self._control is not None:
             self._control.force_n = (u, v, w)
-        state = UrState(timestamp_s, (x, y, z), (u, v, w), time.monotonic_ns(), (a, b, c))
+        runs = receive.getRuntimeState() == PLAYING
+        now_ns = time.monotonic_ns()
+        state = UrState(timestamp_s, (x, y, z), (u, v, w), now_ns, (a, b, c), runs)
         self._pipes.send(to.STATE, to.pack_state(state))
 
     def _watch_control(self) -> None:
@@ -149,7 +169,8 @@ def run(arguments: dict[str, Any], pipes: DriverPipes) -> None:
     """Talk to the arm that the arguments name until the driver has gone."""
     servo = arguments["servo"]
     settings = None if servo is None else ServoSettings(**servo)
-    _KEPT.append(ArmProcess(arguments["host"], arguments["frequency_hz"], settings, pipes))
+    host, frequency_hz, again = (arguments[name] for name in ("host", "frequency_hz", "again"))
+    _KEPT.append(ArmProcess(host, frequency_hz, settings, again, pipes))
     _KEPT[0].run()
 
 

@@ -71,7 +71,8 @@ class UrRobot:
         reason = dashboard.problem(host)
         if reason:
             raise MmtError(f"the arm at {host} {reason}")
-        link = ArmLink(self._options, self._servo, self._counts)
+        again = self._frame is not None
+        link = ArmLink(self._options, self._servo, self._counts, again=again)
         link.start()
         self._link = link
         if self._frame is None:  # a new connection keeps the zero of the scene

@@ -4,7 +4,7 @@ import random
 from collections.abc import Mapping
 from typing import Any, Final, Protocol
 
-from mmt.core.arrays import Vector
+from mmt.core.arrays import Vector, difference
 from mmt_devices.universal_robots.frame import SceneFrame
 
 NO_COMMAND: Final = 0
@@ -84,6 +84,8 @@ class EmulatedArm:
         """Whether measurements stay the same, while time goes on."""
         self.inputs, self.outputs = Values(), Values()
         self._tip, self._frame, self.noise_n = tip, frame, noise_n
+        self._zero_n: Vector = (0.0, 0.0, 0.0)
+        self._zeroing = False
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret
         self._executing = False
         self._target_m: Vector | None = None
@@ -95,9 +97,9 @@ class EmulatedArm:
     # --- the program
 
     def start_program(self) -> None:
-        """Run the control script if safety and power allow it."""
+        """Run the control script if safety and power allow it; its start zeroes the sensor."""
         if self.mode == RUNNING and self.safety == NORMAL:
-            self._watchdog_s, self._executing = 0.0, False
+            self._watchdog_s, self._executing, self._zeroing = 0.0, False, True
             self.runtime_state = PLAYING
 
     def end_program(self) -> None:
@@ -183,6 +185,9 @@ class EmulatedArm:
     def _measure(self, now_ns: int) -> dict[str, Any]:
         place = self._frame.place_in_base(self._tip.position_mm(now_ns))
         force = self._frame.to_base(self._tip.force_n(now_ns))
+        if self._zeroing:
+            self._zero_n, self._zeroing = force, False
+        force = difference(force, self._zero_n)
         noise = self._random.gauss
         return {
             "actual_TCP_pose": (*place, *self.rotation_rad),
