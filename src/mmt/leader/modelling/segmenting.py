@@ -73,9 +73,17 @@ class FrameQueue:
         return dropped
 
     def insert(self, frames: RecordArray) -> int:
-        """Insert frames (n,) in the order of their numbers; return how many were dropped."""
-        self._ordered, self._first = False, None
-        return self.put(frames)
+        """Insert frames (n,) in the order of their numbers; return how many were dropped.
+
+        They are sorted once a period is taken, not at each of the many insertions in between.
+        """
+        if not len(frames):
+            return 0
+        first, dropped = self.first_sequence, self.put(frames)
+        self._ordered = False
+        if first is not None and self._first is not None:  # else it is looked up when needed
+            self._first = min(first, int(frames["sequence"].min()))
+        return dropped
 
     def pop_period(self, numbers: int, before: int | None) -> RecordArray | None:
         """Remove and return the frames of one period, or None while some may still come.
