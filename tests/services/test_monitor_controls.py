@@ -47,6 +47,7 @@ async def test_a_recording_is_started_marked_and_ended(tmp_path, browser, monkey
         assert good
         recorded = read_session(file)
         assert sentence == f"recorded {len(recorded.frames)} frames into {file}"
+        assert recorded.annotations == b"as made"
         marks = [event["mark"] for event in recorded.events if "mark" in event]
         assert marks == ["wood begins"]
     assert await order(socket, do="record", on=False) == (False, "no recording runs")

@@ -33,6 +33,7 @@ class RecordingPart(Part):
         """Recorder that runs or has failed, or None."""
         self._ended: McapRecorder | None = None
         self._failed: list[McapRecorder] = []
+        self._annotations = b""
         self.before_end: Callable[[], None] = lambda: None
         """Called before `end` closes the recording."""
 
@@ -73,6 +74,7 @@ class RecordingPart(Part):
             await asyncio.to_thread(recorder.close)
             raise MmtError("the session has ended")
         self.recorder = recorder
+        self._annotate()
         self._session.journal.event(f"recording into {path}")
 
     async def end(self) -> "McapRecorder":
@@ -127,9 +129,13 @@ class RecordingPart(Part):
             self.recorder.record_event(event)
 
     def on_follower(self, hello: "FollowerHello") -> None:
-        """Attach the follower's annotations."""
-        if self.recorder is not None and hello.annotations:
-            self.recorder.attach_annotations(hello.annotations)
+        """Keep the follower's annotations, also for a recording that starts later."""
+        self._annotations = hello.annotations
+        self._annotate()
+
+    def _annotate(self) -> None:
+        if self.recorder is not None and self._annotations:
+            self.recorder.attach_annotations(self._annotations)
 
     # --- reports
 
