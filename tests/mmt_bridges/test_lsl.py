@@ -261,6 +261,21 @@ def test_the_clocks_are_compared_by_the_quickest_look(monkeypatch):
     assert clock_ahead_ns(clock_s) == AHEAD_NS - 500_000
 
 
+@pytest.mark.parametrize(("step_ns", "followed"), [(-3600 * 10**9, True), (10**6, False)])
+def test_a_clock_that_is_set_in_mid_session_is_followed(running, monkeypatch, step_ns, followed):
+    monkeypatch.setattr(publishing, "clock_ahead_ns", lambda _: AHEAD_NS + step_ns)
+    running.part.poll()
+    running.part.poll()
+    running.send(made_frames(0, 1))
+    running.end()
+    ahead_ns = AHEAD_NS + step_ns * followed
+    (stamp_s, _) = running.frames.samples[0]
+    measured_ns = int(made_frames(0, 1)["time_ns"][0]) - OFFSET_NS
+    assert round(stamp_s * 1e9) == pytest.approx(measured_ns + ahead_ns, abs=2000)
+    compared = [json.loads(text) for _, text in running.events.samples]
+    assert [each["lsl_clock_ahead_ns"] for each in compared[1:]] == [ahead_ns] * followed
+
+
 def test_a_missing_package_and_a_missing_library_are_explained(tmp_path, monkeypatch):
     for name in [name for name in sys.modules if name.partition(".")[0] == "pylsl"]:
         monkeypatch.delitem(sys.modules, name)

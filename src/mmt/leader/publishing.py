@@ -22,6 +22,8 @@ QUEUE_LIMIT: Final = 10_000
 """Blocks of frames, and events, that may wait: 10 s at one frame a message."""
 
 _COMPARISONS: Final = 9
+_STEP_NS: Final = 100_000_000
+"""A clock that is off by more was set, as UTC is some time after a machine has started."""
 
 
 class Block(NamedTuple):
@@ -98,11 +100,15 @@ class PublishingPart(Part, Generic[AnyOutlet]):
 
     def begin(self) -> None:
         """Compare the other clock with the leader's, and start to publish."""
-        self._clock_ahead_ns = clock_ahead_ns(self.clock_s)
         self._thread = threading.Thread(target=self._run, name=f"mmt-{self.table}", daemon=True)
         self._thread.start()
+        self._compare(clock_ahead_ns(self.clock_s))
+
+    def _compare(self, ahead_ns: int) -> None:
+        """Use and record the other clock's offset."""
+        self._clock_ahead_ns = ahead_ns
         event, figure = self.compared
-        self._session.journal.record({"event": event, figure: self._clock_ahead_ns})
+        self._session.journal.record({"event": event, figure: ahead_ns})
 
     async def stop(self) -> None:
         """Publish everything that waits."""
@@ -138,7 +144,11 @@ class PublishingPart(Part, Generic[AnyOutlet]):
     # --- reports
 
     def poll(self) -> None:
-        """Report once that the outlet has failed."""
+        """Report once that the outlet has failed; follow the other clock if it was set."""
+        if self._thread is not None:
+            ahead_ns = clock_ahead_ns(self.clock_s)
+            if abs(ahead_ns - self._clock_ahead_ns) > _STEP_NS:
+                self._compare(ahead_ns)
         if self.error is not None and not self._told:
             self._told = True
             self._session.journal.event(f"{self.error}: the session goes on without it")
