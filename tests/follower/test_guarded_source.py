@@ -53,7 +53,9 @@ class Feedback:
 
     event, dtype = "nothing", np.dtype([("time_ns", "<i8")])
     summary = {"method": "none"}  # noqa: RUF012 - it does not change
-    ticks = 0
+
+    def __init__(self, ticks=0):
+        self.ticks = ticks
 
     def command(self, position_mm):
         self.ticks += 1
@@ -90,12 +92,14 @@ class Driven:
 
 
 @pytest.mark.parametrize("tables", [{"simulated": LIMITS}, {"devices": LIMITS | ARM}])
-def test_the_limits_of_a_scene_hold_behind_guard_and_feedback(tables):
-    driven = Driven(Feedback(), hand={}, link={"limit_mm_s": 120.0}, **tables)
+@pytest.mark.parametrize("ticks", [0, 1, 2])
+def test_the_limits_of_a_scene_hold_behind_guard_and_feedback(tables, ticks):
+    driven = Driven(Feedback(ticks), hand={}, link={"limit_mm_s": 120.0}, **tables)
     driven.source.measures = (0.0, 0.0, 0.0)
     for tick in range(900):
         driven.command((0.2 * tick, 0.0, -0.3 * tick))
-    places = np.array([place for place in driven.source.taken if place is not None])
+    taken = [place for place in driven.source.taken if place is not None]
+    places = np.array([(0.0, 0.0, 0.0), *taken])  # it begins where the robot is
     assert (places >= np.array(BOX_MM[0]) - 1e-9).all()
     assert (places <= np.array(BOX_MM[1]) + 1e-9).all()
     assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() <= 0.12 + 1e-9

@@ -49,9 +49,14 @@ class MotionLimit:
         self._position: Vector | None = None
         self._velocity = _AT_REST  # mm a tick
 
-    def restart(self) -> None:
-        """Begin at rest at the next position."""
-        self._position, self._velocity = None, _AT_REST
+    @property
+    def begun(self) -> bool:
+        """Whether there is a position that the next one is bounded by."""
+        return self._position is not None
+
+    def restart(self, position: Vector | None = None) -> None:
+        """Begin at rest at a position (mm), or at the next one."""
+        self._position, self._velocity = position, _AT_REST
 
     def step(self, elapsed: int, wanted: Vector | None) -> Vector | None:
         """Return the position (mm) to take now, None before the first.
@@ -160,6 +165,7 @@ class GuardedSource:
         self._say = say
         self._devices = scene.devices
         self._newest: RecordArray | None = None
+        self._measures_position = "position" in scene.channels()
         self.guard = None if scene.replay is not None else _guard(scene, say)
         """The command guard; None if a recording is replayed, which follows no commands."""
         limits = scene.motion_limits
@@ -206,6 +212,8 @@ class GuardedSource:
         if feedback is not None:
             command = feedback.command(command)
         if self._limit is not None:
+            if command is not None and not self._limit.begun:
+                self._limit.restart(self._measured())
             command = self._limit.step(elapsed, command)
         frames = self._source.step(elapsed, time.monotonic_ns(), command)
         return frames, self._measure(frames) if len(frames) else None
@@ -222,7 +230,7 @@ class GuardedSource:
 
     def _measured(self) -> Vector | None:
         """Return the robot's newest measured position, or None if none is known."""
-        if self._newest is None:
+        if self._newest is None or not self._measures_position:
             return None
         x, y, z = self._newest["position_mm"][-1].tolist()
         return (x, y, z) if math.isfinite(x + y + z) else None
