@@ -10,6 +10,7 @@ from monitor_browser import address, monitored, open_browser, until
 from monitor_messages import unpack
 from service_runs import MadeSource, Together, small_scene
 
+from mmt.link import access
 from mmt.link.access import TOKEN_VARIABLE
 from mmt.web.monitor.live import MOST_VIEWERS
 
@@ -94,6 +95,17 @@ async def test_the_page_is_served_and_nothing_beside_it(tmp_path, browser):
     for name in ("none.js", "..%2f__init__.py", "%2e%2e/__init__.py"):
         async with browser.http.get(address(together, f"/monitor/{name}")) as answer:
             assert answer.status == 404
+    await together.stop()
+
+
+async def test_a_request_makes_the_leader_look_no_name_up(tmp_path, browser, monkeypatch):
+    together = await monitored(tmp_path, link={"host": "localhost", "port": 0})
+    looked_up = []
+    monkeypatch.setattr(access.socket, "getaddrinfo", lambda *name, **_: looked_up.append(name))
+    headers = {"Host": "elsewhere.example"}
+    async with browser.http.get(address(together, "/health"), headers=headers) as answer:
+        assert answer.status == 403
+    assert not looked_up
     await together.stop()
 
 

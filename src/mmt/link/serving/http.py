@@ -56,7 +56,7 @@ def guarded_application(access: Access) -> web.Application:
 
 
 def own_pages_only(
-    listening: Callable[[], tuple[str, Access]], origins: Sequence[str] = ()
+    listening: Callable[[], tuple[str, bool, Access]], origins: Sequence[str] = ()
 ) -> Middleware:
     """Return a middleware that refuses requests which could come from another site's page.
 
@@ -68,14 +68,15 @@ def own_pages_only(
     Parameters
     ----------
     listening
-        Returns the host that is listened on, and the access that clients need.
+        Returns the host that is listened on, whether that is loopback, and the access that clients
+        need; a look-up of the host's name here would block the loop.
     origins
         Other sites whose pages may connect with the token.
     """
 
     @web.middleware
     async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
-        origin, (host, access) = request.headers.get("Origin"), listening()
+        origin, (host, loopback, access) = request.headers.get("Origin"), listening()
         if origin is not None and origin.lower() in origins and access.token is not None:
             return await handler(request)
         if origin is not None and urlsplit(origin).netloc.lower() != request.host.lower():
@@ -86,7 +87,7 @@ def own_pages_only(
             access.authenticates_peer
             or name in own
             or is_address(name)
-            or (origin is None and not is_loopback(host))
+            or (origin is None and not loopback)
         ):
             return await handler(request)
         return web.Response(
@@ -127,7 +128,7 @@ class Listener:
         origins: Sequence[str] = (),
     ) -> None:
         self._application = application
-        self._listening = ("", Access())
+        self._listening = ("", True, Access())
         application.middlewares.insert(0, own_pages_only(lambda: self._listening, origins))
         self._entrance = entrance
         self._acceptor = Acceptor(busy, most)
@@ -160,7 +161,7 @@ class Listener:
         """
         check_listening(host, port, access, self._entrance, allowed=allowed)
         context = access.server_context()
-        self._listening = (host, access)
+        self._listening = (host, is_loopback(host), access)
         runner = web.AppRunner(
             self._application,
             access_log=None,
