@@ -18,6 +18,7 @@ from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.feedback_model import ModelForce
 from mmt.leader.motion.feedback_passive import PassiveForce
 from mmt.leader.motion.hand import HandPart
+from mmt.leader.part import Tick
 
 RECOVERY_MM = 0.05
 
@@ -135,6 +136,29 @@ def test_reasons_that_differ_in_numbers_alone_are_told_once(monkeypatch):
         until(lambda: device.unplugged in (handle.problem or ""), lambda: handle.read(1))
     handle.close()
     assert [sentence for sentence, _ in told if "not back" in sentence] == []
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf])
+@pytest.mark.parametrize("reconnecting", [True, False])
+def test_a_reading_that_is_no_number_is_left_out(number, reconnecting):
+    device, handle, _ = made()
+    if reconnecting:  # the first reading after a loss sets the way back
+        handle.read(1)
+        device.unplugged = "the cable is out"
+        handle.read(1)
+        device.unplugged, device.place = None, (1.0, number, 3.0)
+        until_back(handle, lambda: handle.read(1))
+    commands = []
+    remote = SimpleNamespace(command=lambda _, place_mm: commands.append(place_mm))
+    session = SimpleNamespace(remote=remote, journal=SimpleNamespace(event=None))
+    hand = HandPart(session, *((handle, handle) if reconnecting else (device,)))
+    for place in ((1.0, number, 3.0), (1.0, 2.0, 3.0)):
+        device.place = place
+        for _ in range(100):
+            hand.tick(Tick(streaming=True))
+    assert np.isfinite(np.array(commands)).all()
+    assert commands[-1] == (1.0, 2.0, 3.0)
+    assert hand.summary(1.0)["handle"]["not_finite"] >= 100
 
 
 def test_a_handle_that_was_never_read_commands_nothing():

@@ -1,5 +1,6 @@
 """What the devices at the leader report: the state of a handle, the counts of an actuator."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,6 +18,11 @@ class InterfaceState(NamedTuple):
     """The hand's own normal force on the surface, never negative."""
     contact: bool
     """Whether the hand presses on the surface."""
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether all of its numbers are finite."""
+        return math.isfinite(sum(self.position_mm) + sum(self.velocity_mm_s) + self.force_n)
 
 
 @dataclass(frozen=True, slots=True)

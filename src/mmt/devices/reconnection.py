@@ -216,16 +216,22 @@ class ReconnectingHandle(ReconnectingDevice[LeaderInterface]):
 
     def __init__(self, device: LeaderInterface) -> None:
         super().__init__("handle", "the robot stays where it is, force and vibration rest", device)
+        self.not_finite = 0
+        """Readings that were left out, since they were no numbers."""
 
     def read(self, elapsed_ticks: int) -> InterfaceState | None:
-        """Return the state now, None while the handle is lost."""
+        """Return the state now, None while the handle is lost or gives no finite numbers."""
         if not self._is_usable():
             return None
         try:
-            return self.device.read(elapsed_ticks)
+            state = self.device.read(elapsed_ticks)
         except DeviceLost as error:
             self._lose(error)
             return None
+        if state.is_finite:
+            return state
+        self.not_finite += 1
+        return None
 
     def write(self, force_n: Vector) -> None:
         """Display a force (N), unless the handle is lost."""

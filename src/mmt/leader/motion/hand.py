@@ -55,6 +55,7 @@ class HandPart(Part):
         self.device = device
         self.handle = handle
         self.contact = contact
+        self._not_finite = 0
         self.control: CommandSource | None = None
         """Decides on the command; None if this hand alone does."""
         self.command_mm: Vector | None = None
@@ -126,7 +127,11 @@ class HandPart(Part):
         tick.offset_mm = _NO_OFFSET
         handle, remote = self.handle, self._session.remote
         if tick.streaming:
-            state = tick.state = self.device.read(tick.elapsed)
+            state = self.device.read(tick.elapsed)
+            if state is not None and not state.is_finite:
+                self._not_finite += 1
+                state = None
+            tick.state = state
             if handle is not None:
                 position = handle.command_mm
             else:
@@ -152,6 +157,8 @@ class HandPart(Part):
         found: dict[str, Any] = {}
         if self.handle is not None:
             device, found = self.handle.device, self.handle.losses_summary
+        if not_finite := self._not_finite + (self.handle.not_finite if self.handle else 0):
+            found = found | {"not_finite": not_finite}
         if hasattr(device, "faults"):
             from mmt.devices.protocols import fault_table
 
