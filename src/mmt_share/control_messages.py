@@ -171,7 +171,7 @@ class SharedContact:
 
 _MODEL: Final[Mapping[str, tuple[float, float]]] = {
     "surface_m": (-10.0, 10.0),
-    "stiffness_n_m": (0.0, 1e12),
+    "stiffness_n_m": (1e-9, 1e12),
     "exponent": (0.5, 3.0),
     "damping_n_s_m": (0.0, 1e4),
     "dissipation_s_m": (0.0, 100.0),
@@ -186,9 +186,7 @@ def _contact_model(given: object) -> ContactModel | None:
         isinstance(value := given.get(name), float | int) and low <= value <= high
         for name, (low, high) in _MODEL.items()
     ):
-        model = ContactModel(**{name: float(given[name]) for name in _MODEL})
-        if model.stiffness_n_m > 0.0:
-            return model
+        return ContactModel(**{name: float(given[name]) for name in _MODEL})
     raise InputError("the model of a contact is malformed")
 
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from sharing_samples import listening, refused, shared, until
 
 from mmt.contact.estimation import ContactModel
+from mmt.contact.rendering import LocalContact
 from mmt.core.errors import InputError
 from mmt.link.access import Access
 from mmt.link.protocol import encode_event
@@ -253,3 +254,26 @@ def test_a_message_of_motion_comes_back_as_it_was():
     records["time_ns"] = [5, 5, 8]
     with pytest.raises(InputError, match="grow"):
         decode_motion(msgpack.unpackb(encode_motion(9, records))["data"][1])
+
+
+@given(
+    st.fixed_dictionaries(
+        {
+            "surface_m": st.floats(-10.0, 10.0),
+            "stiffness_n_m": st.floats(0.0, 1e12) | st.sampled_from([1e-300, 1e-200, 1e-9]),
+            "exponent": st.floats(0.5, 3.0),
+            "damping_n_s_m": st.floats(0.0, 1e4),
+            "dissipation_s_m": st.floats(0.0, 100.0),
+        }
+    )
+)
+def test_any_contact_that_is_taken_can_be_rendered(given_model):
+    message = {"model": given_model, "normal": 2, "limit_n": 3.0}
+    try:
+        model = SharedContact.from_message(message).model
+    except InputError:
+        return
+    rendering = LocalContact()
+    for target in (model, ContactModel(0.0, 1e3), model):
+        rendering.set_target(target)
+        assert np.isfinite([rendering.step(depth_m) for depth_m in (-1.0, 0.001, 2.0)]).all()
