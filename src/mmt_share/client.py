@@ -88,6 +88,7 @@ class ListenerClient:
         self.wholes = self.changes = self.states = 0
         """Number of messages received, by kind."""
         self.rejected = 0
+        self._refused = ""
         self._settings = settings
         self._operator = operator
         self._on_event, self._on_message = on_event, on_message
@@ -215,7 +216,11 @@ class ListenerClient:
         except InputError as error:
             self.rejected += 1
             LOG.info("a message of the model was not taken: %s", error)
-            self.request_model()
+            if event == CHANGE:  # the whole model would come again as it is
+                self.request_model()
+            elif str(error) != self._refused:
+                self._refused = str(error)
+                self._on_event(f"the shared model cannot be taken: {error}")
         else:
             self._news.set()
             self._on_message(event, message)

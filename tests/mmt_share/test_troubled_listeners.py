@@ -8,11 +8,12 @@ import aiohttp
 import psutil
 import socketio
 from service_runs import LONGEST_S, Together, small_scene
-from sharing_samples import listening, shared, until
+from sharing_samples import about, listening, shared, until
 
+from mmt.link.protocol import encode_event
 from mmt_lab.harness.proxy import Proxy
 from mmt_share.client import ListenerClient
-from mmt_share.messages import SHARING_VERSION
+from mmt_share.messages import MODEL, SHARING_VERSION, model_message
 from mmt_share.tables import Listening
 
 
@@ -62,6 +63,22 @@ async def test_troubles_disturb_nobody():
         await until(lambda: heard.models[-1:] == [2])
         assert heard.client.rejected == 0
         await until(lambda: len(sharing.relay.listeners) == 1)
+
+
+async def test_a_model_that_cannot_be_read_is_told_once_and_the_next_one_is_taken():
+    async with shared() as sharing, listening(sharing.url) as heard:
+        for number in (1, 2):
+            broken = model_message(number, 5, about(3), b"of another release")
+            sharing.relay.offer_model(number, encode_event(MODEL, broken), None)
+            await until(lambda number=number: heard.client.rejected >= number)
+        await asyncio.sleep(0.3)
+        assert heard.client.rejected == 2
+        assert len([said for said in heard.said if "cannot be taken" in said]) == 1
+        for _ in range(3):
+            sharing.publish(10)
+        sharing.publish(11)
+        await until(lambda: heard.models)
+        assert heard.client.replica.number == 4
 
 
 async def test_a_process_for_listeners_that_is_killed_ends_the_sharing_and_nothing_else(tmp_path):
