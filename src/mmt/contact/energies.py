@@ -6,6 +6,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import ENERGY_DTYPE
+from mmt.core.sequence_numbers import SEQUENCES
 
 Energies = tuple[float, float, float]
 
@@ -68,5 +69,5 @@ class EnergyReport:
         self._said, self._quiet_ticks = energy_j, 0
         record = np.zeros(1, dtype=ENERGY_DTYPE)
         record[0] = (self._sequence, time_ns, energy_j)
-        self._sequence += 1
+        self._sequence = (self._sequence + 1) % SEQUENCES
         return record

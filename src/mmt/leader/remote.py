@@ -10,7 +10,7 @@ from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import FAILED
 from mmt.core.frames import COMMAND_DTYPE, FeedbackSide
 from mmt.core.running.process import ProcessMeter
-from mmt.core.sequence_numbers import Range
+from mmt.core.sequence_numbers import SEQUENCES, Range
 from mmt.leader.backfill import Backfill
 from mmt.leader.numbering import FrameRateWatch, SessionNumbering
 from mmt.leader.part import Session
@@ -190,7 +190,7 @@ class RemoteFollower:
         echo_age_ns = now_ns - self._numbering.arrival_ns if echo_time_ns else 0
         command = np.zeros(1, dtype=COMMAND_DTYPE)
         command[0] = (self._commands, now_ns, echo_time_ns, echo_age_ns, position_mm)
-        self._commands += 1
+        self._commands = (self._commands + 1) % SEQUENCES
         self.server.send_commands(command)
 
     def send_extra(self, records: RecordArray) -> None:
