@@ -50,5 +50,12 @@ def test_it_speaks_when_there_is_news_and_now_and_then_again():
     assert report.make((0.0, 0.0, 1.1), 1)["sequence"][0] == 2
 
 
+def test_the_numbers_start_again_before_they_do_not_fit(monkeypatch):
+    monkeypatch.setattr("mmt.contact.energies.SEQUENCES", 2, raising=False)
+    report = EnergyReport()
+    records = [report.make((float(energy), 0.0, 0.0), 1) for energy in range(1, 5)]
+    assert [int(record["sequence"][0]) for record in records] == [0, 1, 0, 1]
+
+
 def test_an_opening_is_known_before_anything_comes():
     assert EnergyCounts(0.1).energy_j == pytest.approx((0.1, 0.1, 0.1))
