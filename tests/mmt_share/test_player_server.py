@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import time
 
 import aiohttp
 import numpy as np
@@ -25,6 +26,7 @@ from mmt.session.files import read_session
 from mmt.session.info import info
 from mmt.texture.model.json_form import model_json
 from mmt.texture.model.texture_model import TextureModel
+from mmt_share.player.results import ResultsFile
 from mmt_share.player.server import TAKEN_OVER
 
 
@@ -136,6 +138,32 @@ async def test_a_scenario_outlasts_its_page(tmp_path):
             assert (state["trial"], state["participant"]) == (2, "P7")
     written = rows_of(tmp_path / "results.csv")
     assert [row["event"] for row in written] == ["begin", "rating", "leave"]
+
+
+async def test_a_page_that_is_loaded_again_while_its_rating_is_written_rates_no_pair_twice(
+    tmp_path, monkeypatch
+):
+    write = ResultsFile.write
+
+    def write_slowly(results, row):
+        time.sleep(1.0 if row["event"] == "rating" else 0.0)
+        write(results, row)
+
+    monkeypatch.setattr(ResultsFile, "write", write_slowly)
+    async with playing(tmp_path) as server:
+        async with visiting(server) as page:
+            assert (await page.order(do="begin", scenario="exploration", participant="P8"))["ok"]
+            study = server.player.study
+            await page.stroke(study.order[0], 1.2)
+            while not (await page.until("study"))["rates"]:
+                pass
+            await page.say(do="rate", rating=4, id=1)
+            await asyncio.sleep(0.3)
+        async with visiting(server) as page:
+            assert not (await page.order(do="rate", rating=5))["ok"]
+        assert study.trial == 1
+    written = rows_of(tmp_path / "results.csv")
+    assert [row["rating"] for row in written if row["event"] == "rating"] == ["4"]
 
 
 async def test_touches_are_recorded_as_sessions_that_can_be_evaluated(tmp_path):

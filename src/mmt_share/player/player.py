@@ -1,6 +1,7 @@
 """The texture player: textures with their pictures, the running scenario, the recording."""
 
 import math
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -59,6 +60,8 @@ class Player:
         Messages to a page: each texture with its picture.
     hand
         Hand on a shared surface: x and y (mm), and whether it touches; None if there is none.
+    ordering
+        Held while an order to a scenario is carried out: one at a time, from all pages.
     said
         Newest event of a shared surface.
     completion
@@ -83,6 +86,7 @@ class Player:
         self._scenarios = scenarios
         self.study: Study | None = None
         self.results = results
+        self.ordering = threading.Lock()
         self._recorder = None
         if record is not None:
             self._recorder = TouchRecorder(record, names, models, seed=seed, replace=replace)
@@ -93,7 +97,8 @@ class Player:
     def close(self) -> list[tuple[Path, float]]:
         """End the scenario and the recordings; return each recording with its duration in s."""
         recorded = [] if self._recorder is None else self._recorder.close()
-        self.end_scenario()
+        with self.ordering:
+            self.end_scenario()
         return recorded
 
     def set_models(self, models: Sequence[TextureModel]) -> None:

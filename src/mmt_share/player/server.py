@@ -202,13 +202,17 @@ class PageConnection:
         good = False
         try:
             async with self._order_lock:
-                sentence = await asyncio.to_thread(self._order_function(message))
+                sentence = await asyncio.to_thread(self._carry_out, message)
             good = True
         except MmtError as error:
             sentence = str(error)
         with suppress(ConnectionError):  # the page has gone meanwhile
             await self._show_study()  # first: the page goes on from this state
             await self._answer(message, sentence, good=good)
+
+    def _carry_out(self, message: dict[str, Any]) -> str:
+        with self._player.ordering:  # an order goes on although its page has gone
+            return self._order_function(message)()
 
     def _order_function(self, message: dict[str, Any]) -> Callable[[], str]:
         player, what, last = self._player, message["do"], len(self._player.names) - 1
