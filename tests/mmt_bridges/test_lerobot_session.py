@@ -2,8 +2,10 @@
 
 import math
 import os
+import signal
 import subprocess
 import sys
+import threading
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -159,6 +161,19 @@ def test_a_follower_that_is_lost_is_told(scene, started):
         session.ask("observe")
 
 
+def test_what_was_asked_before_ctrl_c_is_not_answered_afterwards(scene, started):
+    session = started(Settings(scene))
+    leader = beside(session)
+    leader.suspend()
+    press = (threading.main_thread().ident, signal.SIGINT)
+    threading.Timer(0.3, signal.pthread_kill, press).start()
+    with pytest.raises(KeyboardInterrupt):
+        session.ask("command")
+    leader.resume()
+    assert len(session.ask("observe")) == len(state_names(session.scene.channels()))
+    assert len(session.ask("command")) == 3
+
+
 def test_a_program_that_ends_ends_its_second_session_too(scene):
     ended = subprocess.run(
         [sys.executable, "-c", PROGRAM, scene],
@@ -301,7 +316,7 @@ def test_a_state_is_a_row_of_the_export(samples):
     part = observing(Remote(), samples)
     for k, row in enumerate(rows):
         for one in frames[20 * k : 20 * k + 20]:
-            part.on_frames(np.array([one]), 0)
+            part.on_frames(np.array([one]), time.monotonic_ns())
         np.testing.assert_allclose(part.observe(), row, rtol=1e-5)
     np.testing.assert_allclose(part.observe()[-1], rows[-1][-1], rtol=1e-5)  # held
 
@@ -309,7 +324,7 @@ def test_a_state_is_a_row_of_the_export(samples):
 def test_what_is_long_past_is_not_in_the_level():
     frames = made_frames(0, 1000)
     part = observing(Remote())
-    part.on_frames(frames, 0)
+    part.on_frames(frames, time.monotonic_ns())
     newest = frames["acceleration_m_s2"][-LONGEST_FRAMES:].astype(float)
     expected = math.sqrt(newest.var(axis=0).sum())
     assert part.observe()[-1] == pytest.approx(expected, rel=1e-6)
@@ -318,7 +333,10 @@ def test_what_is_long_past_is_not_in_the_level():
 def test_nothing_old_is_observed():
     remote = Remote()
     part = observing(remote)
-    part.on_frames(made_frames(0, 1), 0)
+    part.on_frames(made_frames(0, 1), time.monotonic_ns() - 600_000_000)
+    with pytest.raises(DeviceLost, match=r"no frame .* 0\.6 s"):
+        part.observe()
+    part.on_frames(made_frames(1, 1), time.monotonic_ns())
     assert part.command() == (1.0, 2.0, 3.0)
     remote.connected = False
     for ask in (part.observe, part.command):

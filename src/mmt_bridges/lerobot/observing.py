@@ -1,5 +1,6 @@
 """The part of the leader that answers LeRobot's requests, and a handle that follows its actions."""
 
+import time
 from collections import deque
 from typing import TYPE_CHECKING, Any, Final
 
@@ -106,6 +107,8 @@ class ActionHandle:
 
 LONGEST_FRAMES: Final = 100
 """The level of vibration is taken since the last observation, over at most this many frames."""
+_OLDEST_S: Final = 0.5
+"""Greatest age of what is observed; several delays of a network."""
 
 
 class ObservingPart(Part):
@@ -133,6 +136,7 @@ class ObservingPart(Part):
         self._fields = [FIELD_OF_CHANNEL[c] for c in channels if c != "acceleration"]
         self._vibrates = "acceleration" in channels
         self._newest: Any = None
+        self._arrival_ns = 0
         self._accelerations: deque[list[float]] = deque(
             maxlen=LONGEST_FRAMES * session.samples_per_frame
         )
@@ -140,8 +144,7 @@ class ObservingPart(Part):
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
         """Keep the newest of the frames (n,), n >= 1, and their acceleration."""
-        _ = arrival_ns
-        self._newest = frames[-1]
+        self._newest, self._arrival_ns = frames[-1], arrival_ns
         if self._vibrates:
             self._accelerations.extend(acceleration_samples(frames).tolist())
 
@@ -159,7 +162,7 @@ class ObservingPart(Part):
         Raises
         ------
         DeviceLost
-            The follower is not connected.
+            The follower is not connected, or sends no frames.
         """
         self._require_follower()
         state = [value for field in self._fields for value in self._newest[field].tolist()]
@@ -179,7 +182,7 @@ class ObservingPart(Part):
         InputError
             Nothing was commanded yet.
         DeviceLost
-            The follower is not connected.
+            The follower is not connected, or sends no frames.
         """
         self._require_follower()
         command: Vector | None = self._hand.command_mm
@@ -195,7 +198,7 @@ class ObservingPart(Part):
         InputError
             The scene's hand moves the robot.
         DeviceLost
-            The follower is not connected.
+            The follower is not connected, or sends no frames.
         """
         if self._handle is None:
             raise InputError("the scene's hand moves the robot, it follows no actions")
@@ -207,3 +210,9 @@ class ObservingPart(Part):
         remote = self._session.remote
         if remote is None or not remote.connected or self._newest is None:
             raise DeviceLost("the follower is lost: what LeRobot would record is old")
+        age_s = 1e-9 * (time.monotonic_ns() - self._arrival_ns)
+        if age_s > _OLDEST_S:
+            raise DeviceLost(
+                f"no frame of the follower has come for {age_s:.1f} s: what LeRobot would record "
+                "is old; see whether a device of the follower, or the network, is lost"
+            )

@@ -41,6 +41,7 @@ class SharedSession:
         self._process: ChildProcess | None = None
         self._reading: threading.Thread | None = None
         self._lines: queue.Queue[dict[str, Any]] = queue.Queue()
+        self._owed = 0  # answers that have not been taken
         self.given: list[float] | None = None
         """Last action of the teleoperator."""
 
@@ -118,11 +119,15 @@ class SharedSession:
             process = self._process
             if process is None:
                 raise DeviceLost("the session of mmt has ended")
+            self._owed += 1
             with suppress(OSError):  # it has ended, and has written why
                 process.stdin.write(request)
                 process.stdin.flush()
+            reply: dict[str, Any] = {}
             try:
-                reply = self._lines.get(timeout=_REPLY_S)
+                while self._owed and _ENDED not in reply:  # Ctrl-C leaves an answer behind
+                    reply = self._lines.get(timeout=_REPLY_S)
+                    self._owed -= 1
             except queue.Empty:
                 process.kill()
                 reply = {_ENDED: f"no answer within {_REPLY_S:g} s: the session is ended"}
@@ -139,7 +144,7 @@ class SharedSession:
 
     def _start(self) -> None:
         _ = self.scene  # raises if it cannot be used
-        self.given, self._lines = None, queue.Queue()
+        self.given, self._lines, self._owed = None, queue.Queue(), 0
         settings = json.dumps(asdict(self._settings))
         self._process = ChildProcess("-m", "mmt_bridges.lerobot.process", settings)
         atexit.register(self._close)  # LeRobot does not disconnect after each of its errors
