@@ -133,6 +133,19 @@ def test_a_card_that_asks_for_nothing_is_lost(connected):
         play(device, card, 1.0)
 
 
+def test_a_card_that_takes_long_to_open_is_not_lost_before_its_first_block(connected, monkeypatch):
+    card = EmulatedSoundCard()
+    opened = card.OutputStream
+
+    def open_slowly(**options):
+        card.advance(0.6)
+        return opened(**options)
+
+    monkeypatch.setattr(card, "OutputStream", open_slowly)
+    play(connected(haptuator(card)), card, 0.2)
+    assert np.max(np.abs(card.played())) > 0.1
+
+
 def test_what_cannot_be_opened_is_explained():
     card = EmulatedSoundCard()
     for changes, words in (

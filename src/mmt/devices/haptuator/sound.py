@@ -230,7 +230,6 @@ class SoundHaptuator(HaptuatorDriver):
         self._buffer.underruns, self._buffer.slips = previous.underruns, previous.slips
         self._drive.reset_filters()
         self._ended = False
-        self._called_ns = self._clock_ns()
         try:
             self._stream = library.OutputStream(
                 samplerate=options.card_rate_hz,
@@ -244,6 +243,7 @@ class SoundHaptuator(HaptuatorDriver):
             )
             self._card_latency_s = float(self._stream.latency)
             self._stream.start()
+            self._called_ns = self._clock_ns()
         except library.PortAudioError as error:
             self._release()
             raise MmtError(
