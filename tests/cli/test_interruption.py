@@ -12,14 +12,15 @@ import typer
 from mmt.cli import entry
 from mmt.cli.common import run_app
 from mmt.core.errors import MmtError
+from mmt.core.running.programs import restoring_end_signals
 
 
 @pytest.fixture(autouse=True)
 def usual_handler():
     # a shell lets what it starts in the background ignore Ctrl-C
-    usual = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, usual)
+    with restoring_end_signals():
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        yield
 
 
 def ctrl_c():

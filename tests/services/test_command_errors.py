@@ -292,3 +292,16 @@ def test_json_to_standard_output_stands_there_alone(tmp_path, monkeypatch, capsy
         code, stdout, _ = run(command, monkeypatch, capsys)
         assert stdout, "what follows writes its tables there again"
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.name != "posix", reason="closes standard streams by a shell")
+def test_closed_streams_and_characters_that_the_output_lacks_fail_nothing(tmp_path):
+    (tmp_path / "a.csv").write_text("time_s,force_z_n,ma\u00df\n0,1,1\n0.001,2,2\n", "utf-8")
+    run_mmt = [sys.executable, "-m", "mmt.cli.entry", "main", "session", "inspect", "a.csv"]
+    closed = ["sh", "-c", 'exec "$@" <&- >&- 2>&-', "sh", *run_mmt]
+    subprocess.run(closed, cwd=tmp_path, check=True, timeout=150)
+    ascii_only = {**os.environ, "PYTHONIOENCODING": "ascii:strict"}
+    shown = subprocess.run(
+        run_mmt, cwd=tmp_path, env=ascii_only, check=True, capture_output=True, timeout=150
+    )
+    assert rb"ma\xdf" in shown.stdout

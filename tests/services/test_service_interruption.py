@@ -3,13 +3,17 @@
 import os
 import signal
 import time
+from pathlib import Path
 
 import numpy as np
 import psutil
 import pytest
 from service_processes import LONGEST_S, Service, follower_of, scene, session, streamed_s
 
+from mmt.cli.leader import LeaderRun
+from mmt.cli.running.service import ServiceOptions
 from mmt.core.errors import InputError
+from mmt.scene.files import load_scene
 from mmt.session.files import read_session
 from mmt.session.recover import recover
 
@@ -252,9 +256,26 @@ def test_an_interruption_while_the_program_is_loaded_leaves_no_traceback(tmp_pat
     assert service.stdout == ""
 
 
-def test_an_interruption_while_the_interpreter_closes_changes_no_exit_code(tmp_path):
+def test_a_demo_that_is_interrupted_before_it_has_begun_has_nothing_to_report(tmp_path):
+    with Service("main", "demo", scene("stream-only"), cwd=tmp_path) as demo:
+        while not psutil.Process(demo.process.pid).children():
+            time.sleep(0.01)
+        demo.signal(signal.SIGINT)
+        assert demo.end() == 130
+    assert demo.stderr == "stopped\n"
+
+
+def test_a_leader_that_is_interrupted_before_it_is_ready_reports_nothing(tmp_path):
+    recorded = load_scene(Path(scene("stream-only")), record=tmp_path / "session.mcap")
+    run = LeaderRun(recorded, ServiceOptions(), tmp_path / "report")
+    assert run.evaluate({"outcome": "stopped"}) == {}
+    assert run.report is None
+
+
+@pytest.mark.parametrize("number", ENDING)
+def test_an_interruption_while_the_interpreter_closes_changes_no_exit_code(tmp_path, number):
     (tmp_path / "sitecustomize.py").write_text(
-        "import atexit, os, signal\natexit.register(os.kill, os.getpid(), signal.SIGINT)\n"
+        f"import atexit, os\natexit.register(os.kill, os.getpid(), {int(number)})\n"
     )
     path = f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"
     with Service("main", "--help", cwd=tmp_path, PYTHONPATH=path) as service:

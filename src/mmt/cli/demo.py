@@ -206,6 +206,8 @@ def demo(
                 shows_monitor=sys.stderr.isatty(),
             )
         )
+        if run.interrupted and not run.tables():
+            raise KeyboardInterrupt
         _report(run, output_directory, recording, pair, json_file, verbose=verbose, play=monitor)
         for service in side_services if not run.interrupted else ():
             if service.after_session is not None:

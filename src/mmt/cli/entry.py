@@ -10,6 +10,7 @@ import select
 import signal
 import sys
 from contextlib import suppress
+from io import TextIOWrapper
 from types import FrameType
 from typing import Final
 
@@ -38,8 +39,23 @@ def _interrupted(error: BaseException | None) -> bool:
     return error is not None
 
 
+def _mend_streams() -> None:
+    """Open standard streams that were closed before the start, and let none fail at a character.
+
+    The next file opened would take a closed stream's place.
+    """
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            descriptor = os.open(os.devnull, os.O_RDWR)
+            os.set_inheritable(descriptor, True)
+            setattr(sys, name, os.fdopen(descriptor, "r" if name == "stdin" else "w"))
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # as standard error is
+
+
 def start(name: str) -> None:
     """Import ``mmt.cli.<name>``, or a module by its dotted name, and call its `run`."""
+    _mend_streams()
     usual = signal.getsignal(signal.SIGINT)
     handle_end_signals(_leave)
     module = importlib.import_module(name if "." in name else f"mmt.cli.{name}")
@@ -52,8 +68,8 @@ def start(name: str) -> None:
             raise
         _say_stopped()
         sys.exit(INTERRUPTED)
-    finally:  # a late Ctrl-C would kill the interpreter at exit and change the exit code
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    finally:  # a late signal would kill the interpreter at exit and change the exit code
+        handle_end_signals(signal.SIG_IGN)
 
 
 def mmt() -> None:

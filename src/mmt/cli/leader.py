@@ -192,11 +192,12 @@ class LeaderRun(ServiceRun["Leader"]):
     @property
     def report(self) -> Path | None:
         """The report's page, or None without a report."""
-        return None if self._report is None else self._report / "report.html"
+        page = self._report and self._report / "report.html"
+        return page if page and page.exists() else None
 
     def evaluate(self, summary: dict[str, Any]) -> dict[str, Any]:
         """Write the report of the recording, if requested, and return its figures, else {}."""
-        if self._report is None or self.scene.recording is None:
+        if self._report is None or "recording" not in summary:  # it ended before it was ready
             return {}
         from mmt.cli.reporting import report_recording
 
