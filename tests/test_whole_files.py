@@ -1,6 +1,7 @@
 """Files are written whole or not at all, and an end of descriptors ends in a sentence."""
 
 import ast
+import os
 import resource
 import subprocess
 import sys
@@ -138,3 +139,8 @@ def test_too_few_descriptors_end_in_a_sentence():
     assert ended.returncode == 1
     assert "error: too many files are open: raise the limit" in ended.stderr
     assert "Traceback" not in ended.stderr
+
+
+def test_a_path_whose_bytes_are_no_text_is_escaped_in_a_text(tmp_path):
+    write_file(tmp_path / "text", os.fsdecode(b"stra\xdfe"))
+    assert (tmp_path / "text").read_text(encoding="utf-8") == r"stra\udcdfe"

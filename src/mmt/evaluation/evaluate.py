@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, printable
 from mmt.evaluation.held_out import choose_held_out
 from mmt.evaluation.recorded_surfaces import SurfaceParts, part_by_surface
 from mmt.evaluation.results import Evaluation
@@ -161,7 +161,7 @@ def evaluate_session(
         step_s = USUAL_STEP_S * max(1, math.ceil(duration_s / (MOST_STEPS * USUAL_STEP_S)))
     steps = np.arange(1, int(duration_s / step_s + 1e-9) + 1) * step_s
     return SessionEvaluation(
-        name=session.path.stem or "session",
+        name=printable(session.path.stem) or "session",
         path=str(session.path),
         surface=truth.surface.name if truth is not None else None,
         duration_s=duration_s,
@@ -244,7 +244,7 @@ def evaluate_surfaces(
     if not len(session.frames):
         return [evaluate(session)], None
     parts = part_by_surface(session, settings)
-    name = session.path.stem or "session"
+    name = printable(session.path.stem) or "session"
     evaluations = [
         replace(
             found := evaluate(part),

@@ -122,8 +122,10 @@ def write_file(path: Path, content: str | bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise write_error(path, error) from error
+    if isinstance(content, str):  # with a path, perhaps, whose bytes are no text
+        content = content.encode("utf-8", "backslashreplace")
     with replacing(path) as part:
-        part.write_bytes(content.encode() if isinstance(content, str) else content)
+        part.write_bytes(content)
 
 
 def append_lines(path: Path, text: str, *, header: str = "") -> None:
