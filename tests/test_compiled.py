@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from numba.core import caching
 
 from mmt.core.compiled import (
     are_cached,
@@ -14,6 +15,7 @@ from mmt.core.compiled import (
     drop_stale_kernels,
     kernel,
 )
+from mmt.core.errors import MmtError
 from mmt.core.kernel_cache import compile_kernels
 from mmt.texture.model.texture_model import load_model
 
@@ -106,6 +108,16 @@ print(was_cached, len(halved.signatures), quartered(3.0), halved(3.0))
 def test_a_kernel_needs_a_signature():
     with pytest.raises(ValueError, match="signature"):
         kernel()
+
+
+def test_without_a_folder_for_compiled_kernels_one_is_asked_for(monkeypatch):
+    monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
+    with pytest.raises(MmtError, match="NUMBA_CACHE_DIR"):
+        kernel("f8(f8)")(abs_of)
+
+
+def abs_of(x):
+    return abs(x)
 
 
 def test_kernels_are_dropped_when_any_source_of_their_folder_changes(tmp_path):

@@ -10,6 +10,8 @@ from typing import Any, Final, NamedTuple, TypeVar, cast
 
 import numba
 
+from mmt.core.errors import MmtError
+
 Function = TypeVar("Function", bound=Callable[..., object])
 
 
@@ -84,11 +86,19 @@ def kernel(*signatures: str, inner: bool = False) -> Callable[[Function], Functi
         raise ValueError(message)
 
     def decorate(function: Function) -> Function:
-        if _collected is None:
-            return cast(Function, numba.njit(list(signatures), **_OPTIONS)(function))
-        later = numba.njit(**_OPTIONS)(function)
-        _collected[later] = Compilation(list(signatures), inner)
-        return cast(Function, later)
+        now = list(signatures) if _collected is None else None
+        try:
+            kept = numba.njit(now, **_OPTIONS)(function)
+        except RuntimeError as error:
+            if "no locator" not in str(error):
+                raise
+            raise MmtError(
+                f"compiled numerics cannot be kept: neither {KERNELS} nor the user's cache can be "
+                "written to; name a folder that can in the variable NUMBA_CACHE_DIR"
+            ) from error
+        if _collected is not None:
+            _collected[kept] = Compilation(list(signatures), inner)
+        return cast(Function, kept)
 
     return decorate
 
