@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -13,6 +14,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from mmt.cli.common import Terminal
 from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
@@ -177,6 +179,14 @@ def test_tables_for_the_terminal_have_a_row_for_each(evaluations):
     console.print(as_rich(tables.steps(evaluations[0])))
     steps = console.export_text()
     assert all(f" {step.distance:.2f} " in steps for step in evaluations[0].steps)
+
+
+def test_tables_cut_no_figure_off_where_the_terminal_is_narrow(evaluations):
+    whole, narrow = (Terminal(width=width, file=io.StringIO()) for width in (200, 40))
+    for console in (whole, narrow):
+        console.print(as_rich(tables.overview(evaluations), tables.steps(evaluations[0])))
+    found = [set(re.findall(r"\d+\.\d+", each.file.getvalue())) for each in (whole, narrow)]
+    assert found[0] == found[1] != set()
 
 
 def test_numbers_stand_to_the_right():

@@ -44,7 +44,14 @@ _KEPT: Final = "\n\t"
 
 
 class Terminal(Console):
-    """A console that masks control characters, which a peer, a device or a file may send."""
+    """A console that masks control characters, which a peer, a device or a file may send.
+
+    Figures in tables wider than the terminal are not cut off.
+    """
+
+    def print(self, *objects: Any, crop: bool = False, **options: Any) -> None:
+        """Print as `Console.print` does."""
+        super().print(*objects, crop=crop, **options)
 
     def render_str(self, text: str, **options: Any) -> Text:
         """Return a text with control characters masked."""

@@ -219,7 +219,8 @@ def as_text(*tables: ReportTable) -> str:
 def as_rich(*tables: ReportTable) -> "Group":
     """Return tables for the terminal, one below the other, narrow enough for 80 columns.
 
-    The words of a heading are on lines of their own. Numbers are not broken, texts are.
+    The words of a heading are on lines of their own. Words of headings and numbers are not broken,
+    texts are.
     """
     from rich.console import Group
 
@@ -228,14 +229,14 @@ def as_rich(*tables: ReportTable) -> "Group":
     shown: list[RenderableType] = []
     for table in tables:
         result = plain_table(padding=0)
-        for place, (name, numeric) in enumerate(
-            zip(table.columns, numeric_columns(table), strict=True)
-        ):
+        for place, numeric in enumerate(numeric_columns(table)):
+            name = table.columns[place]
+            whole = [*name.split(), *(row[place] for row in table.rows if numeric)]
             result.add_column(
                 name.replace(" ", "\n"),
                 justify="right" if numeric else "left",
                 no_wrap=numeric,
-                min_width=8 if place == 0 and not numeric else None,
+                min_width=max(map(len, whole), default=1),
                 overflow="fold",
                 vertical="bottom",
             )

@@ -28,10 +28,10 @@ def overview(evaluations: Sequence[Evaluation]) -> ReportTable:
                 "truth GFC": number(final.truth_gfc, 3),
                 "spectrum (dB)": number(final.truth_log_spectral_db, 2),
                 "update (ms)": number(mean_ms, 1),
-                "longest (ms)": number(longest_ms, 1),
+                "at most (ms)": number(longest_ms, 1),
             }
         )
-    return table_of(rows, f"{_FINAL} Updates: mean and longest of those of the steps.")
+    return table_of(rows, f"{_FINAL} Updates: mean and most of those of the steps.")
 
 
 _FINAL: Final = "Figures at the stop criterion, or at the end where it was never met."
