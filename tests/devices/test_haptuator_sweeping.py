@@ -154,7 +154,7 @@ def test_the_accelerometer_is_closed_also_where_the_actuator_cannot_be(time, mon
 
     monkeypatch.setattr(coil, "close", fail)
     with pytest.raises(MmtError, match="cannot be closed"):
-        record_sweep(coil, sensor, SweepSettings(duration_s=1.0, level_v=0.1))
+        record_sweep(coil, sensor, SweepSettings(duration_s=2.0, level_v=0.1))
     assert sensor.closed == 1
 
 

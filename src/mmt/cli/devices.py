@@ -198,7 +198,7 @@ def equalise_actuator(
             help="An option of a driver, as actuator.port=/dev/ttyACM0; repeatable.",
         ),
     ] = None,
-    duration: Annotated[float, typer.Option(help="Seconds of the sweep, 1 to 60.")] = 8.0,
+    duration: Annotated[float, typer.Option(help="Seconds of the sweep, 2 to 60.")] = 8.0,
     level_v: Annotated[
         float | None,
         typer.Option(help="Peak of the sweep (V); unless given, found by listening."),

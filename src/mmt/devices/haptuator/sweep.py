@@ -43,7 +43,7 @@ class SweepSettings:
     low_hz, high_hz
         Lowest and highest frequency of the sweep.
     duration_s
-        Duration of the sweep, at least 1.
+        Duration of the sweep, 2 to 60.
     largest_m_s2
         Largest acceleration of the handle, about.
     level_v
@@ -58,7 +58,7 @@ class SweepSettings:
     level_v: float | None = None
 
     def __post_init__(self) -> None:
-        for name, least, most in (("largest_m_s2", 0.1, 200.0), ("duration_s", 1.0, 60.0)):
+        for name, least, most in (("largest_m_s2", 0.1, 200.0), ("duration_s", 2.0, 60.0)):
             value = getattr(self, name)
             if not least <= value <= most:
                 raise InputError(f"{name} is {value:g}; allowed are {least:g} to {most:g}")
@@ -164,10 +164,7 @@ class _Rig:
                 best, fewest = SweepRecording(volts, felt, level_v, _peak(felt)), missed
             if not fewest:
                 break
-            say(
-                f"it had {missed} gaps: raise the actuator's 'buffer_ms', or end what loads this "
-                "machine"
-            )
+            say(f"gaps: {missed}; raise the actuator's 'buffer_ms', or end what loads this machine")
         assert best is not None  # noqa: S101 - it was played at least once
         return best
 
