@@ -187,8 +187,8 @@ def check_frames(frames: object) -> None:
     missing = [channel for channel in CHANNELS if FIELD_OF_CHANNEL[channel] not in names]
     if missing:
         raise InputError(
-            f"frames without {', '.join(missing)}: {', '.join(CHANNELS)} are needed; add the "
-            "channels to the scene"
+            f"frames without {', '.join(missing)}: {', '.join(CHANNELS)} are needed; add them to "
+            "the scene, or map them when a file is imported (mmt session inspect FILE tells how)"
         )
 
 

@@ -36,7 +36,7 @@ _FAULTS: Final = (
     _Fault("recording.dropped", "frame", "frames", "not recorded: the disk was too slow"),
     _Fault("commands.silences", "silence of the leader", "silences of the leader"),
     _Fault("commands.implausible_commands", "command", "commands", "with an impossible echo"),
-    _Fault("commands.stale_commands", "command", "commands", "too old when it arrived"),
+    _Fault("commands.stale_commands", "command", "commands", "too old on arrival"),
     _Fault("commands.clipped_commands", "command", "commands", "outside the workspace"),
     _Fault("commands.halts", "halt of the robot", "halts of the robot"),
     _Fault("handle.losses", "loss of the handle", "losses of the handle"),
