@@ -159,7 +159,11 @@ def test_only_a_failure_fails(outcome):
             "not measured: the accelerometer gave one value throughout",
         ),
         ("handle__losses", 1, "1 loss of the handle"),
-        ("handle__faults", {"stale commands": 2}, "2 faults of the handle (stale commands)"),
+        (
+            "handle__faults",
+            {"stale commands": 2, "jumps": 0},
+            "2 faults of the handle (stale commands)",
+        ),
     ],
 )
 def test_what_is_unusual_is_named(key, value, sentence):
@@ -184,7 +188,7 @@ def test_a_fault_of_the_signals_is_told_once(modelled_s, sessions):
 @pytest.mark.parametrize("texture", [None, {}, {"faults": None}])
 def test_a_leader_without_a_model_has_no_faults_of_its_signals(texture):
     assert fault_sentences("leader", {**LEADER, "texture": texture}) == []
-    found = {"faults": SignalFaults().as_dict()}
+    found = {"faults": SignalFaults().as_dict(), "handle": {"faults": {"jumps": 0}}}
     assert fault_sentences("leader", {**LEADER, "texture": found}) == []
 
 

@@ -140,7 +140,9 @@ def _values(
     for name in names:
         value = table.get(name)
         place_here = str(name).replace("_", " ") if first == "*" else place
-        if not rest:
+        if not rest and isinstance(value, Mapping):
+            yield place_here, {kind: count for kind, count in value.items() if count}
+        elif not rest:
             yield place_here, value
         elif isinstance(value, Mapping):
             yield from _values(value, rest, place_here)
