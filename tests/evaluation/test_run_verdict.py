@@ -192,6 +192,11 @@ def test_a_leader_without_a_model_has_no_faults_of_its_signals(texture):
     assert fault_sentences("leader", {**LEADER, "texture": found}) == []
 
 
+def test_a_listeners_faults_are_not_told_of_the_leader():
+    late = {**LEADER, "ticks": {"late_share_1ms": 0.2}, "listening": {"states": 3}}
+    assert fault_sentences("leader", late) == ["listener: 20 % of the ticks over 1 ms late"]
+
+
 def test_a_followers_devices_are_named_one_by_one():
     lost = {**FOLLOWER, "devices": {"robot": {"class": "Arm", "losses": 2}}}
     assert fault_sentences("follower", lost) == ["follower: 2 losses of the robot"]

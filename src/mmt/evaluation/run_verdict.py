@@ -128,7 +128,8 @@ def fault_sentences(name: str, summary: Mapping[str, Any]) -> list[str]:
         found.append(f"{late:.0%} of the ticks over 1 ms late".replace("%", " %"))
     if error:
         found.append(f"the recording failed: {error}; {recording['dropped']} frames are not in it")
-    return [f"{name}: {sentence}" for sentence in found]
+    who = "listener" if "listening" in summary else name  # which runs as a leader does
+    return [f"{who}: {sentence}" for sentence in found]
 
 
 def _values(
