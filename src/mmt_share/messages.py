@@ -32,7 +32,7 @@ AGAIN: Final = "again"
 """From a listener, after `WELCOME` and after each missed change: request for the whole model."""
 
 HAVE: Final = "have"
-"""From a listener, in answer to the first eight states and then one a second: `lag.Have`."""
+"""From a listener, in answer to the first eight states and then one a second: `ListenerState`."""
 HUBS: Final = "hubs"
 """From a hub to a listener: a list of the other hubs' addresses, whenever it has changed. The same
 list is in `WELCOME`, as ``hubs``."""
