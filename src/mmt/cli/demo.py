@@ -5,6 +5,7 @@ import os
 import sys
 import threading
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final, NamedTuple
 
@@ -171,17 +172,12 @@ def demo(
     recording = output_directory / "session.mcap"
     overrides: dict[str, Any] = {"session.duration_s": duration}
     tables = [*(["monitor"] if monitor else []), *tables_of(flags)]
-    scene = load_scene(scene_file, overrides, replay=replay, tables=tables, options=OPTIONS)
+    given = partial(
+        load_scene, scene_file, overrides, replay=replay, tables=tables, options=OPTIONS
+    )
+    scene = given()
     if scene.link is not None:
-        scene = load_scene(
-            scene_file,
-            overrides,
-            replay=replay,
-            record=recording,
-            force=force,
-            tables=tables,
-            options=OPTIONS,
-        )
+        scene = given(record=recording, force=force)
     if scene.numerics:
         require("numba")
     if scene.recording is not None:
