@@ -204,9 +204,9 @@ def test_the_documented_driver_is_found_as_a_package_of_its_own(tmp_path, monkey
     (line,) = [each for each in found["drivers"] if each["name"] == "lab-line"]
     assert line["package"] == "lab-devices"
     assert line["problem"] == ""
-    assert line["roles"] == ["force_sensor", "accelerometer"]
+    assert line["roles"] == ["accelerometer"]
     line_sensor = ("device", "test", "lab-line")
-    result = run(*line_sensor, "--role", "accelerometer", "--set", "port=/dev/none")
+    result = run(*line_sensor, "--set", "port=/dev/none")
     assert result.exit_code == 1
     assert "line sensor at /dev/none" in result.output
     assert "'port'; its options are port, baud=1000000" in refusal(*line_sensor)
