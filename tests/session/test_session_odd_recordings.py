@@ -113,14 +113,93 @@ def tidy_rows_of_json(path):
     )
 
 
+def axes_of(row):
+    return dict(zip("xyz", row[2:], strict=True))
+
+
+MESSAGES = {
+    "vectors": lambda r: [{"sensor": r[1], **axes_of(r), "temperature": 20.0}],
+    "lists": lambda r: [{"topic": f"/{r[1]}", "value": r[2:]}],
+    "within": lambda r: [{"meta": {"device": r[1]}, "data": axes_of(r)}],
+    "axes": lambda r: [
+        {"node": r[1], "data": {"axis": a, "value": v}} for a, v in axes_of(r).items()
+    ],
+    "own fields": lambda r: [{"sensor": r[1], **{r[1][0] + a: v for a, v in axes_of(r).items()}}],
+}
+"""A reading as messages of a topic that several sensors share."""
+
+
+def tidy_messages(form):
+    def write(path):
+        pytest.importorskip("rosbags", reason="needs the extra 'import'")
+        from mcap.writer import Writer
+
+        with path.open("wb") as stream:
+            writer = Writer(stream)
+            writer.start()
+            topic = writer.register_channel("/readings", "json", 0)
+            for row in readings(SENSORS):
+                for message in MESSAGES[form](row):
+                    at_ns = 1_765_000_000_000_000_000 + round(row[0] * 1e9)
+                    writer.add_message(topic, at_ns, json.dumps(message).encode(), at_ns)
+            writer.finish()
+
+    return write
+
+
+def tidy_objects_of_json(path):
+    rows = ({"t": r[0], "meta": {"sensor": r[1]}, "data": axes_of(r)} for r in readings(SENSORS))
+    path.write_text("\n".join(map(json.dumps, rows)))
+
+
+def lists_of_sensors_in_any_order(path):
+    rows = []
+    for place, time_s in enumerate(TIME_S):
+        read = ((n, n, *made(np.array([time_s]))[0].tolist()) for n, made in SENSORS.items())
+        sensors = [{"name": r[0], **axes_of(r)} for r in read]
+        rows.append({"t": time_s, "sensors": sensors[:: 1 if place % 3 else -1]})
+    path.write_text("\n".join(map(json.dumps, rows)))
+
+
 def tidy_array(path):
     kind = [("time", "f8"), ("sensor", "S8"), ("value", "f8", (3,))]
     np.save(path, np.array([(r[0], r[1], r[2:]) for r in readings(SENSORS)], dtype=kind))
 
 
+def tidy_array_of_structures(path):
+    kind = [("head", [("time", "f8"), ("sensor", "U8")]), ("value", "f8", (3,))]
+    np.save(path, np.array([((r[0], r[1]), r[2:]) for r in readings(SENSORS)], dtype=kind))
+
+
 def tidy_arrays(path):
     rows = list(readings(SENSORS))
     np.savez(path, time=[r[0] for r in rows], topic=[r[1] for r in rows], xyz=[r[2:] for r in rows])
+
+
+def tidy_structures(path):
+    kind = [(name, object) for name in ("t", "sensor", "x", "y", "z")]
+    savemat(path, {"log": np.array(list(readings(SENSORS)), dtype=kind)})
+
+
+def two_tables(path):
+    """A table of two sensors, one of a third alone, and sets that hold no numbers."""
+    h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
+    kind = [("time", "f8"), ("sensor", h5py.string_dtype()), *((a, "f8") for a in "xyz")]
+    rows = list(readings(SENSORS))
+    with h5py.File(path, "w") as file:
+        file["run/motion"] = np.array([r for r in rows if r[1] != "acc"], dtype=kind)
+        fast = [(r[0], *r[2:]) for r in rows if r[1] == "acc"]
+        file["acc"] = np.array(fast, dtype=[("time", "f8"), *((a, "f8") for a in "xyz")])
+        file["channel"] = np.array([["a", "b"]], dtype="S1")
+
+
+def tidy_sets(path):
+    h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
+    rows = list(readings(SENSORS))
+    with h5py.File(path, "w") as file:
+        group = file.create_group("log")
+        group["t"], group["xyz"] = [r[0] for r in rows], [r[2:] for r in rows]
+        group["sensor"] = [r[1] for r in rows]
 
 
 def tidy_parquet(path):
@@ -166,7 +245,14 @@ KINDS = {
     "tidy axis.csv": (tidy_by_axis, ALL),
     "molten.csv": (molten, ALL),
     "tidy.jsonl": (tidy_rows_of_json, ALL),
+    "objects.jsonl": (tidy_objects_of_json, ALL),
+    "lists.jsonl": (lists_of_sensors_in_any_order, ALL),
+    **{f"{form}.mcap": (tidy_messages(form), ALL) for form in MESSAGES},
+    "tables.h5": (two_tables, ALL),
+    "sets.h5": (tidy_sets, ALL),
+    "structures.mat": (tidy_structures, ALL),
     "tidy.npy": (tidy_array, ALL),
+    "within.npy": (tidy_array_of_structures, ALL),
     "tidy.npz": (tidy_arrays, ALL),
     "tidy.parquet": (tidy_parquet, ALL),
     "blanks.csv": (with_blanks_for_others, ALL),
@@ -278,6 +364,14 @@ def test_two_columns_of_units_are_no_unit(tmp_path):
     frames = imported(tmp_path / "a.csv").frames
     time_s = frames["time_ns"] / 1e9
     np.testing.assert_allclose(frames["force_n"], force(time_s), atol=2e-3)
+
+
+def test_rows_that_name_no_sensor_are_left_out_with_a_word(tmp_path):
+    rows = [(t, ("acc", "force", "")[i % 3 if t < 1.5 else 2], t) for i, t in enumerate(TIME_S)]
+    lines(tmp_path / "a.csv", "time,sensor,value", rows)
+    found = propose(tmp_path / "a.csv")
+    assert found.names == ["acc.time", "acc.value", "force.time", "force.value"]
+    assert "1000 rows that name none were left out" in str(found.columns.notes)
 
 
 def test_numbers_of_sensors_are_names(tmp_path):

@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.frames import FIELD_OF_CHANNEL, axes_of
 from mmt.session.data import JsonObject, axis_columns, json_object
+from mmt.session.importing.column_names import gives_unit, names_of, tells_apart
 from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.options import ImportOptions
 from mmt_bridges.ros.bag_files import decoded_messages
@@ -82,11 +84,18 @@ class _Source(SourceStamps):
         super().__init__(topic)
         self.frame = frame
         self.labels: list[str] = []
+        self.texts: dict[str, dict[int, str]] = {}
         self.values: dict[str, list[Any]] = {}
         self.rows: dict[str, list[int]] = {}
         self.names: set[str] = set()
         self.in_metres: set[str] = set()
         self.keeps: dict[str, bool] = {}
+
+    def tells_apart(self) -> bool:
+        """Return whether a field tells sensors apart whose messages share the topic."""
+        numbers = (n for field, n in self.values.items() if tells_apart(field, by_number=True))
+        texts = (of_row.values() for of_row in self.texts.values())
+        return any(len(set(map(repr, each))) > 1 for each in (*numbers, *texts))
 
 
 class _Gathered:
@@ -116,6 +125,10 @@ class _Gathered:
         labels = _labels_in(members)
         source.labels = source.labels or labels
         for field, value in _numbers("", message):
+            if isinstance(value, str):
+                if (tells_apart(field) or gives_unit(field)) and self._keeps(source, field):
+                    source.texts.setdefault(field, {})[row] = value
+                continue
             if labels != source.labels and field.count(".") == 1 and _is_list(value, len(labels)):
                 if sorted(labels) != sorted(source.labels):
                     continue  # each label has its own field
@@ -140,17 +153,23 @@ class _Gathered:
         """Return the columns, with their times by one clock."""
         labels = _labels(list(self._sources.values()))
         notes += _of_several(labels)
-        used = [source for source in self._sources.values() if source.values]
+        used = [s for s in self._sources.values() if not all(map(tells_apart, s.values))]
         receipt, remarks = choose_clock(used, options.stamps, origin)
         starts_ns = (int(source.times_ns(receipt=receipt).min()) for source in used)
         origin_ns = min(starts_ns, default=0)
         values, times, names = {}, {}, set()
-        units: dict[str, str] = {}
+        units, texts = dict[str, str](), dict[str, npt.NDArray[np.str_]]()
         for source in self._sources.values():
             label = labels[source]
             received_ns = source.times_ns(receipt=True)
             time_s = (source.times_ns(receipt=receipt) - origin_ns) / 1e9
-            for field in source.names:
+            order = np.argsort(received_ns, kind="stable")  # files may be in any
+            ordered_s = time_s[order]
+            told = source.tells_apart()
+            for field, of_row in source.texts.items():
+                texts[label + field] = np.array([of_row.get(row, "") for row in order.tolist()])
+                times[label + field] = ordered_s
+            for field in sorted(source.names):
                 standard = _STANDARD_NAMES.get(label + field)
                 for name in filter(None, (f"{label}{field}", standard)):
                     names.add(name)
@@ -160,10 +179,15 @@ class _Gathered:
                     if len({np.shape(value) for value in column}) > 1:
                         notes.append(f"{name} has lists of several lengths and was left out")
                         break
-                    rows = np.array(source.rows[field])
-                    order = np.argsort(received_ns[rows], kind="stable")  # files may be in any
-                    values[name] = np.array(column, dtype=np.float64)[order]
-                    times[name] = time_s[rows[order]]
+                    rows, of_rows = np.array(source.rows[field]), np.array(column, dtype=np.float64)
+                    if told and len(rows) < len(order):  # as in a table, with blanks
+                        blank = np.full((len(order), *of_rows.shape[1:]), np.nan)
+                        blank[rows] = of_rows
+                        rows, of_rows = np.arange(len(order)), blank
+                    whole = len(rows) == len(order)
+                    own = order if whole else np.argsort(received_ns[rows], kind="stable")
+                    values[name] = of_rows[own]
+                    times[name] = ordered_s if whole else time_s[rows[own]]
                     units |= {name: "m"} if field in source.in_metres else {}
         return SourceColumns(
             origin=origin,
@@ -171,6 +195,7 @@ class _Gathered:
             names=sorted(names),
             units=units,
             times=times,
+            labels=texts,
             scene=next(iter(self._texts[SCENE.name]), None),
             events=self._texts[EVENTS.name],
             notes=[*notes, *remarks],
@@ -228,14 +253,14 @@ def _stamp_ns(members: Mapping[str, Any]) -> int:
 
 
 def _numbers(name: str, message: Any) -> Iterator[tuple[str, Any]]:
-    """Yield each number, list of numbers and vector of a message with its dotted name."""
+    """Yield each number, text, list of numbers and vector of a message with its dotted name."""
     members = _members(message)
     if members:
         if set("xyz") <= members.keys() and "w" not in members:
             vector = tuple(members[axis] for axis in "xyz")
             if all(isinstance(each, _NUMBER) for each in vector):
                 yield name, vector
-                return
+                members = {each: value for each, value in members.items() if each not in {*"xyz"}}
         labels = _labels_in(members)
         for each, value in members.items():
             if each in {"header", "stamp", "timestamp"} and not isinstance(value, _NUMBER):
@@ -246,6 +271,8 @@ def _numbers(name: str, message: Any) -> Iterator[tuple[str, Any]]:
                     yield from _numbers(f"{name}.{each}.{label}", one)
     elif isinstance(message, _NUMBER):
         yield name, float(message)
+    elif isinstance(message, str):
+        yield name, message
     elif isinstance(message, np.ndarray | list) and 0 < len(message) <= _LONGEST_LIST:
         yield from _of_list(name, message)
 
@@ -253,11 +280,10 @@ def _numbers(name: str, message: Any) -> Iterator[tuple[str, Any]]:
 def _of_list(name: str, values: Any) -> Iterator[tuple[str, Any]]:
     if all(isinstance(each, _NUMBER) for each in values):
         yield name, np.asarray(values, dtype=np.float64)
-    elif all(map(_members, values)):
-        for place, each in enumerate(values):
-            # publishers of /tf share the topic, each with a list of its own frames
-            frame = _members(each).get("child_frame_id")
-            yield from _numbers(f"{name}.{frame or place}", each)
+    elif all(members := list(map(_members, values))):
+        # publishers of /tf share the topic, each with a list of its own frames
+        for label, each in zip(names_of(members), values, strict=True):
+            yield from _numbers(f"{name}.{label}", each)
 
 
 def _labels_in(members: Mapping[str, Any]) -> list[str]:

@@ -1,9 +1,10 @@
 """What the names of columns suggest that they hold, also the components of an orientation."""
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from functools import lru_cache
+from typing import Any, Final
 
 import numpy as np
 
@@ -47,10 +48,31 @@ def ends_in(name: str, parts: Collection[str]) -> bool:
     return "." in name and f".{name}".replace("/", ".").endswith(ends)
 
 
+@lru_cache
 def tells_apart(name: str, *, by_number: bool = False) -> bool:
     """Return whether a column's name says that it tells sensors apart, perhaps by their number."""
-    found = _SENSOR.fullmatch(name)
+    found = _SENSOR.fullmatch(last_part(name))
     return found is not None and not (by_number and found["texts"])
+
+
+def names_of(elements: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return what each element of a list calls itself, or their places if two have one name."""
+    names = [
+        next((str(value) for key, value in each.items() if _calls(key, value)), "")
+        for each in elements
+    ]
+    distinct = len({*names} - {""}) == len(names)
+    return names if distinct else list(map(str, range(len(names))))
+
+
+def _calls(key: str, value: Any) -> bool:
+    text = isinstance(value, str) and (key in ("name", "child_frame_id") or tells_apart(key))
+    return text or (isinstance(value, int) and tells_apart(key, by_number=True))
+
+
+def gives_unit(name: str) -> bool:
+    """Return whether a column's name says that it holds the units of another."""
+    return last_part(name).lower() in {"unit", "units"}
 
 
 def target_of(name: str) -> str | None:
@@ -109,7 +131,7 @@ def _target_of_axis(owner: str, letter: str, owners: Collection[str]) -> str | N
 
     If that is no known quantity, the axis is one of position if nothing else has axes.
     """
-    last = last_part(owner)
+    last = last_part(VALUES.sub("", owner))
     target = next((q for q, parts in MESSAGE_PARTS.items() if last == parts[0]), None)
     target = target or target_of(f".{last}") or ("position" if len(owners) == 1 else "")
     return f"{target}_{letter}" if target in CHANNELS and letter != "w" else None

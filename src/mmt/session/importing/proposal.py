@@ -339,7 +339,8 @@ def _times_beside(names: Sequence[str], columns: Mapping[str, str]) -> dict[str,
         channel = quantity_of(target).replace("speed", "position")
         if channel not in CHANNELS or name.startswith("/"):  # messages have their own
             continue
-        group = f"{VALUES.sub('', name) if VALUES.search(name) else name.rpartition('.')[0]}."
+        inner = name if VALUES.search(name) else name.rpartition(".")[0]
+        group = f"{VALUES.sub('', inner)}."
         own = re.escape(re.sub(r"[_. ][xyzXYZ]$", "", name))
         beside = re.compile(rf"{own}[_ ](?P<after>.+)|(?P<before>.+)[_ ]{own}")
         for other in names:

@@ -1,8 +1,11 @@
 """Tables that tell sensors apart by a column: each sensor's rows become columns of their own."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from itertools import islice, repeat, takewhile, zip_longest
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,13 +16,12 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.core.units import is_unit, unit_in_name
-from mmt.session.importing.column_names import target_of, tells_apart
+from mmt.session.importing.column_names import gives_unit, last_part, target_of, tells_apart
 from mmt.session.importing.columns import SHOWN_COLUMNS, SourceColumns, Wanted
 from mmt.session.importing.options import ImportOptions, quantity_of
 
 _MOST: Final = 256
 _MOST_NUMBERS: Final = 16
-_UNITS: Final = ("unit", "units")
 _FEWEST_ROWS: Final = 4
 """Least number of rows of a sensor, on average."""
 
@@ -32,81 +34,144 @@ def read_apart(
 ) -> SourceColumns:
     """Call an importer; columns of a table with rows of several sensors become `SENSOR.COLUMN`.
 
+    Those of a group or topic become `GROUP.SENSOR.COLUMN`.
+
     Raises
     ------
     InputError
         There are too many sensors, one has several units, or see `read`.
     """
-    try:
-        columns = read(path, partial(_or_told, wanted), options)
-    except InputError:  # in other files such names may stand for anything
-        return read(path, wanted, options)
-    keys = _keys(columns)
-    if not keys:
+    read = partial(_read_besides, read, path, wanted, options)
+    columns = read(_is_told)
+    told = {_owner([key]) for table in _tables(columns) for key in _keys(table)}
+    if not told:
         return _in_told_unit(columns)
-    every = read(path, Wanted(columns.names), options)
-    joined = ("_".join(filter(None, row)) for row in zip(*keys.values(), strict=False))
-    labels = np.array(list(joined))
+    names = {n for n in columns.names if not n.startswith("/") or _owner([n]) in told}
+    columns = read(lambda name: _is_told(name) or name in names)
+    for table in list(_tables(columns)):
+        keys = _keys(table)
+        if keys and table.values.keys() - keys:
+            columns = _taken_apart(columns, table, keys)
+    values = {name: column for name, column in columns.values.items() if wanted(name)}
+    return _in_told_unit(replace(columns, values=values))
+
+
+def _read_besides(
+    read: Callable[..., SourceColumns],
+    path: Path,
+    wanted: Callable[[str], bool],
+    options: ImportOptions,
+    others: Callable[[str], bool],
+) -> SourceColumns:
+    """Read what is wanted, and of `others` what can be read."""
+    try:
+        return read(path, lambda name: wanted(name) or others(name), options)
+    except InputError:
+        plain = read(path, wanted, options)
+    readable = set()
+    for name in filter(others, plain.names):
+        with suppress(InputError):
+            readable |= {name} & {*read(path, Wanted([name]), options).names}
+    return read(path, lambda name: wanted(name) or name in readable, options)
+
+
+def _tables(columns: SourceColumns) -> Iterator[SourceColumns]:
+    """Yield the columns that have their rows in common: those of one length and one clock."""
+    tables: dict[object, list[str]] = {}
+    for name, column in {**columns.values, **columns.labels}.items():
+        length = () if columns.ends_left_out else np.shape(column)[:1]
+        tables.setdefault((length, id(columns.times.get(name))), []).append(name)
+    for names in tables.values():
+        values = {n: columns.values[n] for n in names if n in columns.values}
+        labels = {n: columns.labels[n] for n in names if n in columns.labels}
+        yield replace(columns, values=values, labels=labels, names=names)
+
+
+def _taken_apart(
+    columns: SourceColumns, table: SourceColumns, keys: Mapping[str, list[str]]
+) -> SourceColumns:
+    """Return the columns with those of one table for each of its sensors."""
+    rows = max(map(len, table.values.values()))
+    each = list(islice(zip_longest(*keys.values(), repeat("", rows), fillvalue=""), rows))
+    labels = np.array(["_".join(filter(None, row)) for row in each])
     sensors = [sensor for sensor in dict.fromkeys(labels.tolist()) if sensor]
     told = f"{' and '.join(keys)} tells {len(sensors)} sensors apart"
-    if _is_one_stream(every, len(labels)):
+    if _is_one_stream(table, rows):
         note = f"{told}, whose rows were left together: each holds several channels"
         return replace(columns, notes=(*columns.notes, note))
     if len(sensors) > _MOST:
         raise InputError(f"{columns.origin}: {told}, {_MOST} can be: keep what is needed")
     note = f"{told}: {', '.join(sensors[:SHOWN_COLUMNS])}"
-    parts, units = _apart(every, keys, labels, sensors)
+    if blank := int(np.sum(labels == "")):
+        note += f"; {blank} rows that name none were left out"
+    apart = _apart(table, keys, labels, sensors)
+    left = {name for name in columns.names if name not in table.names}
+    kept = {
+        field: {n: x for n, x in getattr(columns, field).items() if n in left}
+        | getattr(apart, field)
+        for field in ("values", "units", "times", "labels")
+    }
+    names = [name for name in columns.names if name in left]
     return replace(
-        every,
-        values={name: column for name, column in parts.items() if wanted(name)},
-        names=list(parts),
-        units={name: unit for name, unit in units.items() if unit},
+        columns,
+        **kept,
+        names=[*names, *apart.values],
         row_name="row {} of its sensor, counted from 0".format,
-        notes=(*every.notes, note),
-        labels={},
+        notes=(*columns.notes, note),
     )
 
 
 def _apart(
-    columns: SourceColumns,
+    table: SourceColumns,
     keys: Collection[str],
     labels: npt.NDArray[np.str_],
     sensors: Sequence[str],
-) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return the columns of each sensor, and their units."""
-    parts, units = dict[str, Any](), dict(columns.units)
-    told = [texts for texts in _told_units(columns) if len(texts) == len(labels)]
+) -> SourceColumns:
+    """Return the columns of each sensor in a table, with their units and times."""
+    parts, units, times = dict[str, Any](), dict[str, str](), dict[str, Any]()
+    told, owner = _told_units(table), _owner([*keys, *table.values])
     for sensor in sensors:
         rows = labels == sensor
-        unit = _one_unit(columns, [texts[rows] for texts in told], sensor)
-        for name, column in columns.values.items():
-            new = f"{sensor}.{name}"
-            if not columns.ends_left_out and np.shape(column)[:1] != labels.shape:
-                parts[name] = column
-            elif name not in keys and np.isfinite(own := column[rows[: len(column)]]).any():
-                parts[new] = own
-                own_unit = "" if target_of(name) == "time" else unit
-                units[new] = own_unit or units.get(name, "")
-    return parts, units
+        unit = _one_unit(table, [texts[rows[: len(texts)]] for texts in told.values()], sensor)
+        for name, column in table.values.items():
+            if name in keys or not np.isfinite(own := column[rows[: len(column)]]).any():
+                continue
+            new = f"{owner}.{sensor}{name.removeprefix(owner)}" if owner else f"{sensor}.{name}"
+            parts[new] = own
+            own_unit = "" if target_of(name) == "time" else unit
+            units |= {new: text} if (text := own_unit or table.units.get(name, "")) else {}
+            times |= {new: table.times[name][rows]} if name in table.times else {}
+    return replace(table, values=parts, units=units, times=times, labels={})
 
 
-def _or_told(wanted: Callable[[str], bool], name: str) -> bool:
-    return tells_apart(name) or name.lower() in _UNITS or wanted(name)
+def _is_told(name: str) -> bool:
+    return tells_apart(name) or gives_unit(name)
 
 
-def _keys(columns: SourceColumns) -> Mapping[str, list[str]]:
+def _owner(names: Collection[str]) -> str:
+    """Return the topic, or the innermost group, that all columns are in; "" if it is the file."""
+    paths = [name.split(".")[: 1 if name.startswith("/") else -1] for name in names]
+    shared = takewhile(lambda parts: len({*parts}) == 1, zip(*paths, strict=False))
+    return ".".join(parts[0] for parts in shared)
+
+
+def _is_within(name: str, owner: str) -> bool:
+    return not owner or f"{name}.".startswith(f"{owner}.")
+
+
+def _keys(table: SourceColumns) -> Mapping[str, list[str]]:
     """Return the labels of rows in columns that tell sensors apart, an axis last."""
     keys = {
         name: [text.strip("/") for text in texts.tolist()]
-        for name, texts in columns.labels.items()
+        for name, texts in table.labels.items()
         if tells_apart(name) or (name.isdecimal() and _of_channels(texts))
     }
-    for name, numbers in columns.values.items():
+    for name, numbers in table.values.items():
         if tells_apart(name, by_number=True) and numbers.ndim == 1:
-            each = [f"{name}_{n:g}" if abs(n) < np.inf else "" for n in numbers.tolist()]
+            each = [f"{last_part(name)}_{n:g}" if abs(n) < np.inf else "" for n in numbers.tolist()]
             keys |= {name: each} if len(set(each)) <= _MOST_NUMBERS else {}
     several = (n for n, t in keys.items() if 1 < len({*t} - {""}) <= len(t) / _FEWEST_ROWS)
-    return {n: keys[n] for n in sorted(several, key=lambda name: name.lower() == "axis")}
+    return {n: keys[n] for n in sorted(several, key=lambda n: last_part(n).lower() == "axis")}
 
 
 def _channel_of(name: str) -> str:
@@ -117,12 +182,12 @@ def _of_channels(texts: Any) -> bool:
     return any(_channel_of(text) in CHANNELS for text in set(texts.tolist()))
 
 
-def _is_one_stream(columns: SourceColumns, count: int) -> bool:
+def _is_one_stream(table: SourceColumns, count: int) -> bool:
     """Return whether most of `count` rows hold several channels, at times that ascend."""
     filled = {channel: np.zeros(count, dtype=bool) for channel in CHANNELS}
-    times: list[FloatArray] = []
-    for name, column in columns.values.items():
-        if (channel := _channel_of(name)) in filled and len(column) <= count:
+    times: list[FloatArray] = [table.times[n] for n in table.values if n in table.times][:1]
+    for name, column in table.values.items():
+        if (channel := _channel_of(name)) in filled:
             finite = np.isfinite(column).reshape(len(column), -1)
             filled[channel][: len(column)] |= finite.any(axis=1)
         elif channel == "time":
@@ -132,24 +197,28 @@ def _is_one_stream(columns: SourceColumns, count: int) -> bool:
 
 
 def _in_told_unit(columns: SourceColumns) -> SourceColumns:
-    """Return the columns of one sensor in the unit that a column of units gives.
+    """Return the columns of one sensor in the unit that a column of units beside them gives.
 
     It is not used if there are several channels, nor for names that end in a unit of their own.
     """
-    told = _told_units(columns)
-    channels = {name: _channel_of(name) for name in columns.names}
-    if len(told) != 1 or len({*channels.values()} & {*CHANNELS}) > 1:
-        return columns
-    of_rows = columns.ends_left_out or len(told[0]) in map(len, columns.values.values())
-    if not of_rows or not all(map(is_unit, {*told[0].tolist()} - {""})):
-        return columns
-    unit = _one_unit(columns, told, "the table")
-    plain = (n for n, q in channels.items() if q != "time" and not (q and unit_in_name(q, n)))
-    return replace(columns, units={**dict.fromkeys(plain, unit), **columns.units})
+    units, told = dict(columns.units), _told_units(columns)
+    owners = Counter(_owner([name]) for name in told)
+    for name, texts in told.items():
+        owner = _owner([name])
+        channels = {n: _channel_of(n) for n in columns.names if _is_within(n, owner)}
+        lengths = [len(column) for n, column in columns.values.items() if n in channels]
+        of_rows = columns.ends_left_out or len(texts) in lengths
+        several = owners[owner] > 1 or len({*channels.values()} & {*CHANNELS}) > 1
+        if several or not of_rows or not all(map(is_unit, {*texts.tolist()} - {""})):
+            continue
+        unit = _one_unit(columns, [texts], "the table")
+        plain = (n for n, q in channels.items() if q != "time" and not (q and unit_in_name(q, n)))
+        units = {**dict.fromkeys(plain, unit), **units}
+    return replace(columns, units=units)
 
 
-def _told_units(columns: SourceColumns) -> list[npt.NDArray[np.str_]]:
-    return [texts for name, texts in columns.labels.items() if name.lower() in _UNITS]
+def _told_units(columns: SourceColumns) -> dict[str, npt.NDArray[np.str_]]:
+    return {name: texts for name, texts in columns.labels.items() if gives_unit(name)}
 
 
 def _one_unit(columns: SourceColumns, told: list[npt.NDArray[np.str_]], sensor: str) -> str:

@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.errors import InputError
+from mmt.session.importing.column_names import names_of
 from mmt.session.importing.columns import SourceColumns, distinct, reading
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.readers.cells import columns_of
@@ -158,7 +159,10 @@ def _leaves(value: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
     """Yield name and value of each member that is no object; lists with objects are taken apart."""
     for name, member in value.items():
         if isinstance(member, list) and any(isinstance(each, dict) for each in member):
-            yield from _leaves({str(i): each for i, each in enumerate(member)}, f"{prefix}{name}.")
+            objects = [each if isinstance(each, dict) else {} for each in member]
+            yield from _leaves(
+                dict(zip(names_of(objects), member, strict=True)), f"{prefix}{name}."
+            )
         elif isinstance(member, dict):
             yield from _leaves(member, f"{prefix}{name}.")
         else:
