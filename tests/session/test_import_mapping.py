@@ -265,6 +265,14 @@ def test_rows_are_put_in_the_order_of_their_times_with_their_names(rows, left):
     assert not any("order" in note for note in exported.notes)
 
 
+@pytest.mark.parametrize("phase", [0.1, 0.2, 0.5, 0.8])
+def test_a_second_run_is_not_put_between_the_rows_of_the_first(phase):
+    twice = np.r_[TIME_S, TIME_S + phase * (TIME_S[1] - TIME_S[0])]
+    found = mapped({"t": twice, "f": np.r_[VECTORS, 1.0 + VECTORS]}, {"time": "t", "force": "f"})
+    assert "t begins anew" in found.notes[0]
+    np.testing.assert_array_equal(found.values["force"], np.r_[VECTORS, 1.0 + VECTORS])
+
+
 def test_messages_are_put_in_the_order_of_their_times():
     found = mapped({"/f": VECTORS[LATE]}, {"force": "/f"}, times={"/f": TIME_S[LATE]})
     np.testing.assert_array_equal(found.values["force"], VECTORS)

@@ -196,7 +196,7 @@ def order_of(time_s: FloatArray, columns: Iterable[FloatArray]) -> IntArray | No
     left_out = np.sort(order[1:][twice])
     order = order[np.r_[True, ~twice]]
     ordered_s = np.diff(time_s[order])
-    jump_s = 1.5 * np.median(ordered_s)
+    jump_s = 1.5 * np.median(steps_s[steps_s > 0])
     gone = np.count_nonzero(steps_s > jump_s) - np.count_nonzero(ordered_s > jump_s)
     stretches = np.split(left_out, np.flatnonzero(np.diff(left_out) > 1) + 1)
     repeated = sum(len(stretch) > 1 for stretch in stretches)  # one row alone may be chance
