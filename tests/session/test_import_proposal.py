@@ -139,11 +139,54 @@ X = " position_x=x position_y=0 position_z=0"
         ),
         ("t,acc1,acc2", "time=t"),
         ("t,force,force1,force2", "time=t force=force"),
+        ("t,gyro.x,gyro.y,gyro.z", "time=t"),
+        ("t,imu.Rotation.X", "time=t"),
+        (
+            "t,Rotation.X,Position.X,Position.X",
+            "time=t position_x=Position.X.1 position_y=0 position_z=0",
+        ),
+        ("desired.t,desired.pos,real.t,real.pos", "time=real.t" + X.replace("=x", "=real.pos")),
+        (
+            "t,/cmd/wrench.force.z,wrench.force.z",
+            "time=t force_x=0 force_y=0 force_z=wrench.force.z",
+        ),
+        ("t,target.force", "time=t force=target.force"),
+        (
+            "Latest: Time,Latest: X-axis acceleration,Y Force",
+            "time=Latest: Time acceleration_x=Latest: X-axis acceleration acceleration_y=0 "
+            "acceleration_z=0 force_x=0 force_y=Y Force force_z=0",
+        ),
+        (
+            "trial1.t,trial1.force,trial2.t,trial2.force,trial2.acc",
+            "time=trial2.t force=trial2.force acceleration=trial2.acc",
+        ),
+        (
+            "Run 1: Time,Run 1: Force,Run 2: Time,Run 2: Force",
+            "time=Run 1: Time force=Run 1: Force",
+        ),
+        (
+            "a1.b1.force,a1.b2.acc,a1.b2.force,a2.b1.force,a2.b1.acc,t",
+            "time=t acceleration=a1.b2.acc force=a1.b2.force",
+        ),
+        ("log.force{1},log.t{1},log.force{2}", "time=log.t{1} force=log.force{1}"),
+        ("arm0.acc,arm1.force,t", "time=t acceleration=arm0.acc force=arm1.force"),
     ],
 )
 def test_columns_are_proposed_by_their_names(tmp_path, names, expected):
     proposed = propose(str(table(tmp_path, names))).options.columns
     assert proposed == dict(re.findall(r"(\w+)=(.*?)(?= \w+=|$)", expected))
+
+
+@pytest.mark.parametrize(
+    ("name", "target"),
+    [("Accelerometer", "acceleration_y"), ("force", "force_y"), ("a", "position_y"),
+     ("Gyroscope", None)],
+)  # fmt: skip
+def test_a_bare_axis_is_one_of_what_its_file_is_called_by(tmp_path, name, target):
+    columns = propose(table(tmp_path, "t,y").rename(tmp_path / f"{name}.csv")).options.columns
+    assert [each for each, column in columns.items() if column == "y"] == (
+        [target] if target else []
+    )
 
 
 FORMS = {"force_{}_n": None, "f{}": "f{}", "tip.force.{}": "tip.force.{}"}

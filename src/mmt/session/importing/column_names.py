@@ -18,8 +18,9 @@ from mmt.session.importing.options import ImportOptions, quantity_of
 
 _WORDS: Final = {
     "position": "p|pos|position|tip|tcp|pen|stylus|tool",
-    "force": "f|force|forces|load",
-    "acceleration": "(?:linear)?a(?:cc(?:el(?:eration)?)?)?|accelerometer|imu|vibration",
+    "force": "f|force|forces|load|kraft",
+    "acceleration": "(?:linear)?a(?:cc(?:el(?:eration)?)?)?|accelerometer|imu|vibration"
+    "|beschleunigung",
     "speed": "v|vel|velocity|speed",
 }
 _TIME: Final = re.compile(
@@ -39,6 +40,16 @@ _SENSOR: Final = re.compile(
     re.IGNORECASE,
 )
 """Matches the name of a column that tells sensors apart."""
+_NO_POSITION: Final = re.compile(
+    r"(?<![a-z])(rot|quat|orient|euler|ang|gyr|omega|torque|moment|mag)"
+)
+"""Matches the owner of axes that are not those of a position."""
+_COMMANDED: Final = re.compile(
+    r"(^|[^a-z])(action|desired|des|target|cmd|command(ed)?|goal|ref(erence)?|set_?point)($|[^a-z])"
+)
+_NUMBERED: Final = re.compile(r"\d+(?=[./:}])")
+"""Matches a number that ends the name of a group."""
+_LONGEST_NAME: Final = 256
 _COMPONENTS: Final = {f"{channel}_{axis}" for channel in CHANNELS for axis in "xyz"}
 
 
@@ -82,7 +93,8 @@ def target_of(name: str) -> str | None:
         of_message = next((q for q, parts in MESSAGE_PARTS.items() if ends_in(name, parts)), None)
         other = target_of(f".{last}") if "." in name else None
         return of_message or (other if other and quantity_of(other) in CHANNELS else None)
-    spaced = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", name.rsplit(".", 1)[-1]).replace("^", "")
+    own = re.split(r"\.|: ", name)[-1]
+    spaced = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", own).replace("^", "")
     words = re.findall(r"[a-z]+[0-9]?", re.sub(r" in (?=\w)", " ", spaced.lower()))
     for end in range(len(words), max(0, len(words) - 3), -1):  # the last words may be a unit
         joined, behind = "".join(words[:end]), "_".join(words[end:])
@@ -94,7 +106,8 @@ def target_of(name: str) -> str | None:
             if behind and not unit_factor(quantity, behind):
                 continue
             optional = "?" if quantity == "position" else ""
-            found = re.fullmatch(rf"(?:{pattern}){optional}([xyz])", joined)
+            forms = rf"(?:{pattern}){optional}([xyz])", rf"([xyz])(?:axis)?(?=..)(?:{pattern})"
+            found = re.fullmatch(forms[0], joined) or re.fullmatch(forms[1], joined)
             if found and quantity != "speed":
                 return f"{quantity}_{found.group(1)}"
             of_a_structure = "." in name
@@ -119,6 +132,58 @@ def target_of_column(name: str, unit: str, owners: Collection[str]) -> str | Non
     return None if name in STANDARD_NAMES.values() else target
 
 
+def is_commanded(name: str) -> bool:
+    """Return whether a name says that the values are what was asked for, not what was measured."""
+    return _COMMANDED.search(name.lower()) is not None
+
+
+def of_file(name: str, stem: str) -> str:
+    """Return a bare axis as one of what its file's name says that it holds, else the name."""
+    told = target_of(stem) in CHANNELS or _NO_POSITION.search(stem.lower())
+    return f"{stem}.{name}" if told and re.fullmatch("[xyz]", name, re.IGNORECASE) else name
+
+
+def of_one_trial(names: Collection[str]) -> tuple[list[str], list[str]]:
+    """Return the names without those of other trials than one, and notes for the user.
+
+    Trials are groups whose names differ in a number, as ``demo_0`` and ``demo_1``, and that hold
+    the same channel. The first with most channels is taken.
+    """
+    groups: dict[str, dict[str, dict[str, str]]] = {}
+    for name in names:
+        for prefix, number, rest in _numbered(name):
+            groups.setdefault(prefix, {}).setdefault(number, {})[name] = rest
+    left_out, notes = set[str](), list[str]()
+    for prefix, trials in sorted(groups.items(), key=lambda group: len(group[0])):
+        held = {
+            number: {rest: _channel_of(rest) for name, rest in of.items() if name not in left_out}
+            for number, of in trials.items()
+        }
+        rests = [rest for of in held.values() for rest, channel in of.items() if channel]
+        if len({*rests}) < len(rests):
+            best = max(held, key=lambda number: len({*held[number].values()} - {""}))
+            left_out |= {name for number, of in trials.items() if number != best for name in of}
+            notes.append(f"of {len(trials)} trials {prefix}{best} is proposed, no other's columns")
+    return [name for name in names if name not in left_out], notes
+
+
+def _channel_of(name: str) -> str:
+    quantity = quantity_of(target_of_column(name, "", ()) or "")
+    return quantity if quantity in CHANNELS else ""
+
+
+def _numbered(name: str) -> list[tuple[str, str, str]]:
+    """Return what stands before each number in a name, the number, and the rest."""
+    found = []
+    for match in _NUMBERED.finditer(name[:_LONGEST_NAME]):
+        before, rest = name[: match.start()], name[match.end() + 1 :].strip(" ./")
+        if name[match.end()] == "}":  # of MATLAB, after the name
+            before, _, last = before.rpartition(".")
+            before, rest = f"{before}{{", ".".join(filter(None, (last.strip("{"), rest)))
+        found.append((before, match[0], rest))
+    return found
+
+
 def _of_owner(name: str) -> str | None:
     """Return the target that a name suggests, or the owner's name before ``.data`` and the like."""
     owner = VALUES.sub("", name)
@@ -133,7 +198,8 @@ def _target_of_axis(owner: str, letter: str, owners: Collection[str]) -> str | N
     """
     last = last_part(VALUES.sub("", owner))
     target = next((q for q, parts in MESSAGE_PARTS.items() if last == parts[0]), None)
-    target = target or target_of(f".{last}") or ("position" if len(owners) == 1 else "")
+    of_place = len(owners) == 1 and not _NO_POSITION.search(last.lower())
+    target = target or target_of(f".{last}") or ("position" if of_place else "")
     return f"{target}_{letter}" if target in CHANNELS and letter != "w" else None
 
 

@@ -13,13 +13,16 @@ import numpy as np
 
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
-from mmt.core.units import unit_factor, unit_in_name
+from mmt.core.units import DATE, unit_factor, unit_in_name
 from mmt.session.importing.checks import ImportReport, unit_by_gravity, unit_by_speed
 from mmt.session.importing.column_names import (
     AXIS_OF,
     NUMBER,
     VALUES,
+    is_commanded,
     last_part,
+    of_file,
+    of_one_trial,
     target_of,
     target_of_column,
 )
@@ -35,8 +38,6 @@ from mmt.session.importing.recording import check_kinds, import_columns, read_co
 
 _LAST: Final = ("date", "duration")
 """Names that are those of the time only if no other is."""
-_COMMANDED: Final = "action"
-"""What LeRobot calls the commands, which have the names of what was measured, and come last."""
 _SECONDS: Final = re.compile(r"(^|[._\s])s(ecs?|econds)?$")
 _RATE: Final = re.compile(
     r"(^|[._])(fs|f_?s(amp(le|ling)?)?|(samp(le|ling)_?)?(rate|freq(uency)?))(_?hz)?$"
@@ -143,11 +144,15 @@ def try_proposal(
 def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOptions, SourceColumns]:
     """Return the columns without values, the completed options, and the columns they use."""
     read = read_columns(path, Wanted(), options)
-    suggested = _suggested(read.names, read.units)
-    guessed = _guess(read.names, suggested)
-    times = _own_times(read, guessed) or _times_beside(read.names, guessed)
+    names, trials = of_one_trial(read.names)
+    suggested = _suggested(names, read.units, path.stem)
+    guessed = _guess(names, suggested)
+    times = _own_times(read, guessed) or _times_beside(names, guessed)
     given, columns = options.columns, {**guessed, **times, **options.columns}
     options = replace(options, columns=columns)
+    if not _is_timed(read, options) and (dates := _dated(path, read.names, options)):
+        columns["time"] = dates
+        options = replace(options, columns=columns)
     if not _is_timed(read, options):
         options = replace(options, rate_hz=_told_rate_hz(path, read.names, options))
     found = read_columns(path, wanted_names(options), options)
@@ -163,6 +168,7 @@ def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOpti
     if x.lower() == "x" and x not in read.units and "position_x" not in given:
         axes.append(f"{x}, ... is proposed as position, though nothing says that it is one")
     notes = (
+        *trials,
         *axes,
         *parts,
         *found.notes,
@@ -196,18 +202,19 @@ def _in_parts(
     return replace(options, columns=columns), notes
 
 
-def _suggested(names: Sequence[str], units: Mapping[str, str]) -> dict[str, list[str]]:
+def _suggested(names: Sequence[str], units: Mapping[str, str], stem: str) -> dict[str, list[str]]:
     """Return the columns that names and units suggest for each target, the likeliest first."""
     suggested = {target: [name] for target, name in _of_robots(names).items()}
     suggested |= {target: [name] for target, name in _numbered_axes(names).items()}
-    found = [match for name in names if (match := AXIS_OF.fullmatch(name))]
+    found = [match for name in names if (match := AXIS_OF.fullmatch(NUMBER.sub("", name)))]
     owners = {match[0 if match[2] in "wW" else 1] for match in found}  # a quaternion is no position
-    owners = owners - {_COMMANDED} or owners
+    owners = {owner for owner in owners if not is_commanded(owner)} or owners
     last = sorted(
-        _with_vectors(names), key=lambda name: name.lower() in _LAST or name.startswith(_COMMANDED)
+        _with_vectors(names), key=lambda name: name.lower() in _LAST or is_commanded(name)
     )
     for name in last:
-        target = target_of_column(name, units.get(name, ""), owners)
+        unit = units.get(name, "")
+        target = target_of_column(name if unit else of_file(name, stem), unit, owners)
         if target and STANDARD_NAMES.get(target) not in names:
             suggested.setdefault(target, []).append(name)
     return suggested
@@ -317,6 +324,15 @@ def _is_timed(read: SourceColumns, options: ImportOptions) -> bool:
     of_messages = any(text.startswith("/") for text in options.columns.values())
     of_columns = any(target.endswith("time") for target in (*options.columns, *standard))
     return bool(read.times) or options.rate_hz is not None or of_messages or of_columns
+
+
+def _dated(path: Path, names: Sequence[str], options: ImportOptions) -> str | None:
+    """Return the first column, or pandas' index, if it holds dates; else None."""
+    first = [name for name in names if name in (names[0], "__index_level_0__")]
+    with suppress(InputError):
+        units = read_columns(path, Wanted(first), options).units
+        return next((name for name in first if units.get(name) == DATE), None)
+    return None
 
 
 def _told_rate_hz(path: Path, names: Sequence[str], options: ImportOptions) -> float | None:
