@@ -238,6 +238,21 @@ def with_a_title_before_the_units(path):
     lines(path, head, cells, ";")
 
 
+def each_channel(times, head=""):
+    """Return a writer of rows with all channels, behind times in any form."""
+
+    def write(path):
+        values = np.hstack([made(TIME_S) for made in TRUTH.values()]).tolist()
+        lines(path, head, ((t, *row) for t, row in zip(times, values, strict=True)))
+
+    return write
+
+
+AXES = ",x,y,z" * 3
+LEVELS = "".join(f",{channel}" * 3 for channel in TRUTH)
+DATES = [f"2026-05-01 10:00:{time_s:09.6f}" for time_s in TIME_S]
+
+
 ALL = set(TRUTH)
 KINDS = {
     "tidy.csv": (tidy, ALL),
@@ -258,6 +273,9 @@ KINDS = {
     "blanks.csv": (with_blanks_for_others, ALL),
     "first.mat": (with_times_first, {"position", "force"}),
     "dataset.mat": (dataset_of_structures, {"force"}),
+    "levels.csv": (each_channel(TIME_S, f"{LEVELS}\n{AXES}\nstamp{',' * 9}"), ALL),
+    "merged.csv": (each_channel(1e3 * TIME_S, f"Time{LEVELS}\nms{AXES}"), ALL),
+    "index.csv": (each_channel(DATES, ",px,py,pz,fx,fy,fz,ax,ay,az"), ALL),
     "title.txt": (with_a_title_before_the_units, {"force"}),
     "a column.csv": (in_a_column_of_units, {"force"}),
     "units.log": (with_units, {"position", "force"}),

@@ -12,7 +12,8 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
-from mmt.core.units import DATE, is_unit
+from mmt.core.units import DATE, is_unit, unit_factor
+from mmt.session.importing.column_names import target_of
 from mmt.session.importing.columns import BEGAN, SourceColumns, distinct, parsed_date
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.readers.cells import MISSING, Cell, Numbers, seconds_of, text_of
@@ -239,8 +240,9 @@ def _header(rows: Sequence[Sequence[Cell]], first: int | None, options: ImportOp
         return _Header(rows[named], named + 1)
     width = len(rows[first])
     above = [row for row in rows[:first] if _filled(row)]
+    index: Sequence[Cell] = ()  # pandas writes its name below the others
     while above and 2 * _filled(above[-1]) <= _filled(rows[first]):
-        above.pop()
+        index = above.pop()
     if above:
         units: Sequence[Cell] = ()
         while len(above) > 1 and (_is_units(above[-1]) or _is_settings(above[-1])):
@@ -248,9 +250,9 @@ def _header(rows: Sequence[Sequence[Cell]], first: int | None, options: ImportOp
             units = units or (row if _is_units(row) else ())
         over = above[-2] if len(above) > 1 else ()  # its names fill blanks in the row below
         wide = max(width, len(above[-1]))
-        pairs = zip_longest(above[-1], over[:wide], range(1, wide + 1))
-        each = [(text_of(name), text_of(group), str(place)) for name, group, place in pairs]
-        names = [next(text for text in texts if text and text[-1] != "=") for texts in each]
+        cells = zip_longest(above[-1], over[:wide], index[:wide], range(1, wide + 1))
+        each = [tuple(map(text_of, column)) for column in cells]
+        names = [_named(*texts) for texts in each]
         if len(above[-1]) == width - 1 and _are_counted(rows[first:]):
             return _Header(["", *names[:-1]], first, units=units)
         return _Header(names, first, over, units)
@@ -260,6 +262,13 @@ def _header(rows: Sequence[Sequence[Cell]], first: int | None, options: ImportOp
         note = f"line {first + 1}, {texts[0]} to {texts[-1]}, was taken for the columns' names"
         return _Header(rows[first], first + 1, notes=(note,))
     return _Header(counted[1], first)
+
+
+def _named(name: str, group: str, *others: str) -> str:
+    """Return the first text that is a name; with the unit of time below that of a time."""
+    if group and unit_factor("time", name) and target_of(group) == "time":
+        return f"{group} [{name}]"
+    return next(text for text in (name, group, *others) if text and text[-1] != "=")
 
 
 def _grouped(names: Sequence[str], over: Sequence[Cell]) -> list[str]:
