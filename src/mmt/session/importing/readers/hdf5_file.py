@@ -1,8 +1,10 @@
 """Read HDF5 files of any layout; a column's name is the data set's path, with dots, and field."""
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from math import prod
 from pathlib import Path
+from pickletools import genops
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -16,6 +18,7 @@ from mmt.session.importing.columns import (
     beside_columns,
     distinct,
     reading,
+    text_in,
     told_unit,
 )
 from mmt.session.importing.options import ImportOptions
@@ -25,8 +28,10 @@ _SCALES: Final = {"scale_factor": 1.0, "add_offset": 0.0}
 _BLANKS: Final = ("_FillValue", "missing_value")
 _PACKING: Final = {*_SCALES, *_BLANKS}
 """Attributes of packed values, by the conventions of netCDF."""
-_Set: TypeAlias = tuple[str, Any, tuple[str, ...]]
-"""Name of a column, its data set, and the path of the field within."""
+_UNNAMED: Final = b"N."
+"""What pandas stores for the name of an index that has none."""
+_Set: TypeAlias = tuple[str, Any, tuple[str | int, ...]]
+"""Name of a column, its data set, and the path of the field within; a number is a column's."""
 _OF_MMT: Final = {"sequence", "time_ns"}
 """Data sets that identify an exported session; in other files ``scene`` may be anything."""
 
@@ -79,7 +84,7 @@ def _data_sets(
     Links to what is not there are told in `lost`.
     """
     for name, item in group.items():
-        if "#" in name or item in above:  # "#" marks internal groups of MATLAB
+        if "#" in name or name.startswith("_i_") or item in above:  # of MATLAB, of PyTables
             continue
         if item is None:
             link = group.get(name, getlink=True)
@@ -89,10 +94,34 @@ def _data_sets(
             if hasattr(item, "items"):
                 yield from _data_sets(item, lost, f"{prefix}{name}.", (*above, group))
         elif item.shape is not None:
-            yield from (
-                (f"{prefix}{'.'.join((name, *fields))}", item, fields)
-                for fields in _fields(item.dtype)
-            )
+            yield from _columns_in(group, name, item, prefix)
+
+
+def _columns_in(group: Any, name: str, item: Any, prefix: str) -> Iterator[_Set]:
+    told = item.attrs.get("name", _UNNAMED) if name == "axis1" else _UNNAMED
+    own = name if told == _UNNAMED else text_in(told)
+    for fields in _fields(item.dtype):
+        columns = _names_by_pandas(group, name, item, fields)
+        for place, column in enumerate(columns):
+            path = [*(own, *fields)[:-1], column]
+            yield f"{prefix}{'.'.join(path)}", item, (*fields, place)
+        if not columns:
+            yield f"{prefix}{'.'.join((own, *fields))}", item, fields
+
+
+def _names_by_pandas(group: Any, name: str, item: Any, fields: tuple[str, ...]) -> list[str]:
+    """Return the names of an array's columns that pandas stores beside it; [] if there are none.
+
+    Those of a table are pickled: of their code the texts are taken, and it is not run.
+    """
+    names, kind = list[str](), item.attrs.get(f"{fields[0]}_kind") if len(fields) == 1 else None
+    if isinstance(kind, bytes) and kind.startswith(b"(l"):
+        with suppress(ValueError):
+            names = [str(text) for code, text, _ in genops(kind) if code.name == "UNICODE"]
+    elif not fields and (told := name.replace("_values", "_items")) in group and told != name:
+        names = [text_in(text) for text in np.ravel(group[told][()])]
+    shape = item.dtype[fields[0]].shape if fields else item.shape[1:]
+    return names if shape == (len(names),) else []
 
 
 def _unwritten(name: str, item: Any) -> str:
@@ -131,13 +160,16 @@ def _fields(kind: Any) -> Iterator[tuple[str, ...]]:
         yield ()
 
 
-def _values(file: Any, item: Any, fields: tuple[str, ...]) -> Any:
+def _values(file: Any, item: Any, fields: tuple[str | int, ...]) -> Any:
     """Return values, unpacked by the attributes of netCDF; references by the arrays behind them."""
     import h5py
 
-    values = np.asarray(item[fields[0]] if fields else item[()])
-    for field in fields[1:]:
+    named = [field for field in fields if isinstance(field, str)]
+    values = np.asarray(item[named[0]] if named else item[()])
+    for field in named[1:]:
         values = values[field]
+    for column in fields[len(named) :]:
+        values = values[:, int(column)]
     if values.dtype.kind == "O" and isinstance(next(iter(values.flat), None), h5py.Reference):
         return np.stack([np.squeeze(file[reference][()]) for reference in values.flat])
     if values.dtype.kind in "iuf" and not _PACKING.isdisjoint(item.attrs):
