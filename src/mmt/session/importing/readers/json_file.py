@@ -5,7 +5,7 @@ A row is an object or a list. The forms in which pandas writes a table are read,
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -39,9 +39,9 @@ def read_json(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         with path.open("rb") as begin:
             encoding = json.detect_encoding(begin.read(4))
         file = stack.enter_context(path.open(encoding=encoding))
-        if path.suffix.lower() == ".json":
-            content = _parsed(file.read())
-        else:
+        content = _whole(file.read()) if path.suffix.lower() == ".json" else None
+        if content is None:
+            file.seek(0)
             content = list(_lines(file, notes))
         if isinstance(content, dict):
             content = _of_pandas(content) or _rows_in(content)
@@ -106,6 +106,18 @@ def _rows_in(content: dict[str, Any]) -> Any:
 
 def _is_table(member: Any) -> bool:
     return isinstance(member, list) and any(isinstance(row, dict) for row in member)
+
+
+def _whole(text: str) -> Any:
+    """Return the value of a text; None if its lines are values of their own."""
+    try:
+        return _parsed(text)
+    except ValueError:
+        first, *others = text.lstrip().split("\n", 2)
+        with suppress(ValueError):
+            if others and isinstance(_parsed(first), dict | list):
+                return None
+        raise
 
 
 def _parsed(text: str) -> Any:

@@ -61,6 +61,8 @@ def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions)
         with _opened(path, encoding) as stream:
             read = _without_labels(_lines(stream, []), [], sign)
             lines = list(islice(read, (options.header or 0) + _LOOKED_AT))
+        if lines and lines[0].startswith('{"'):
+            raise InputError("its lines are JSON: it is read if it is called .jsonl")
         delimiter = options.delimiter or _delimiter(lines[-_LOOKED_AT:], options)
         cut: list[str] = []
         with _opened(path, encoding) as stream:
