@@ -2,6 +2,7 @@
 
 import json
 import struct
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
@@ -256,6 +257,24 @@ def test_a_stamp_that_is_a_number_is_a_date_in_any_unit(tmp_path, per_s):
     np.testing.assert_allclose(read.times["/v.v"], np.arange(ROWS) * STEP_NS / 1e9, atol=1e-6)
     np.testing.assert_array_equal(read.values["/v.timestamp"], stamps)
     assert any("times are those of the headers" in note for note in read.notes)
+
+
+def test_a_stamp_that_is_a_text_is_a_date(tmp_path):
+    began = datetime.fromtimestamp(BEGAN_NS // 10**9 - 1, UTC)
+    texts = [(began + timedelta(milliseconds=2 * row)).isoformat() for row in range(ROWS)]
+    messages = [json.dumps({"timestamp": text, "v": 1}).encode() for text in texts]
+    write(tmp_path / "a.mcap", [("/v", JSON, "json", messages)])
+    read = read_columns(tmp_path / "a.mcap", bool)
+    assert read.began_utc_ns == BEGAN_NS - 10**9
+    np.testing.assert_allclose(read.times["/v.v"], np.arange(ROWS) * STEP_NS / 1e9, atol=1e-6)
+
+
+def test_a_field_of_several_shapes_is_refused_with_the_reason(tmp_path):
+    shapes = [1.5, {"x": 0, "y": 0, "z": 1.5}]
+    messages = [json.dumps({"force": shapes[row > 9]}).encode() for row in range(ROWS)]
+    write(tmp_path / "a.mcap", [("/ft", JSON, "json", messages)])
+    with pytest.raises(InputError, match=r"/ft.force, which has lists of several lengths"):
+        import_session(tmp_path / "a.mcap", columns={"force": "/ft.force"})
 
 
 @settings(max_examples=10)

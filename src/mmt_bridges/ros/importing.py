@@ -19,6 +19,7 @@ from mmt.session.data import JsonObject, axis_columns, json_object
 from mmt.session.importing.column_names import gives_unit, names_of, tells_apart
 from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.readers.cells import seconds_of
 from mmt_bridges.ros.bag_files import decoded_messages
 from mmt_bridges.ros.clocks import SourceStamps, choose_clock
 from mmt_bridges.ros.messages import CHANNEL_TOPICS, EVENTS, SCENE, SEQUENCE
@@ -239,6 +240,7 @@ def _names_in(kind: type) -> list[str]:
 def _stamp_ns(members: Mapping[str, Any]) -> int:
     """Return the stamp among the members of a header or of a message; 0 if there is none."""
     told = members.get("stamp", members.get("timestamp"))
+    told = seconds_of(told) if isinstance(told, str) else told
     if isinstance(told, int | float):  # in JSON, in any unit
         dates_ns = (told * unit for unit in (1_000_000_000, 1_000_000, 1000, 1))
         return next((int(ns) for ns in dates_ns if _EARLIEST_DATE_NS <= ns < 1 << 63), 0)

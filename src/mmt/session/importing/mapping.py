@@ -261,8 +261,10 @@ class _Mapping:
             within = [name for name in within if ends_in(name, parts)]
         if len(within) == 1:
             return replace(source, name=within[0])
+        told = (note for note in self._columns.notes if note.startswith(f"{source.name} "))
+        why = next(told, "")[len(source.name) + 1 :] if source.name in names else ""
         raise InputError(
-            f"{self._origin}: {target} is mapped to {source.name}, which is not there; "
+            f"{self._origin}: {target} is mapped to {source.name}, which {why or 'is not there'}; "
             f"{listed(names)}"
         )
 
