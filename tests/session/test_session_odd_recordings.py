@@ -1,6 +1,7 @@
 """Recordings as the programs of a laboratory write them come in as proposed, with right values."""
 
 import json
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -104,6 +105,14 @@ def molten(path):
         for s, t, place, value in sorted(rows, key=lambda r: (r[0], r[2], r[1]))
     )
     lines(path, "time,variable,value,unit", each)
+
+
+def pivoted(path):
+    """As databases and R's pivot_longer write it."""
+    each = (
+        (r[0], f"{r[1]}_{axis}", v) for r in readings(SENSORS) for axis, v in axes_of(r).items()
+    )
+    lines(path, "_time,_field,_value", each)
 
 
 def tidy_rows_of_json(path):
@@ -253,6 +262,29 @@ LEVELS = "".join(f",{channel}" * 3 for channel in TRUTH)
 DATES = [f"2026-05-01 10:00:{time_s:09.6f}" for time_s in TIME_S]
 
 
+def frame(fixed):
+    """Return a writer of what pandas stores, as arrays with their columns' names or as a table."""
+
+    def write(path):
+        h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
+        names = [c[0] + axis for c in TRUTH for axis in "xyz"]
+        values = np.hstack([made(TIME_S) for made in TRUTH.values()])
+        with h5py.File(path, "w") as file:
+            group = file.create_group("log")
+            if fixed:
+                group["axis1"], group["block0_values"] = TIME_S, values
+                group["axis1"].attrs["name"] = np.bytes_(b"time")
+                group["block0_items"] = np.array(names, dtype="S")
+                return
+            kind = [("index", "i8"), ("block", "f8", (1,)), ("values_block_1", "f8", (9,))]
+            rows = zip(range(len(TIME_S)), TIME_S[:, None], values, strict=True)
+            group["table"] = np.array(list(rows), dtype=kind)
+            for field, told in (("block", ["t"]), ("values_block_1", names)):
+                group["table"].attrs[f"{field}_kind"] = np.bytes_(pickle.dumps(told, protocol=0))
+
+    return write
+
+
 ALL = set(TRUTH)
 KINDS = {
     "tidy.csv": (tidy, ALL),
@@ -265,6 +297,10 @@ KINDS = {
     **{f"{form}.mcap": (tidy_messages(form), ALL) for form in MESSAGES},
     "tables.h5": (two_tables, ALL),
     "sets.h5": (tidy_sets, ALL),
+    "fixed.h5": (frame(fixed=True), ALL),
+    "frame.h5": (frame(fixed=False), ALL),
+    "lines.json": (tidy_rows_of_json, ALL),
+    "longer.csv": (pivoted, ALL),
     "structures.mat": (tidy_structures, ALL),
     "tidy.npy": (tidy_array, ALL),
     "within.npy": (tidy_array_of_structures, ALL),
@@ -314,6 +350,7 @@ def of_rows_in_two_units(path):
 
 
 REFUSED = {
+    "lines.txt": (tidy_rows_of_json, "its lines are JSON: it is read if it is called .jsonl"),
     "rows.csv": (of_rows_in_two_units, "the table is in N and in mN: keep one"),
     "many.csv": (of_many_sensors, "topic tells 300 sensors apart.* keep what is needed"),
     "mixed.csv": (of_a_sensor_in_two_units, "ax is in g and in mN: keep one"),
@@ -337,6 +374,7 @@ def test_a_recording_that_cannot_be_read_right_is_refused(tmp_path, name):
         ("time,channel,Fz", lambda i, t: (t, i * 7919 % 4096, t)),
         ("time,signal,Fz", lambda i, t: (t, i % 2, t)),
         ("time,axis,Fz", lambda _, t: (t, 3, t)),
+        ("time,marker,Fz", lambda i, t: (t, {99: "start", 999: "stop"}.get(i, ""), t)),
     ],
 )
 def test_a_column_that_tells_no_sensors_apart_is_let_alone(tmp_path, head, row):

@@ -30,13 +30,14 @@ _FRACTION: Final = re.compile(r"^(tv)?(n|nano|u|micro|m|milli)s(ecs?|econds?)?$"
 """Matches the name of a part of a second, which may stand beside one of `_SECONDS`."""
 AXIS_OF: Final = re.compile(r"(.+)[./]([xyzwXYZW])")
 """Matches an axis of something, as in ``wrench.force.x``."""
-VALUES: Final = re.compile(r"(\.signals)?(\.(values?|data|samples|v|xyz))+$", re.IGNORECASE)
+VALUES: Final = re.compile(r"(\.signals)?(\.(_?values?|data|samples|v|xyz))+$", re.IGNORECASE)
 """Matches the end of names of values that their owner's name tells, as in ``acc.data``."""
 NUMBER: Final = re.compile(r"\.\d+$")
 """Matches the number that tells columns of one name apart."""
 _SENSOR: Final = re.compile(
-    r"(sensor|topic|device|channel|axis)([ _]?(id|no|nr|number|name))?"
-    r"|(?P<texts>source|src|node|signal|variable|quantity|parameter|finger)([ _]?name)?",
+    r"_?((sensor|topic|device|channel|axis)([ _]?(id|no|nr|number|name))?"
+    r"|(?P<texts>source|src|node|signal|variable|quantity|parameter|finger|name|series|metric|field"
+    r"|measure(ment)?|marker|body|stream|probe)([ _]?name)?)",
     re.IGNORECASE,
 )
 """Matches the name of a column that tells sensors apart."""
@@ -77,7 +78,7 @@ def names_of(elements: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _calls(key: str, value: Any) -> bool:
-    text = isinstance(value, str) and (key in ("name", "child_frame_id") or tells_apart(key))
+    text = isinstance(value, str) and (key == "child_frame_id" or tells_apart(key))
     return text or (isinstance(value, int) and tells_apart(key, by_number=True))
 
 
@@ -139,7 +140,7 @@ def is_commanded(name: str) -> bool:
 
 def of_file(name: str, stem: str) -> str:
     """Return a bare axis as one of what its file's name says that it holds, else the name."""
-    told = target_of(stem) in CHANNELS or _NO_POSITION.search(stem.lower())
+    told = target_of(stem) in CHANNELS or re.match("gyro|magnetometer", stem.lower())
     return f"{stem}.{name}" if told and re.fullmatch("[xyz]", name, re.IGNORECASE) else name
 
 
@@ -169,7 +170,7 @@ def of_one_trial(names: Collection[str]) -> tuple[list[str], list[str]]:
 
 def _channel_of(name: str) -> str:
     quantity = quantity_of(target_of_column(name, "", ()) or "")
-    return quantity if quantity in CHANNELS else ""
+    return quantity if quantity in CHANNELS and len(name) > 1 else ""  # not of a bare axis
 
 
 def _numbered(name: str) -> list[tuple[str, str, str]]:

@@ -51,7 +51,7 @@ def read_apart(
     for table in list(_tables(columns)):
         keys = _keys(table)
         if keys and table.values.keys() - keys:
-            columns = _taken_apart(columns, table, keys)
+            columns = _taken_apart(columns, table, keys, wanted)
     values = {name: column for name, column in columns.values.items() if wanted(name)}
     return _in_told_unit(replace(columns, values=values))
 
@@ -88,9 +88,12 @@ def _tables(columns: SourceColumns) -> Iterator[SourceColumns]:
 
 
 def _taken_apart(
-    columns: SourceColumns, table: SourceColumns, keys: Mapping[str, list[str]]
+    columns: SourceColumns,
+    table: SourceColumns,
+    keys: Mapping[str, list[str]],
+    wanted: Callable[[str], bool],
 ) -> SourceColumns:
-    """Return the columns with those of one table for each of its sensors."""
+    """Return the columns with those of one table for each of its sensors; said if any is wanted."""
     rows = max(map(len, table.values.values()))
     each = list(islice(zip_longest(*keys.values(), repeat("", rows), fillvalue=""), rows))
     labels = np.array(["_".join(filter(None, row)) for row in each])
@@ -98,7 +101,8 @@ def _taken_apart(
     told = f"{' and '.join(keys)} tells {len(sensors)} sensors apart"
     if _is_one_stream(table, rows):
         note = f"{told}, whose rows were left together: each holds several channels"
-        return replace(columns, notes=(*columns.notes, note))
+        said = [note] if any(map(wanted, table.values)) else []
+        return replace(columns, notes=(*columns.notes, *said))
     if len(sensors) > _MOST:
         raise InputError(f"{columns.origin}: {told}, {_MOST} can be: keep what is needed")
     note = f"{told}: {', '.join(sensors[:SHOWN_COLUMNS])}"
@@ -117,7 +121,7 @@ def _taken_apart(
         **kept,
         names=[*names, *apart.values],
         row_name="row {} of its sensor, counted from 0".format,
-        notes=(*columns.notes, note),
+        notes=(*columns.notes, *([note] if any(map(wanted, apart.values)) else [])),
     )
 
 
@@ -170,7 +174,11 @@ def _keys(table: SourceColumns) -> Mapping[str, list[str]]:
         if tells_apart(name, by_number=True) and numbers.ndim == 1:
             each = [f"{last_part(name)}_{n:g}" if abs(n) < np.inf else "" for n in numbers.tolist()]
             keys |= {name: each} if len(set(each)) <= _MOST_NUMBERS else {}
-    several = (n for n, t in keys.items() if 1 < len({*t} - {""}) <= len(t) / _FEWEST_ROWS)
+    several = [n for n, t in keys.items() if 1 < len({*t} - {""}) <= len(t) / _FEWEST_ROWS]
+    rows = max((len(column) for column in table.values.values() if np.ndim(column)), default=0)
+    several = [  # texts that stand in few rows are events
+        n for n in several if tells_apart(n, by_number=True) or 2 * sum(map(bool, keys[n])) >= rows
+    ]
     return {n: keys[n] for n in sorted(several, key=lambda n: last_part(n).lower() == "axis")}
 
 
