@@ -1,5 +1,6 @@
 """Read HDF5 files of any layout; a column's name is the data set's path, with dots, and field."""
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from math import prod
@@ -28,6 +29,11 @@ _SCALES: Final = {"scale_factor": 1.0, "add_offset": 0.0}
 _BLANKS: Final = ("_FillValue", "missing_value")
 _PACKING: Final = {*_SCALES, *_BLANKS}
 """Attributes of packed values, by the conventions of netCDF."""
+_OTHER_SCALES: Final = re.compile(
+    r"(scal(e|ing)|gain|calibration|sensitivity|slope)([ _]?factor)?|offset|factor", re.IGNORECASE
+)
+"""Matches attributes of values that programs of laboratories define for themselves."""
+_NEUTRAL: Final = ("0", "0.0", "1", "1.0")
 _UNNAMED: Final = b"N."
 """What pandas stores for the name of an index that has none."""
 _Set: TypeAlias = tuple[str, Any, tuple[str | int, ...]]
@@ -57,7 +63,8 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         names, notes = distinct([name for name, _, _ in sets])
         read = {name: each for name, each in zip(names, sets, strict=True) if wanted(name)}
         unwritten = (_unwritten(name, item) for name, (_, item, _) in read.items())
-        notes = [*notes, *lost[:SHOWN_COLUMNS], *filter(None, unwritten)]
+        unused = (_unused(name, item) for name, (_, item, _) in read.items())
+        notes = [*notes, *lost[:SHOWN_COLUMNS], *filter(None, (*unwritten, *unused))]
         found = {
             name: (_values(file, item, fields), told_unit(item.attrs))
             for name, (_, item, fields) in read.items()
@@ -95,6 +102,14 @@ def _data_sets(
                 yield from _data_sets(item, lost, f"{prefix}{name}.", (*above, group))
         elif item.shape is not None:
             yield from _columns_in(group, name, item, prefix)
+
+
+def _unused(name: str, item: Any) -> str:
+    """Return a note if a data set has a scale that is none of netCDF's, which is not applied."""
+    keys = [key for key in {*item.attrs} - _PACKING if _OTHER_SCALES.fullmatch(key)]
+    told = {key: text_in(item.attrs[key]) for key in sorted(keys)}
+    found = ", ".join(f"{key} {text}" for key, text in told.items() if text not in _NEUTRAL)
+    return f"{name}: its {found} is not applied (--map TARGET={name}*FACTOR)" if found else ""
 
 
 def _columns_in(group: Any, name: str, item: Any, prefix: str) -> Iterator[_Set]:
