@@ -408,10 +408,23 @@ def test_what_stands_beside_whole_channels_changes_nothing(tmp_path, name, value
     np.testing.assert_array_equal(beside, plain)
 
 
-def test_two_arms_in_rows_of_one_time_are_told_apart(tmp_path):
-    rows = ((t, arm, 9 * arm + t, t, t, arm - t, 0, t) for t in TIME_S for arm in (0, 1))
+def test_two_arms_that_take_turns_are_told_apart(tmp_path):
+    for late_s in (0.0, 5e-4):
+        rows = (
+            (t + late_s * arm, arm, 9 * arm + t, t, t, arm - t, 0, t)
+            for t in TIME_S
+            for arm in (0, 1)
+        )
+        lines(tmp_path / "a.csv", "t,device,px,py,pz,fx,fy,fz", rows)
+        assert "device_1.px" in propose(tmp_path / "a.csv").names
+
+
+@pytest.mark.parametrize("state", [lambda i: i % 2, lambda i: i // 300 % 2])
+def test_a_state_beside_several_channels_tells_no_arms_apart(tmp_path, state):
+    press = [5.0 * (i // 300 % 2) for i in range(len(TIME_S))]
+    rows = ((t, state(i), t, t, t, 0, 0, press[i]) for i, t in enumerate(TIME_S))
     lines(tmp_path / "a.csv", "t,device,px,py,pz,fx,fy,fz", rows)
-    assert "device_1.px" in propose(tmp_path / "a.csv").names
+    assert "px" in propose(tmp_path / "a.csv").names
 
 
 def test_two_columns_of_units_are_no_unit(tmp_path):
@@ -441,6 +454,20 @@ def test_a_number_has_no_underscores(tmp_path):
     lines(tmp_path / "a.csv", "Date,Fz", ((f"20240301_1000{int(t):02}", t) for t in TIME_S))
     with pytest.raises(InputError, match="Date does not hold numbers: '20240301_100000'"):
         import_session(tmp_path / "a.csv", columns={"time": "Date", "force": "Fz"})
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [("gain", 0.5, True), ("Calibration", 2.0, True), ("offset", 0, False), ("note", 2.0, False),
+     ("scale_factor", 2.0, False)],
+)  # fmt: skip
+def test_a_scale_that_is_not_applied_is_said(tmp_path, name, value, told):
+    h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time_s"], file["force_n"] = TIME_S, force(TIME_S)
+        file["force_n"].attrs[name] = value
+    _, report = import_recording(tmp_path / "a.h5")
+    assert any(f"force_n: its {name} {value} is not applied" in w for w in report.warnings) == told
 
 
 def test_axes_without_a_name_are_told(tmp_path):

@@ -24,6 +24,10 @@ _MOST: Final = 256
 _MOST_NUMBERS: Final = 16
 _FEWEST_ROWS: Final = 4
 """Least number of rows of a sensor, on average."""
+_OFTEN: Final = 0.25
+_LEAP: Final = 5.0
+"""Of rows that hold several channels, the least share of changes and size of leaps, in steps of
+one sensor, by which two devices that take turns are told from the states of one."""
 
 
 def read_apart(
@@ -99,7 +103,7 @@ def _taken_apart(
     labels = np.array(["_".join(filter(None, row)) for row in each])
     sensors = [sensor for sensor in dict.fromkeys(labels.tolist()) if sensor]
     told = f"{' and '.join(keys)} tells {len(sensors)} sensors apart"
-    if _is_one_stream(table, rows):
+    if _is_one_stream(table, rows) and not _take_turns(table, labels):
         note = f"{told}, whose rows were left together: each holds several channels"
         said = [note] if any(map(wanted, table.values)) else []
         return replace(columns, notes=(*columns.notes, *said))
@@ -202,6 +206,20 @@ def _is_one_stream(table: SourceColumns, count: int) -> bool:
             times.append(column)
     several = sum(each.astype(int) for each in filled.values()) > 1
     return bool(np.mean(several) > 0.5) and all(np.all(np.diff(each) > 0) for each in times)
+
+
+def _take_turns(table: SourceColumns, labels: npt.NDArray[np.str_]) -> bool:
+    """Return whether rows (n,) often change the sensor, and the values of a channel leap then."""
+    turns = labels[1:] != labels[:-1]
+    if np.mean(turns) < _OFTEN:
+        return False
+    for name, column in table.values.items():
+        if _channel_of(name) in CHANNELS and len(column) == len(labels):
+            leaps = np.abs(np.diff(column, axis=0))[turns]
+            own = (np.abs(np.diff(column[labels == sensor], axis=0)) for sensor in {*labels})
+            if np.nanmedian(leaps) > _LEAP * np.nanmedian(np.concatenate(list(own))):
+                return True
+    return False
 
 
 def _in_told_unit(columns: SourceColumns) -> SourceColumns:
