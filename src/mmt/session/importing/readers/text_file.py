@@ -27,6 +27,10 @@ _VECTOR: Final = re.compile(
     r"(?:(?:np\.|numpy\.)?(?:array|tensor)\()?[\[(]([-+\d.][^\[\]()]*)[\])](?:[^\[\]()]*\))?"
 )
 """Matches a cell with several numbers, as programs in Python write arrays and lists."""
+_TUPLE: Final = re.compile(r"(?<![^,\s])[(\[][-+\d.][^()\[\]]*[)\]]")
+"""Matches a vector with commas between its numbers, as Unity writes it."""
+_STAMP: Final = re.compile(r"^(\d\d:\d\d:\d\d\.\d{3}) -> ")
+"""Matches the time that Arduino's monitor puts before a line."""
 _LABEL: Final = re.compile(
     r"[\s,;|]*(?P<name>[A-Z_][\w ./()-]{0,30}?)[ \t]*[:=][ \t]*"
     r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan)"
@@ -161,10 +165,17 @@ def _labelled(line: str) -> list[tuple[str, str]]:
 
 
 def _rows(lines: Iterator[str], delimiter: str) -> Iterator[Sequence[str]]:
-    uncommented = _uncommented(_of_one_heading(lines))
+    stamped = _uncommented(_of_one_heading(lines))
+    uncommented = (_STAMP.sub(lambda found: found[1] + delimiter, line) for line in stamped)
     if delimiter == " ":
         return _unpacked(_apart(line) for line in uncommented)
+    if delimiter == ",":
+        uncommented = (line if '"' in line else _TUPLE.sub(_quoted, line) for line in uncommented)
     return _unpacked(csv.reader(uncommented, delimiter=delimiter, skipinitialspace=True))
+
+
+def _quoted(cell: re.Match[str]) -> str:
+    return f'"{cell[0]}"' if "," in cell[0] else cell[0]
 
 
 def _unpacked(rows: Iterator[list[str]]) -> Iterator[Sequence[str]]:
