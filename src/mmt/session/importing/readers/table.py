@@ -59,6 +59,7 @@ def read_table(
         raise InputError(f"{origin}: the file is empty")
     header = _header(start, first, options)
     begin = header.begin
+    header = header._replace(titles=tuple(map(_title_in, start[:begin])))
     bare, bracketed = zip(*map(_name_and_unit, header.names), strict=True)
     names, doubled = distinct(_grouped(bare, header.over))
     told = [text_of(unit) for unit in header.units[: len(names)]]
@@ -132,6 +133,7 @@ def _read_rows(
     lines, widths, texts, notes = array("q"), array("q"), [], []
     own, below = _given_names(header), ""
     names: Sequence[str] = ()
+    title = ""
     for line, row in enumerate(rows, start=header.begin + 1):
         cells = [row[place] if place < len(row) else None for place in places.values()]
         values: list[float | None] = []
@@ -143,6 +145,7 @@ def _read_rows(
                 texts.append(line)
                 below = below or next(filter(None, map(text_of, row)), "")
                 names = _names_in(row) or names
+                title = _title_in(row) or title
                 continue
             raise InputError(
                 f"{origin}: {name} is {text_of(cell)[:_SHOWN_CHARACTERS]!r} in line {line}, it "
@@ -150,10 +153,11 @@ def _read_rows(
             ) from error
         if not row:
             continue
-        if widths and names and names != own[: widths[-1]] and len(names) == _filled(row):
+        other = title not in ("", *header.titles) or names != own[: widths[-1]] if widths else False
+        if names and other and len(names) == _filled(row):
             notes.append(f"another table begins above line {line}: it was left out, as all below")
             break
-        names = ()
+        names, title = (), ""
         for column, value in zip(columns.values(), values, strict=True):
             if value is not None:
                 column.extend([np.nan] * (len(lines) - len(column)))
@@ -225,6 +229,8 @@ class _Header(NamedTuple):
     over: Sequence[Cell] = ()
     units: Sequence[Cell] = ()
     notes: tuple[str, ...] = ()
+    titles: tuple[str, ...] = ()
+    """Lines above with a single text."""
 
 
 def _header(rows: Sequence[Sequence[Cell]], first: int | None, options: ImportOptions) -> _Header:
@@ -327,6 +333,12 @@ def _names_in(row: Sequence[Cell]) -> list[str]:
     """Return the texts of a row of text that may be names for rows below, or none."""
     texts = list(filter(None, map(text_of, row)))
     return texts if 1 < len(texts) == len(set(texts)) and not _is_units(row) else []
+
+
+def _title_in(row: Sequence[Cell]) -> str:
+    """Return the text of a row that has no other, as above a table; not a comment's sign."""
+    texts = list(filter(None, map(text_of, row)))
+    return texts[0] if len(texts) == 1 and texts[0] not in "#%" else ""
 
 
 def _is_units(row: Sequence[Cell]) -> bool:
