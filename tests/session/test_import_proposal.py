@@ -152,6 +152,14 @@ X = " position_x=x position_y=0 position_z=0"
         ),
         ("t,target.force", "time=t force=target.force"),
         (
+            "t,obs.robot0_eef_pos,ee_force",
+            "time=t force=ee_force" + X.replace("=x", "=obs.robot0_eef_pos"),
+        ),
+        (
+            "t,cursor_position.y,joint_position",
+            "time=t position_x=0 position_y=cursor_position.y position_z=0",
+        ),
+        (
             "Latest: Time,Latest: X-axis acceleration,Y Force",
             "time=Latest: Time acceleration_x=Latest: X-axis acceleration acceleration_y=0 "
             "acceleration_z=0 force_x=0 force_y=Y Force force_z=0",

@@ -285,6 +285,23 @@ def frame(fixed):
     return write
 
 
+def with_vectors_of_unity(path):
+    rows = zip(TIME_S, motion(TIME_S).tolist(), force(TIME_S).tolist(), strict=True)
+    lines(path, "Time,Position,Force", ((t, tuple(p), tuple(f)) for t, p, f in rows))
+
+
+def behind_arduinos_time(path):
+    texts = ((f"10:30:{t:06.3f} -> {ax}", ay, az) for t, (ax, ay, az) in
+             zip(TIME_S, vibration(TIME_S).tolist(), strict=True))  # fmt: skip
+    lines(path, "10:30:00.000 -> ax,ay,az", texts)
+
+
+def in_sections(path):
+    each = (np.column_stack([TIME_S, made(TIME_S)]).tolist() for made in (force, motion))
+    texts = ["\n".join(",".join(map(str, row)) for row in rows) for rows in each]
+    path.write_text(f"[Force]\nt,x,y,z\n{texts[0]}\n[Camera]\nt,x,y,z\n{texts[1]}\n")
+
+
 ALL = set(TRUTH)
 KINDS = {
     "tidy.csv": (tidy, ALL),
@@ -312,6 +329,9 @@ KINDS = {
     "levels.csv": (each_channel(TIME_S, f"{LEVELS}\n{AXES}\nstamp{',' * 9}"), ALL),
     "merged.csv": (each_channel(1e3 * TIME_S, f"Time{LEVELS}\nms{AXES}"), ALL),
     "index.csv": (each_channel(DATES, ",px,py,pz,fx,fy,fz,ax,ay,az"), ALL),
+    "unity.csv": (with_vectors_of_unity, {"position", "force"}),
+    "arduino.log": (behind_arduinos_time, {"acceleration"}),
+    "force.csv": (in_sections, {"force"}),
     "title.txt": (with_a_title_before_the_units, {"force"}),
     "a column.csv": (in_a_column_of_units, {"force"}),
     "units.log": (with_units, {"position", "force"}),

@@ -16,9 +16,10 @@ from mmt.core.units import unit_factor
 from mmt.session.importing.columns import MESSAGE_PARTS, STANDARD_NAMES
 from mmt.session.importing.options import ImportOptions, quantity_of
 
+_OF_TOOL: Final = "(?:(?:robot[0-9]?)?(?:cursor|eef?|tool|tip|tcp|probe|stylus|pen|device))?"
 _WORDS: Final = {
-    "position": "p|pos|position|tip|tcp|pen|stylus|tool",
-    "force": "f|force|forces|load|kraft",
+    "position": f"p|{_OF_TOOL}(?:pos|position)|tip|tcp|pen|stylus|tool",
+    "force": f"f|{_OF_TOOL}forces?|load|kraft",
     "acceleration": "(?:linear)?a(?:cc(?:el(?:eration)?)?)?|accelerometer|imu|vibration"
     "|beschleunigung",
     "speed": "v|vel|velocity|speed",
