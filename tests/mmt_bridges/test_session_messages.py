@@ -12,6 +12,7 @@ from mcap.writer import IndexType, Writer
 
 from mmt.core.errors import InputError
 from mmt.session.files import import_session
+from mmt.session.importing.columns import Wanted
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose
 from mmt.session.importing.recording import import_recording, read_columns
@@ -267,6 +268,24 @@ def test_a_stamp_that_is_a_text_is_a_date(tmp_path):
     read = read_columns(tmp_path / "a.mcap", bool)
     assert read.began_utc_ns == BEGAN_NS - 10**9
     np.testing.assert_allclose(read.times["/v.v"], np.arange(ROWS) * STEP_NS / 1e9, atol=1e-6)
+
+
+@pytest.mark.parametrize("sensors", ["abc", (1, 2, 3)])
+def test_a_topic_that_is_not_asked_for_does_not_choose_the_clock(tmp_path, sensors):
+    stamps = [BEGAN_NS + row * STEP_NS - 300_000 for row in range(ROWS)]
+    others = [json.dumps({"sensor": sensors[r % 3], "value": r}).encode() for r in range(ROWS)]
+    measured = [json.dumps({"sensor": 0.1 * row}).encode() for row in range(ROWS)]
+    channels = [
+        ("/ft", JSON, "json", wrench(FORCES, stamps, [""] * ROWS)),
+        ("/others", JSON, "json", others),
+        ("/load", JSON, "json", measured),
+    ]
+    write(tmp_path / "a.mcap", channels)
+    for name, headers in (("/ft.wrench.force", True), ("/load.sensor", False)):
+        read = read_columns(tmp_path / "a.mcap", Wanted({"/ft.wrench.force", name}))
+        assert ("times are those of the headers" in str(read.notes)) == headers
+        assert not any("tells" in note for note in read.notes)
+        np.testing.assert_allclose(read.times[name], np.arange(ROWS) * STEP_NS / 1e9, atol=1e-9)
 
 
 def test_a_field_of_several_shapes_is_refused_with_the_reason(tmp_path):

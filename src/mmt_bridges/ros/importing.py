@@ -154,7 +154,7 @@ class _Gathered:
         """Return the columns, with their times by one clock."""
         labels = _labels(list(self._sources.values()))
         notes += _of_several(labels)
-        used = [s for s in self._sources.values() if not all(map(tells_apart, s.values))]
+        used = [source for source in self._sources.values() if source.values]
         receipt, remarks = choose_clock(used, options.stamps, origin)
         starts_ns = (int(source.times_ns(receipt=receipt).min()) for source in used)
         origin_ns = min(starts_ns, default=0)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from itertools import islice, repeat, takewhile, zip_longest
+from itertools import repeat, takewhile, zip_longest
 from pathlib import Path
 from typing import Any, Final
 
@@ -47,11 +47,15 @@ def read_apart(
     """
     read = partial(_read_besides, read, path, wanted, options)
     columns = read(_is_told)
-    told = {_owner([key]) for table in _tables(columns) for key in _keys(table)}
-    if not told:
+    every = not any(map(wanted, columns.names))
+    found = list(map(_keys, _tables(columns)))
+    told = {_owner(k) for k in found if k and (every or _is_asked(k, columns.names, wanted))}
+    unasked = (n for n in columns.times.keys() & columns.values if not wanted(n))
+    others = {_topic_of(n) for n in unasked if n.startswith("/")} - told
+    if not told and not others:
         return _in_told_unit(columns)
-    names = {n for n in columns.names if not n.startswith("/") or _owner([n]) in told}
-    columns = read(lambda name: _is_told(name) or name in names)
+    names = {n for n in columns.names if not columns.times or _owner([n]) in told}
+    columns = read(lambda n: n in names or (_is_told(n) and _topic_of(n) not in others))
     for table in list(_tables(columns)):
         keys = _keys(table)
         if keys and table.values.keys() - keys:
@@ -79,6 +83,29 @@ def _read_besides(
     return read(path, lambda name: wanted(name) or name in readable, options)
 
 
+def _is_asked(
+    keys: Mapping[str, list[str]], names: Sequence[str], wanted: Callable[[str], bool]
+) -> bool:
+    """Return whether the columns of a sensor are wanted, if they are of a topic.
+
+    The clock is that of all topics that are read.
+    """
+    owner, sensors = _owner(keys), {*_joined(keys)} - {""}
+    own = [name for name in names if _is_within(name, owner)]
+    news = (_renamed(name, owner, sensor) for name in own for sensor in sensors)
+    return not owner.startswith("/") or any(map(wanted, news))
+
+
+def _joined(keys: Mapping[str, list[str]]) -> list[str]:
+    """Return what the keys together tell of each row."""
+    rows = zip_longest(*keys.values(), fillvalue="")
+    return ["_".join(filter(None, row)) for row in rows]
+
+
+def _renamed(name: str, owner: str, sensor: str) -> str:
+    return f"{owner}.{sensor}{name.removeprefix(owner)}" if owner else f"{sensor}.{name}"
+
+
 def _tables(columns: SourceColumns) -> Iterator[SourceColumns]:
     """Yield the columns that have their rows in common: those of one length and one clock."""
     tables: dict[object, list[str]] = {}
@@ -99,8 +126,7 @@ def _taken_apart(
 ) -> SourceColumns:
     """Return the columns with those of one table for each of its sensors; said if any is wanted."""
     rows = max(map(len, table.values.values()))
-    each = list(islice(zip_longest(*keys.values(), repeat("", rows), fillvalue=""), rows))
-    labels = np.array(["_".join(filter(None, row)) for row in each])
+    labels = np.array([*_joined(keys), *repeat("", rows)])[:rows]
     sensors = [sensor for sensor in dict.fromkeys(labels.tolist()) if sensor]
     told = f"{' and '.join(keys)} tells {len(sensors)} sensors apart"
     if _is_one_stream(table, rows) and not _take_turns(table, labels):
@@ -144,8 +170,7 @@ def _apart(
         for name, column in table.values.items():
             if name in keys or not np.isfinite(own := column[rows[: len(column)]]).any():
                 continue
-            new = f"{owner}.{sensor}{name.removeprefix(owner)}" if owner else f"{sensor}.{name}"
-            parts[new] = own
+            parts[new := _renamed(name, owner, sensor)] = own
             own_unit = "" if target_of(name) == "time" else unit
             units |= {new: text} if (text := own_unit or table.units.get(name, "")) else {}
             times |= {new: table.times[name][rows]} if name in table.times else {}
@@ -161,6 +186,10 @@ def _owner(names: Collection[str]) -> str:
     paths = [name.split(".")[: 1 if name.startswith("/") else -1] for name in names]
     shared = takewhile(lambda parts: len({*parts}) == 1, zip(*paths, strict=False))
     return ".".join(parts[0] for parts in shared)
+
+
+def _topic_of(name: str) -> str:
+    return _owner([name]).partition("@")[0]
 
 
 def _is_within(name: str, owner: str) -> bool:
