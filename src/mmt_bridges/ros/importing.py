@@ -262,6 +262,8 @@ def _numbers(name: str, message: Any) -> Iterator[tuple[str, Any]]:
             vector = tuple(members[axis] for axis in "xyz")
             if all(isinstance(each, _NUMBER) for each in vector):
                 yield name, vector
+                if len(members) == len(vector):
+                    return
                 members = {each: value for each, value in members.items() if each not in {*"xyz"}}
         labels = _labels_in(members)
         for each, value in members.items():

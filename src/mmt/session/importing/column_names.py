@@ -61,7 +61,7 @@ def ends_in(name: str, parts: Collection[str]) -> bool:
     return "." in name and f".{name}".replace("/", ".").endswith(ends)
 
 
-@lru_cache
+@lru_cache(maxsize=4096)
 def tells_apart(name: str, *, by_number: bool = False) -> bool:
     """Return whether a column's name says that it tells sensors apart, perhaps by their number."""
     found = _SENSOR.fullmatch(last_part(name))
@@ -83,6 +83,7 @@ def _calls(key: str, value: Any) -> bool:
     return text or (isinstance(value, int) and tells_apart(key, by_number=True))
 
 
+@lru_cache(maxsize=4096)
 def gives_unit(name: str) -> bool:
     """Return whether a column's name says that it holds the units of another."""
     return last_part(name).lower() in {"unit", "units"}
@@ -165,7 +166,8 @@ def of_one_trial(names: Collection[str]) -> tuple[list[str], list[str]]:
         if len({*rests}) < len(rests):
             best = max(held, key=lambda number: len({*held[number].values()} - {""}))
             left_out |= {name for number, of in trials.items() if number != best for name in of}
-            notes.append(f"of {len(trials)} trials {prefix}{best} is proposed, no other's columns")
+            several = f"{len(trials)} groups that differ in a number"
+            notes.append(f"of {several}, {prefix}{best} is proposed, no other's columns")
     return [name for name in names if name not in left_out], notes
 
 
