@@ -140,6 +140,7 @@ X = " position_x=x position_y=0 position_z=0"
         ("t,acc1,acc2", "time=t"),
         ("t,force,force1,force2", "time=t force=force"),
         ("t,gyro.x,gyro.y,gyro.z", "time=t"),
+        ("Time: ms,Force: mN", "time=Time: ms force=Force: mN"),
         ("t,imu.Rotation.X", "time=t"),
         (
             "t,Rotation.X,Position.X,Position.X",

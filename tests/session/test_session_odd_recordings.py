@@ -394,6 +394,7 @@ def test_a_recording_that_cannot_be_read_right_is_refused(tmp_path, name):
         ("time,channel,Fz", lambda i, t: (t, i * 7919 % 4096, t)),
         ("time,signal,Fz", lambda i, t: (t, i % 2, t)),
         ("time,axis,Fz", lambda _, t: (t, 3, t)),
+        ("time,source,Fz", lambda i, t: (t, "auto" if i // 99 % 2 else "manual", t)),
         ("time,marker,Fz", lambda i, t: (t, {99: "start", 999: "stop"}.get(i, ""), t)),
     ],
 )

@@ -118,7 +118,7 @@ def target_of(name: str) -> str | None:
                 pattern, joined
             ):
                 return quantity
-    return None
+    return target_of(name.replace(": ", " ")) if ": " in name else None  # what is behind is a unit
 
 
 def target_of_column(name: str, unit: str, owners: Collection[str]) -> str | None:

@@ -1,7 +1,7 @@
 """Tables that tell sensors apart by a column: each sensor's rows become columns of their own."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -25,9 +25,10 @@ _MOST_NUMBERS: Final = 16
 _FEWEST_ROWS: Final = 4
 """Least number of rows of a sensor, on average."""
 _OFTEN: Final = 0.25
+_SELDOM: Final = 0.02
+"""Shares of rows that change the label, of devices that take turns and of the states of one."""
 _LEAP: Final = 5.0
-"""Of rows that hold several channels, the least share of changes and size of leaps, in steps of
-one sensor, by which two devices that take turns are told from the states of one."""
+"""Least size of a leap between devices, in steps of one."""
 
 
 def read_apart(
@@ -129,8 +130,8 @@ def _taken_apart(
     labels = np.array([*_joined(keys), *repeat("", rows)])[:rows]
     sensors = [sensor for sensor in dict.fromkeys(labels.tolist()) if sensor]
     told = f"{' and '.join(keys)} tells {len(sensors)} sensors apart"
-    if _is_one_stream(table, rows) and not _take_turns(table, labels):
-        note = f"{told}, whose rows were left together: each holds several channels"
+    if _is_one_stream(table, labels):
+        note = f"{told}, whose rows were left together, as those of one device"
         said = [note] if any(map(wanted, table.values)) else []
         return replace(columns, notes=(*columns.notes, *said))
     if len(sensors) > _MOST:
@@ -223,9 +224,12 @@ def _of_channels(texts: Any) -> bool:
     return any(_channel_of(text) in CHANNELS for text in set(texts.tolist()))
 
 
-def _is_one_stream(table: SourceColumns, count: int) -> bool:
-    """Return whether most of `count` rows hold several channels, at times that ascend."""
-    filled = {channel: np.zeros(count, dtype=bool) for channel in CHANNELS}
+def _is_one_stream(table: SourceColumns, labels: npt.NDArray[np.str_]) -> bool:
+    """Return whether rows at times that ascend are of one device, whose states are labelled.
+
+    Most of them hold several channels, or the labels seldom change; and no values leap then.
+    """
+    filled = {channel: np.zeros(len(labels), dtype=bool) for channel in CHANNELS}
     times: list[FloatArray] = [table.times[n] for n in table.values if n in table.times][:1]
     for name, column in table.values.items():
         if (channel := _channel_of(name)) in filled:
@@ -233,20 +237,27 @@ def _is_one_stream(table: SourceColumns, count: int) -> bool:
             filled[channel][: len(column)] |= finite.any(axis=1)
         elif channel == "time":
             times.append(column)
-    several = sum(each.astype(int) for each in filled.values()) > 1
-    return bool(np.mean(several) > 0.5) and all(np.all(np.diff(each) > 0) for each in times)
-
-
-def _take_turns(table: SourceColumns, labels: npt.NDArray[np.str_]) -> bool:
-    """Return whether rows (n,) often change the sensor, and the values of a channel leap then."""
+    several = bool(np.mean(sum(each.astype(int) for each in filled.values()) > 1) > 0.5)
     turns = labels[1:] != labels[:-1]
-    if np.mean(turns) < _OFTEN:
+    if not all(np.all(np.diff(each) > 0) for each in times):
         return False
-    for name, column in table.values.items():
-        if _channel_of(name) in CHANNELS and len(column) == len(labels):
+    if several:
+        measured = [c for n, c in table.values.items() if _channel_of(n) in CHANNELS]
+        return bool(np.mean(turns) < _OFTEN) or not _leap(measured, labels, turns)
+    others = [c for n, c in table.values.items() if _channel_of(n) != "time" and not tells_apart(n)]
+    return bool(times) and bool(np.mean(turns) < _SELDOM) and not _leap(others, labels, turns)
+
+
+def _leap(
+    columns: Iterable[FloatArray], labels: npt.NDArray[np.str_], turns: npt.NDArray[np.bool_]
+) -> bool:
+    """Return whether a column (n,) leaps at `turns` (n - 1,) from one label to another."""
+    for column in columns:
+        if len(column) == len(labels):
             leaps = np.abs(np.diff(column, axis=0))[turns]
-            own = (np.abs(np.diff(column[labels == sensor], axis=0)) for sensor in {*labels})
-            if np.nanmedian(leaps) > _LEAP * np.nanmedian(np.concatenate(list(own))):
+            own = [np.abs(np.diff(column[labels == label], axis=0)) for label in {*labels}]
+            sizes = [each[np.isfinite(each)] for each in (leaps, np.concatenate(own))]
+            if all(map(len, sizes)) and np.median(sizes[0]) > _LEAP * np.median(sizes[1]):
                 return True
     return False
 
