@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
 from mmt.session.importing.checks import ChannelReport, ImportReport
+from mmt.session.importing.column_names import names_of, of_file, of_one_trial, target_of
 from mmt.session.importing.columns import SourceColumns
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import Proposal, propose, try_proposal
@@ -434,3 +435,71 @@ def test_a_bare_axis_is_one_of_what_its_unit_is_of(tmp_path, unit, target):
 def test_a_column_that_others_might_replace_is_said(tmp_path, names, options, said):
     notes = propose(table(tmp_path, names), ImportOptions(options)).columns.notes
     assert [note for note in notes if "proposed" in note] == said
+
+
+@pytest.mark.parametrize(
+    ("elements", "names"),
+    [
+        ([{"x": 1, "sensor": "acc"}, {"sensor": "force", "x": 2}], ["acc", "force"]),
+        ([{"child_frame_id": "tip"}, {"child_frame_id": "arm"}], ["tip", "arm"]),
+        ([{"frame_id": "tip"}, {"frame_id": "arm"}], ["0", "1"]),
+        ([{"sensor_id": 3}, {"sensor_id": 5}], ["3", "5"]),
+        ([{"name": 3}, {"name": 5}], ["0", "1"]),
+        ([{"sensor": 0.5}, {"sensor": 1.5}], ["0", "1"]),
+        ([{"x": 3}, {"x": 5}], ["0", "1"]),
+        ([{"sensor": "acc"}, {"sensor": "acc"}], ["0", "1"]),
+        ([{"sensor": "acc"}, {}], ["0", "1"]),
+        ([], []),
+    ],
+)
+def test_elements_of_a_list_are_called_as_they_call_themselves(elements, names):
+    assert names_of(elements) == names
+
+
+@pytest.mark.parametrize(
+    ("names", "kept", "chosen"),
+    [
+        ("t demo_0.force demo_0.pos demo_1.force demo_1.pos demo_1.accel", "0 3 4 5", ["demo_1"]),
+        ("t demo_0.force demo_0.pos demo_1.force demo_1.pos", "0 1 2", ["demo_0"]),
+        ("run.force{1} run.force{2} run.pos{1} run.pos{2}", "0 2", ["run{1}"]),
+        ("a.run.force{1} a.run.force{2}", "0", ["a.run{1}"]),
+        ("log.run{2}.force log.run{1}.force", "0", ["log{2}"]),
+        ("s1.d2.force s1.d3.force s2.d2.force s2.d3.force s2.d3.pos", "3 4", ["s2", "s2.d3"]),
+        ("demo_0.force demo_1.pos", "0 1", []),
+        ("demo_0.x demo_1.x", "0 1", []),
+        ("demo_0.light demo_1.light", "0 1", []),
+    ],
+)
+def test_columns_of_one_trial_are_proposed(names, kept, chosen):
+    names = names.split()
+    expected = [f"of 2 groups that differ in a number, {each} is proposed" for each in chosen]
+    found, notes = of_one_trial(names)
+    assert found == [names[int(place)] for place in kept.split()]
+    assert notes == [f"{each}, no other's columns" for each in expected]
+
+
+@pytest.mark.parametrize(
+    ("name", "stem", "known"),
+    [
+        ("X", "Acceleration", "Acceleration.X"),
+        ("z", "Magnetometer_2", "Magnetometer_2.z"),
+        ("y", "run", "y"),
+        ("xy", "force", "xy"),
+    ],
+)
+def test_a_bare_axis_has_its_files_name(name, stem, known):
+    assert of_file(name, stem) == known
+
+
+@pytest.mark.parametrize(
+    ("name", "target"),
+    [
+        ("/robot.log.force", "force"),
+        ("/robot.a.b", None),
+        ("a in force", None),
+        ("f in the z axis", None),
+        ("force in N", "force"),
+    ],
+)
+def test_a_name_is_known_by_its_last_part(name, target):
+    assert target_of(name) == target

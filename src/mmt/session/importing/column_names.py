@@ -167,7 +167,8 @@ def of_one_trial(names: Collection[str]) -> tuple[list[str], list[str]]:
             best = max(held, key=lambda number: len({*held[number].values()} - {""}))
             left_out |= {name for number, of in trials.items() if number != best for name in of}
             several = f"{len(trials)} groups that differ in a number"
-            notes.append(f"of {several}, {prefix}{best} is proposed, no other's columns")
+            chosen = f"{prefix}{best}{'}' if prefix.endswith('{') else ''}"
+            notes.append(f"of {several}, {chosen} is proposed, no other's columns")
     return [name for name in names if name not in left_out], notes
 
 
