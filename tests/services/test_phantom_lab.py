@@ -88,7 +88,7 @@ def test_vibration_at_the_coil_begins_and_ends_with_the_hands_own_contact(tmp_pa
     assert figures["leader"]["vibration"]["not_finite"] == 0
     assert figures["evaluation"]["at_skin"]["played_share"] > 0.5
     assert re.search(r"error \d\.\d dB, \d\.\d at the skin", " ".join(told.split()))
-    way = np.load(tmp_path / "mmt-demo" / "hand.npz")["way"]
+    way = np.load(tmp_path / "lab" / "hand.npz")["way"]
     assert way.shape[1] == 7
     assert np.isfinite(way).all()
 
