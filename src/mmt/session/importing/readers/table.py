@@ -153,8 +153,9 @@ def _read_rows(
             ) from error
         if not row:
             continue
-        other = title not in ("", *header.titles) or names != own[: widths[-1]] if widths else False
-        if names and other and len(names) == _filled(row):
+        if (names and widths and len(names) == _filled(row)) and (
+            title not in ("", *header.titles) or names != own[: widths[-1]]
+        ):
             notes.append(f"another table begins above line {line}: it was left out, as all below")
             break
         names, title = (), ""

@@ -165,13 +165,19 @@ def _labelled(line: str) -> list[tuple[str, str]]:
 
 
 def _rows(lines: Iterator[str], delimiter: str) -> Iterator[Sequence[str]]:
-    stamped = _uncommented(_of_one_heading(lines))
-    uncommented = (_STAMP.sub(lambda found: found[1] + delimiter, line) for line in stamped)
+    plain = (_separated(line, delimiter) for line in _uncommented(_of_one_heading(lines)))
     if delimiter == " ":
-        return _unpacked(_apart(line) for line in uncommented)
-    if delimiter == ",":
-        uncommented = (line if '"' in line else _TUPLE.sub(_quoted, line) for line in uncommented)
-    return _unpacked(csv.reader(uncommented, delimiter=delimiter, skipinitialspace=True))
+        return _unpacked(_apart(line) for line in plain)
+    return _unpacked(csv.reader(plain, delimiter=delimiter, skipinitialspace=True))
+
+
+def _separated(line: str, delimiter: str) -> str:
+    """Return a line whose stamp and vectors are cells of their own; most lines have neither."""
+    if " -> " in line:
+        line = _STAMP.sub(lambda found: found[1] + delimiter, line)
+    if delimiter == "," and ("(" in line or "[" in line) and '"' not in line:
+        line = _TUPLE.sub(_quoted, line)
+    return line
 
 
 def _quoted(cell: re.Match[str]) -> str:
