@@ -4,9 +4,10 @@ import logging
 import math
 import time
 from collections import Counter
+from collections.abc import Collection
 from typing import Any, Final
 
-from mmt.core.arrays import Vector
+from mmt.core.arrays import Vector, difference
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.extras import require
 from mmt.devices.drivers import read_options
@@ -117,14 +118,13 @@ class UrForceSensor:
             state = self._state()
             forces[state.timestamp_s] = state.force_n
             time.sleep(0.001)
-        columns = tuple(zip(*forces.values(), strict=True))
+        columns = zip(*forces.values(), strict=True)
         if not all(n - min(column) <= _UNREST_N for column in columns for n in column):
             raise MmtError(
                 "the force at the UR arm's tool moves while its bias is taken: keep the tool free "
                 "and at rest"
             )
-        x, y, z = (sum(column) / len(column) for column in columns)
-        self._bias_n = (x, y, z)
+        self._bias_n = _mean(forces.values())
 
     def read(self) -> Vector:
         """Return the force (N) of the surface on the tool, of the newest cycle.
@@ -161,7 +161,7 @@ class UrForceSensor:
         after = self._mean_n(began_s + _EDGE_S, now_s)
         if before is None or after is None:
             return
-        x, y, z = (a - b for a, b in zip(after, before, strict=True))
+        x, y, z = difference(after, before)
         u, v, w = self._bias_n or (0.0, 0.0, 0.0)
         self._bias_n = (u + x, v + y, w + z)
         if math.hypot(x, y, z) > _SAID_N:
@@ -176,10 +176,7 @@ class UrForceSensor:
         """Return the mean force (N) between two times of the controller, None if none came."""
         kept = () if self._link is None else self._link.kept
         forces = [each.force_n for each in kept if begin_s <= each.timestamp_s <= end_s]
-        if not forces:
-            return None
-        x, y, z = (sum(column) / len(forces) for column in zip(*forces, strict=True))
-        return (x, y, z)
+        return _mean(forces) if forces else None
 
     def _state(self) -> UrState:
         if self._link is None:
@@ -192,3 +189,8 @@ class UrForceSensor:
             f"{self._options.stuck_ms:.0f} ms or more, which no sensor gives: check its sensor at "
             "the pendant; for a simulated controller set 'stuck_ms' to 0"
         )
+
+
+def _mean(forces: Collection[Vector]) -> Vector:
+    x, y, z = (sum(column) / len(forces) for column in zip(*forces, strict=True))
+    return (x, y, z)
