@@ -55,7 +55,7 @@ class HandPart(Part):
         self.device = device
         self.handle = handle
         self.contact = contact
-        self._not_finite = 0
+        self._not_finite = 0  # those of a handle that may be lost are counted there
         self.control: CommandSource | None = None
         """Decides on the command; None if this hand alone does."""
         self.command_mm: Vector | None = None
@@ -128,7 +128,7 @@ class HandPart(Part):
         handle, remote = self.handle, self._session.remote
         if tick.streaming:
             state = self.device.read(tick.elapsed)
-            if state is not None and not state.is_finite:
+            if handle is None and state is not None and not state.is_finite:
                 self._not_finite += 1
                 state = None
             tick.state = state
@@ -157,8 +157,8 @@ class HandPart(Part):
         found: dict[str, Any] = {}
         if self.handle is not None:
             device, found = self.handle.device, self.handle.losses_summary
-        if not_finite := self._not_finite + (self.handle.not_finite if self.handle else 0):
-            found = found | {"not_finite": not_finite}
+        not_finite = self._not_finite if self.handle is None else self.handle.not_finite
+        found = found | ({"not_finite": not_finite} if not_finite else {})
         if hasattr(device, "faults"):
             from mmt.devices.protocols import fault_table
 
