@@ -93,9 +93,7 @@ async def shared_session(duration_s: float) -> AsyncIterator[ListenedSession]:
 
 
 async def run_with_listeners(
-    duration_s: float,
-    listeners: tuple[Any, ...],
-    first: int,
+    duration_s: float, listeners: tuple[Any, ...], first: int
 ) -> tuple[dict[str, Any], Any]:
     """Run one session with listeners; return the leader's summary and the listeners' results.
 

@@ -31,7 +31,7 @@ def overview(evaluations: Sequence[Evaluation]) -> ReportTable:
                 "at most (ms)": number(longest_ms, 1),
             }
         )
-    return table_of(rows, f"{_FINAL} Updates: mean and most of those of the steps.")
+    return table_of(rows, f"{_FINAL} Updates: mean and longest of those of the steps.")
 
 
 _FINAL: Final = "Figures at the stop criterion, or at the end where it was never met."
