@@ -47,7 +47,7 @@ class Tick:
         State of the hand, or None if it is not read.
     hand_lost
         Whether the handle is lost.
-    given
+    overridden
         Whether this hand may not move the robot: the robot holds, or a listener moves it.
     operating
         State of the listener's hand that moves the robot, or None.
