@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import psutil
 import pytest
+import tomli_w
 from frame_samples import made_frames
 from service_processes import LONGEST_S
 
@@ -278,6 +279,19 @@ def test_actions_at_a_rate_give_a_steady_motion_a_period_late():
             positions.append(state.position_mm[1])
     np.testing.assert_allclose(np.diff(positions[30:]), 0.1, atol=1e-9)
     assert positions[-1] == 30.0
+
+
+@pytest.mark.parametrize(("normal", "force"), [("x", 0.3), ("y", 0.7), ("z", 1.5)])
+def test_the_displayed_force_is_that_of_the_hand_along_the_scenes_normal(normal, force, tmp_path):
+    tables = session_scene(Settings("demo")).dump()
+    tables["texture"]["normal"] = normal
+    file = tmp_path / "scene.toml"
+    file.write_bytes(tomli_w.dumps(tables).encode())
+    options = session_scene(Settings(str(file), moved_by="actions")).handle.options
+    handle = ActionHandle(**options)
+    handle.follow((0.0, 0.0, 0.0), None)
+    handle.write((0.3, 0.7, 1.5))
+    assert handle.read(1).force_n == force
 
 
 def test_the_displayed_force_is_that_of_the_hand():

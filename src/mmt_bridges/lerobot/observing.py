@@ -11,6 +11,7 @@ from mmt.core.errors import DeviceLost, InputError
 from mmt.core.frames import FIELD_OF_CHANNEL, acceleration_samples
 from mmt.devices.leader_reports import InterfaceState
 from mmt.leader.part import Part, Session, Tick
+from mmt.texture.settings import Axis
 
 if TYPE_CHECKING:
     import asyncio
@@ -40,12 +41,18 @@ class ActionHandle:
         Largest speed towards the first action, and after a pause.
     box_mm
         Lowest and highest corner of a box to which actions are clipped, or None.
+    normal
+        The surface's normal axis.
     """
 
     def __init__(
-        self, recovery_mm_s: float = 50.0, box_mm: tuple[Vector, Vector] | None = None
+        self,
+        recovery_mm_s: float = 50.0,
+        box_mm: tuple[Vector, Vector] | None = None,
+        normal: Axis = "z",
     ) -> None:
         self._recovery_mm = recovery_mm_s * _TICK_S
+        self._normal = "xyz".index(normal)
         self._box = box_mm
         self._position: Vector | None = None
         self._target: Vector = _AT_REST
@@ -102,7 +109,7 @@ class ActionHandle:
 
     def write(self, force_n: Vector) -> None:
         """Take the force (N) that a hand would feel."""
-        self._force_n = force_n[2]
+        self._force_n = force_n[self._normal]
 
 
 LONGEST_FRAMES: Final = 100
