@@ -1,5 +1,6 @@
 """Merging sensors on clocks of their own: time errors, latencies, gaps, cost."""
 
+import math
 import random
 import time
 
@@ -12,6 +13,7 @@ from mmt.devices.protocols import SensorReading
 from mmt.devices.streaming.frame_assembly import FrameAssembler, ReadingAges
 from mmt.devices.streaming.lanes import Lane, PolledLane
 from mmt.devices.streaming.polling import POLLS_HZ
+from mmt.devices.streaming.vibration_lane import VibrationLane
 
 DTYPE = np.dtype([("sequence", "u4"), ("time_ns", "i8"), ("force_n", "f8", (3,))])
 TRANSPORT_NS = 20_000
@@ -190,20 +192,30 @@ def test_a_lost_record_leaves_a_number_out_and_invents_nothing():
     assert missing == list(range(missing[0], missing[0] + 4))
 
 
-def test_a_value_that_no_frame_can_hold_leaves_its_number_out():
-    lane = PolledLane()
+@pytest.mark.parametrize("lost", [1, 3, 20, 400])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e39])
+@pytest.mark.parametrize("lane", [PolledLane, Lane, VibrationLane])
+def test_a_reading_that_is_no_number_is_left_out_and_holds_up_no_frame(lane, value, lost):
+    lane, told = lane(), []
+    lane.on_invalid = lambda: told.append(None)
     merger = FrameAssembler({"force_n": lane}, frame_dtype(["force"]), MS)
-    found = []
-    for tick in range(10):
+    blocks, waiting = [], []
+    for tick in range(500):
         now_ns = START_NS + tick * MS
-        lane.record((1e39 if tick == 5 else 1.0, 0.0, 0.0), now_ns)
+        reading = (value if 60 <= tick < 60 + lost else 1.0, 0.0, 0.0)
+        if isinstance(lane, PolledLane):
+            lane.record(reading, now_ns)
+        else:
+            lane.add([SensorReading(now_ns, reading)], now_ns)
         merger.tick(1, now_ns)
-        found.append(merger.frames())
-    frames = np.concatenate(found)
-    left_out = sorted({4, 5, 6, 7} - set(frames["sequence"].tolist()))
-    assert np.isfinite(frames["force_n"]).all()
-    assert left_out
-    assert merger.left_out >= len(left_out)
+        blocks.append(merger.frames())
+        waiting.append(merger.lacking)
+    frames = np.concatenate(blocks)
+    assert np.allclose(frames["force_n"], [1.0, 0.0, 0.0])
+    assert lost - 5 <= merger.left_out <= lost + 3
+    assert merger.left_out + len(frames) >= 498
+    assert not any(waiting[60:])
+    assert lane.invalid == len(told) == lost
 
 
 def test_a_late_reading_makes_its_frame_late_and_not_wrong():

@@ -122,7 +122,7 @@ def test_an_orientation_that_is_none_makes_a_gap_and_no_force():
     assert frames["orientation"].tolist() == [[1, 0, 0, 0], [0, 0, 0, 1]]
     assert frames["force_n"].tolist() == [[20, 21, 22], [-20, -21, 22]]
     assert frames["acceleration_m_s2"][1].tolist() == [-30, -31, 32]
-    assert source.summary["robot"]["invalid_orientations"] == 2
+    assert source.summary["robot"]["faults"]["invalid_orientations"] == 2
 
 
 def test_merged_frames_wait_for_no_orientation_and_leave_out_those_without():

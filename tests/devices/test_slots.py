@@ -1,13 +1,17 @@
 """One device of a follower: what is taken of it at a tick, and what is left out."""
 
+import math
 import time
 from collections.abc import Mapping
 
+import numpy as np
 import pytest
 import running_source
+from instruments import Instrument
 
 from mmt.devices.protocols import SensorReading
 from mmt.devices.streaming.slots import RobotSlot, SampledSlot
+from mmt.devices.streaming.source import DeviceSource
 
 MS = 1_000_000
 
@@ -90,3 +94,23 @@ def test_what_has_waited_since_a_sensor_was_connected_moves_no_clock():
         assert slot.poll()
     assert slot.lane.readings == 20
     assert slot.lane.clock.jumps == 0
+
+
+@pytest.mark.parametrize("broken", ["position", "force", "acceleration"])
+def test_one_devices_invalid_readings_leave_out_their_frames_and_are_told_once(broken, caplog):
+    devices = {name: Instrument(20.0) for name in ("position", "force", "acceleration")}
+    source = DeviceSource(*devices.values(), tuple(devices))
+    source.start(0)
+    blocks = []
+    for tick in range(12):
+        devices[broken].value = math.nan if tick in {3, 4, 8} else 20.0
+        blocks.append(source.step(1, MS * tick, None))
+    frames = np.concatenate(blocks)
+    assert frames["sequence"].tolist() == [0, 1, 2, 5, 6, 7, 9, 10, 11]
+    assert all(np.isfinite(frames[name]).all() for name in frames.dtype.names)
+    role = {"position": "robot", "force": "force_sensor", "acceleration": "accelerometer"}[broken]
+    faulty = {name for name, counts in source.summary.items() if "faults" in counts}
+    assert faulty == {role}
+    assert source.summary[role]["faults"] == {"invalid_readings": 3}
+    (said,) = [record.getMessage() for record in caplog.records]
+    assert said.startswith(f"the {role.replace('_', ' ')} (")

@@ -1,5 +1,7 @@
 """The Franka drivers' own logic, on a stand-in for the library and the arm."""
 
+import itertools
+import math
 import threading
 import time
 
@@ -295,6 +297,28 @@ def test_the_force_at_rest_is_the_zero_and_none_at_all_is_counted(make, connecte
     emulated.pushes_n = (0.0, 0.0, 0.0)
     until(lambda: bool(force.faults), force.read)
     assert "singularity" in next(iter(force.faults))
+
+
+def test_the_bias_is_of_finite_forces_and_without_them_the_arm_is_lost(
+    make, connected, emulated, monkeypatch
+):
+    force, number = connected(make(FrankaForce)), itertools.count()
+    forces = itertools.cycle([(0.5, -1.0, 3.0), (math.nan, 0.0, 0.0)])
+    emulated.pushes_n = (-1.0, 0.5, -2.0)
+    check = arms.FrankaArm.check
+
+    def measured(arm):
+        return check(arm)._replace(time_ms=next(number), force_n=next(forces))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(arms.FrankaArm, "check", measured)
+        force.calibrate()
+    until(lambda: force.read() == pytest.approx((0.5, 0.5, -1.0)))
+    monkeypatch.setattr(arms.FrankaArm, "check", measured)
+    forces = itertools.repeat((0.0, math.inf, 0.0))
+    monkeypatch.setattr(franka_driver, "_BIAS_PATIENCE_S", 0.05)
+    with pytest.raises(DeviceLost, match="gave 0 finite forces"):
+        force.calibrate()
 
 
 def test_two_robots_at_one_arm_and_drivers_that_do_not_agree_are_refused(make):

@@ -1,4 +1,4 @@
-"""Checks of what a device reports: readings beyond its range, and implausible positions."""
+"""Checks of what a device reports: readings that are none, and implausible positions."""
 
 import logging
 import math
@@ -11,11 +11,11 @@ from mmt.core.arrays import Vector
 LOG: Final = logging.getLogger("mmt.devices")
 
 _QUIET_S: Final = 10.0
-"""Time between two warnings while an overload goes on or comes back."""
+"""Time between two warnings while a fault goes on or comes back."""
 
 
-class OverloadNotice:
-    """Warn at the first overload, and then at most every ten seconds."""
+class RareWarning:
+    """Warn the first time, and then at most every ten seconds."""
 
     def __init__(self) -> None:
         self._quiet_until_s = 0.0
@@ -26,6 +26,15 @@ class OverloadNotice:
         if now_s >= self._quiet_until_s:
             self._quiet_until_s = now_s + _QUIET_S
             LOG.warning("%s", sentence)
+
+
+_LARGEST: Final = 3e38
+
+
+def measured(value: Vector) -> Vector | None:
+    """Return a reading, or None if a number of it is not finite or does not fit into a frame."""
+    x, y, z = value
+    return (x, y, z) if abs(x) + abs(y) + abs(z) < _LARGEST else None
 
 
 FASTEST_MM_S: Final = 5000.0

@@ -10,7 +10,7 @@ from typing import Final
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.protocols import SensorReading
-from mmt.devices.reading_checks import OverloadNotice
+from mmt.devices.reading_checks import RareWarning
 from mmt.devices.wrench import Matrix, Six, WrenchConverter, WrenchOptions
 
 Stamped = tuple[int, Six]
@@ -44,7 +44,7 @@ class WrenchSensor(ABC):
         self._counts: Counter[str] = Counter()
         self._overloads = 0
         self._impossible = 0
-        self._notice = OverloadNotice()
+        self._notice = RareWarning()
         self._arrival_ns = 0
         self._useless_ns = 0  # when data came last that gave no record, noted by the subclass
         self._last: Six | None = None

@@ -13,11 +13,13 @@ from mmt.core.quaternions import Quaternion
 from mmt.devices.axes import Axes
 from mmt.devices.discovery import missing_package
 from mmt.devices.drivers import read_options
-from mmt_devices.franka.arm import ArmState, FrankaArm, acquire_arm, release_arm
+from mmt.devices.reading_checks import measured
+from mmt_devices.franka.arm import FrankaArm, acquire_arm, release_arm
 from mmt_devices.franka.control import PositionControl
 from mmt_devices.franka.options import ArmOptions, FrankaRobotOptions
 
 _BIAS_STATES: Final = 200
+_BIAS_PATIENCE_S: Final = 5.0
 _NO_FORCE: Final = (
     "force of exactly zero, which is what the arm says near a singularity, and what a simulator "
     "without contact says"
@@ -170,16 +172,21 @@ class FrankaForce(_ArmDriver[ArmOptions]):
         Raises
         ------
         DeviceLost
-            The arm is lost.
+            The arm is lost, or gives too few finite forces.
         """
-        arm = self._connected()
-        states: dict[int, ArmState] = {}
-        while len(states) < _BIAS_STATES:
+        arm, until_s = self._connected(), time.monotonic() + _BIAS_PATIENCE_S
+        forces: dict[int, Vector] = {}
+        while len(forces) < _BIAS_STATES:
+            if time.monotonic() > until_s:
+                raise DeviceLost(
+                    f"the arm gave {len(forces)} finite forces in {_BIAS_PATIENCE_S:g} s "
+                    f"for its bias, {_BIAS_STATES} are needed: check it in Desk"
+                )
             state = arm.check()
-            states[state.time_ms] = state
+            if (force := measured(state.force_n)) is not None:
+                forces[state.time_ms] = force
             time.sleep(0.0005)
-        columns = zip(*(state.force_n for state in states.values()), strict=True)
-        x, y, z = (math.fsum(column) / len(states) for column in columns)
+        x, y, z = (math.fsum(column) / len(forces) for column in zip(*forces.values(), strict=True))
         self._bias_n = (x, y, z)
 
     def read(self) -> Vector:

@@ -15,7 +15,7 @@ from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.axes import signed_axes
 from mmt.devices.drivers import read_options
 from mmt.devices.protocols import SensorReading
-from mmt.devices.reading_checks import OverloadNotice
+from mmt.devices.reading_checks import RareWarning
 from mmt.devices.record_clocks import CountingClock
 from mmt_devices.iio.attributes import find_device, find_iio_accelerometers
 from mmt_devices.iio.capture import Capture
@@ -73,7 +73,7 @@ class IioAccelerometer:
         self._capture: Capture | None = None
         self._rest = b""
         self._counts: Counter[str] = Counter()
-        self._notice = OverloadNotice()
+        self._notice = RareWarning()
         self._clock: CountingClock | None = None
         self._lost_before = 0
         self._last: Raw = ()

@@ -18,7 +18,7 @@ from mmt.core.errors import DeviceLost
 from mmt.core.running.process import follow_real_time
 from mmt.devices.board_sharing import StreamData
 from mmt.devices.protocols import VoltageReading
-from mmt.devices.reading_checks import OverloadNotice
+from mmt.devices.reading_checks import RareWarning
 from mmt_devices.ni.daqmx import Daqmx, explain, explained
 
 _TERMINALS: Final = {
@@ -81,7 +81,7 @@ class NiStream:
         self._lost = ""
         self._scan = 0
         self._faults: Counter[str] = Counter()
-        self._notice = OverloadNotice()
+        self._notice = RareWarning()
         with explained():
             self._task, self._rate_hz = self._start()
         self._heard_ns = time.monotonic_ns()

@@ -24,7 +24,7 @@ from mmt.devices.adxl335.gravity import (
 from mmt.devices.axes import SensorAxesOptions, signed_axes
 from mmt.devices.calibrations import load_calibration
 from mmt.devices.protocols import SensorReading
-from mmt.devices.reading_checks import OverloadNotice
+from mmt.devices.reading_checks import RareWarning
 
 _Z_HZ: Final = 550.0
 """Largest bandwidth of the sensor's own z axis; x and y reach 1600 Hz (data sheet)."""
@@ -132,7 +132,7 @@ class Converter:
     ) -> None:
         self.faults: Counter[str] = Counter()
         """``overload``: samples beyond 3 g along an axis."""
-        self._notice = OverloadNotice()
+        self._notice = RareWarning()
         zero, gain = calibration.zero_v, calibration.gain_v_per_m_s2
         self._axes = tuple(
             (i, sign / gain[i], sign * zero[i] / gain[i]) for i, sign in signed_axes(options.axes)

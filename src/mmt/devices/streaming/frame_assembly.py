@@ -131,10 +131,7 @@ class FrameAssembler:
                 return None
             else:
                 numbers += value
-        try:
-            return self._pack(self._next % SEQUENCES, time_ns, *numbers) if complete else b""
-        except OverflowError:  # larger than a frame's numbers: no sensor measures that
-            return b""
+        return self._pack(self._next % SEQUENCES, time_ns, *numbers) if complete else b""
 
 
 class ReadingAges:

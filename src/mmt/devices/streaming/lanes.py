@@ -2,16 +2,18 @@
 
 The value is interpolated on the line between two readings, or from more of them
 (`mmt.devices.streaming.vibration_lane`). Without readings around the instant there is no value.
+Readings that are not finite are left out and counted.
 """
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from mmt.core.arrays import Vector
 from mmt.core.quaternions import Quaternion, unit_quaternion
 from mmt.devices.protocols import SensorReading
+from mmt.devices.reading_checks import measured
 from mmt.devices.streaming.sensor_clock import SensorClock
 
 SPACING_NS: Final = 1_000_000
@@ -29,6 +31,7 @@ _FEW: Final = 10
 """Fewer readings than this do not tell a sensor's rate."""
 _KEPT: Final = 4096
 """Readings that a lane holds at most: half a second at 8 kHz."""
+_NEVER: Final = -(1 << 63)
 
 
 class Lane:
@@ -45,6 +48,11 @@ class Lane:
         self.clock = SensorClock()
         self.readings = 0
         """Number of readings received."""
+        self.invalid = 0
+        """Number of readings that were left out."""
+        self.on_invalid: Callable[[], None] = lambda: None
+        """Called when readings are left out."""
+        self._invalid_ns = _NEVER
         self.newest: SensorReading | None = None
         self._kept: deque[SensorReading] = deque(maxlen=_KEPT)
         self.period_ns = 0.0
@@ -53,7 +61,7 @@ class Lane:
     def reset(self) -> None:
         """Discard all readings: the device has restarted."""
         self._kept.clear()
-        self.newest = None
+        self.newest, self._invalid_ns = None, _NEVER
         self.clock.reset()
 
     def add(self, readings: Sequence[SensorReading], arrival_ns: int) -> None:
@@ -63,6 +71,9 @@ class Lane:
         """
         kept = self._kept
         for reading in readings:
+            if measured(reading.value) is None:
+                self._leave_out(reading.time_ns)
+                continue
             if kept:
                 step = reading.time_ns - kept[-1].time_ns
                 if step <= 0:
@@ -76,8 +87,12 @@ class Lane:
         if readings:
             self.readings += len(readings)
             newest = self.newest = readings[-1]
-            _, _, _ = newest.value  # raises here if the sensor gives other than three numbers
             self.clock.add(arrival_ns, newest.time_ns)
+
+    def _leave_out(self, time_ns: int) -> None:
+        self.invalid += 1
+        self._invalid_ns = time_ns
+        self.on_invalid()
 
     @property
     def spacing_ns(self) -> int:
@@ -111,10 +126,14 @@ class Lane:
     def _interpolate(self, time_ns: int, longest_ns: float) -> "tuple[float, ...] | Waiting | None":
         kept = self._kept
         if not kept or kept[-1].time_ns < time_ns:
-            return WAITING
+            return self._lack(time_ns)
         while len(kept) > 1 and kept[1].time_ns <= time_ns:
             kept.popleft()
         return on_line(kept[0], kept[1 if len(kept) > 1 else 0], time_ns, longest_ns)
+
+    def _lack(self, time_ns: int) -> "Waiting | None":
+        """Return `WAITING`, or None if the reading that the instant lacks was left out."""
+        return None if self._invalid_ns >= time_ns else WAITING
 
 
 class PolledLane(Lane):
@@ -122,8 +141,8 @@ class PolledLane(Lane):
 
     def __init__(self, longest_gap_ns: int = POLLED_GAP_NS) -> None:
         super().__init__()
-        self.last: Vector = (0.0, 0.0, 0.0)
-        """The newest reading."""
+        self.last: Vector | None = None
+        """The newest reading, None if it was left out."""
         self._longest_gap_ns = longest_gap_ns
 
     @property
@@ -133,10 +152,12 @@ class PolledLane(Lane):
 
     def record(self, value: Vector, now_ns: int) -> None:
         """Add one reading."""
-        x, y, z = value
-        self.last = (x, y, z)
-        self._kept.append(SensorReading(now_ns, self.last))
+        self.last = measured(value)
         self.readings += 1
+        if self.last is None:
+            self._leave_out(now_ns)
+        else:
+            self._kept.append(SensorReading(now_ns, self.last))
 
     def at(self, host_ns: int) -> "tuple[float, ...] | Waiting | None":
         """Return the value of an instant; see `Lane`."""
@@ -153,9 +174,7 @@ class OrientationLane(Lane):
     def __init__(self) -> None:
         super().__init__()
         self.last: Quaternion | None = None
-        """The newest orientation, None if that was no unit quaternion."""
-        self.invalid = 0
-        """Number of orientations that were no unit quaternions."""
+        """The newest orientation, None if that was no unit quaternion, and is left out."""
         self._turns: deque[tuple[int, Quaternion | None]] = deque(maxlen=_KEPT)
 
     @property
@@ -166,7 +185,8 @@ class OrientationLane(Lane):
     def record(self, value: Quaternion, now_ns: int) -> None:
         """Add one orientation."""
         self.last = unit_quaternion(value)
-        self.invalid += self.last is None
+        if self.last is None:
+            self._leave_out(now_ns)
         self._turns.append((now_ns, self.last))
 
     def at(self, host_ns: int) -> "Quaternion | Waiting | None":

@@ -19,6 +19,7 @@ from mmt.devices.protocols import (
     SampledSensor,
     fault_table,
 )
+from mmt.devices.reading_checks import RareWarning
 from mmt.devices.reconnection import Reasons, Reconnection
 from mmt.devices.streaming.lanes import Lane, OrientationLane, PolledLane
 
@@ -57,6 +58,8 @@ class Slot(ABC):
         self.name = f"the {role} ({type(device).__name__})"
         self.device = device
         self.lane = lane
+        self._invalid = RareWarning()
+        lane.on_invalid = self._warn
         self.losses = 0
         """How often it was lost."""
         self.lost_ns: int | None = None
@@ -128,8 +131,19 @@ class Slot(ABC):
     @property
     def summary(self) -> dict[str, Any]:
         """Counts of the device and faults that its driver tolerated, for a program."""
-        name = type(self.device).__name__
-        return {"device": name, "losses": self.losses, **fault_table(self.device)}
+        found = {"device": type(self.device).__name__, "losses": self.losses}
+        faults = {kind: count for kind, count in self._left_out().items() if count}
+        told = fault_table(self.device).get("faults", {})
+        return {**found, "faults": told | faults} if told or faults else found
+
+    def _left_out(self) -> dict[str, int]:
+        return {"invalid_readings": self.lane.invalid}
+
+    def _warn(self) -> None:
+        self._invalid.warn(
+            f"{self.name} gives readings that are not finite: they are left out, and the summary "
+            "has their number; check its calibration, range and wires"
+        )
 
     def _connect(self) -> None:
         self._reconnection = Reconnection(self.device)
@@ -167,6 +181,7 @@ class RobotSlot(Slot):
         super().__init__(role, device, PolledLane(_ROBOT_GAP_NS))
         self._measures = measures
         self.orientation = OrientationLane()
+        self.orientation.on_invalid = self._warn
         self._turning = _turning(device) if turns else None
         self._keeping = device if isinstance(device, PositionKeeping) else None
         self._last_ns = 0
@@ -185,13 +200,8 @@ class RobotSlot(Slot):
         if self._turning is not None:
             self.orientation.record(self._turning.orientation(), now_ns)
 
-    @property
-    def summary(self) -> dict[str, Any]:
-        """Counts of the device and faults that its driver tolerated, for a program."""
-        invalid = (
-            {} if self._turning is None else {"invalid_orientations": self.orientation.invalid}
-        )
-        return {**super().summary, **invalid}
+    def _left_out(self) -> dict[str, int]:
+        return {**super()._left_out(), "invalid_orientations": self.orientation.invalid}
 
 
 class PolledSlot(Slot):

@@ -28,6 +28,7 @@ from mmt.core.frames import acceleration_samples
 from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.calibrations import finite_vector
 from mmt.devices.protocols import Accelerometer, ForceSensor, SampledSensor
+from mmt.devices.reading_checks import measured
 from mmt.devices.streaming.tool_turning import DELAY, SPAN, TurningEstimator
 
 CALIBRATED_AS: Final = "tool"
@@ -242,7 +243,8 @@ def readings_at_rest(sensors: Mapping[str, Sensor], duration_s: float) -> dict[s
         for name, sensor in sensors.items():
             read: Any = sensor.read()
             sampled = hasattr(sensor, "latency_ns")
-            found[name] += [reading.value for reading in read] if sampled else [read]
+            values = [reading.value for reading in read] if sampled else [read]
+            found[name] += [value for value in values if measured(value) is not None]
         time.sleep(0.001)
     for name, values in found.items():
         if len(values) < _FEW:

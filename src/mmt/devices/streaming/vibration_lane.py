@@ -14,7 +14,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray, Vector
 from mmt.core.frames import FRAMES_HZ
 from mmt.devices.protocols import SensorReading
-from mmt.devices.streaming.lanes import WAITING, Lane, Waiting, on_line
+from mmt.devices.streaming.lanes import Lane, Waiting, on_line
 
 BEFORE: Final = 8
 """Readings before the instant that make up its value, with one after it."""
@@ -163,7 +163,7 @@ class VibrationLane(Lane):
         self._follow_period()  # before readings are dropped, never between two instants
         readings, (before, after, _) = self._kept, self._weights
         if len(readings) < after or readings[-after].time_ns < time_ns:
-            return WAITING
+            return self._lack(time_ns)
         values: tuple[float, ...] = ()
         for age_ns in self._ages_ns:
             instant_ns = time_ns - age_ns
