@@ -441,8 +441,8 @@ def test_episodes_are_listed_as_ranges(numbers):
 def test_damage_and_wrong_episodes_are_explained(tmp_path, folder):
     with pytest.raises(InputError, match="--episode 2: its episodes are 0 to 1"):
         import_recording(folder, ImportOptions(episode=2))
-    np.savez(tmp_path / "run.npz", time_s=np.arange(3.0))
-    with pytest.raises(InputError, match="is no data set with episodes"):
+    np.savez(tmp_path / "run.npz", time_s=np.arange(3.0), force_n=np.ones((3, 3)))
+    with pytest.raises(InputError, match="--episode 0: it has no such episode or trial"):
         import_recording(tmp_path / "run.npz", ImportOptions(episode=0))
     (folder / "mmt/episode-000000.parquet").write_bytes(b"PAR1 and then nothing")
     with pytest.raises(InputError, match="this is not a Parquet file"):

@@ -15,7 +15,10 @@ N = np.arange(400)
 TIME_S = 7.0 + N / 1000
 FORCE_N = np.column_stack([np.sin(N), np.cos(N), N])
 WRAPS = "wraps, and was continued"
-ANEW = "begins anew, which was put 1 s after what was before"
+ANEW = (
+    "begins anew, which was put 1 s after what was before; --episode 1 takes the first part, "
+    "2 the next"
+)
 
 
 def moved(first, second, third):

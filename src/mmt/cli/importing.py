@@ -122,7 +122,8 @@ class ImportingOptions(ReadingOptions):
         ),
     ] = "auto"
     episode: Annotated[
-        int | None, typer.Option(help="Episode of a LeRobot data set; the first if absent.")
+        str | None,
+        typer.Option(help="Episode or trial of a file with several; the first if absent."),
     ] = None
     header: Annotated[
         int | None,

@@ -78,10 +78,11 @@ def read_lerobot(
         raise InputError(f"{origin}: it has no rows{_because(notes)}")
     if info["episodes"] > len(episodes):
         notes.append(f"{INFO_FILE} counts {info['episodes']} episodes, {len(episodes)} are here")
-    number = episodes[0] if options.episode is None else options.episode
+    asked = str(episodes[0] if options.episode is None else options.episode)
+    number = int(asked) if asked.isdecimal() else -1
     if number not in episodes:
         raise InputError(
-            f"{origin}: --episode {number}: its episodes are {_ranges(episodes)}{_because(notes)}"
+            f"{origin}: --episode {asked}: its episodes are {_ranges(episodes)}{_because(notes)}"
         )
     origin += f", episode {number}"
     if options.episode is None and len(episodes) > 1:

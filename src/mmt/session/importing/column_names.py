@@ -42,6 +42,12 @@ _SENSOR: Final = re.compile(
     re.IGNORECASE,
 )
 """Matches the name of a column that tells sensors apart."""
+_TRIAL: Final = re.compile(
+    r"_?(trial|run|episode|take|session|rep(etition)?|versuch|subject|participant"
+    r"|(source[ _]?)?file)([ _.]*(id|no|nr|num|number|name|index|idx|#))?[.:]?",
+    re.IGNORECASE,
+)
+"""Matches the name of a column that tells trials apart."""
 _NO_POSITION: Final = re.compile(
     r"(?<![a-z])(rot|quat|orient|euler|ang|gyr|omega|torque|moment|mag)"
 )
@@ -66,6 +72,12 @@ def tells_apart(name: str, *, by_number: bool = False) -> bool:
     """Return whether a column's name says that it tells sensors apart, perhaps by their number."""
     found = _SENSOR.fullmatch(last_part(name))
     return found is not None and not (by_number and found["texts"])
+
+
+@lru_cache(maxsize=4096)
+def tells_trials(name: str) -> bool:
+    """Return whether a column's name says that it tells trials apart."""
+    return _TRIAL.fullmatch(last_part(name)) is not None
 
 
 def names_of(elements: Sequence[Mapping[str, Any]]) -> list[str]:

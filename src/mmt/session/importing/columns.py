@@ -77,8 +77,8 @@ class SourceColumns:
     began_utc_ns: int | None = None
     """UTC since 1970 of the earliest of `times`, or of an exported session's first frame; None
     if the file has no dates."""
-    episode: int | None = None
-    """Number of the episode that was read, or None if the file has no episodes."""
+    episode: int | str | None = None
+    """The episode or trial that was read, or None if the file has none."""
 
 
 def told_unit(attributes: Mapping[Any, Any]) -> str:

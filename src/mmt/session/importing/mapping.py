@@ -22,7 +22,14 @@ from mmt.session.importing.columns import (
     listed,
 )
 from mmt.session.importing.options import ImportOptions, Source
-from mmt.session.importing.samples import Samples, continued, name_of, order_of, unfilled_rows
+from mmt.session.importing.samples import (
+    PAUSE_S,
+    Samples,
+    continued,
+    name_of,
+    order_of,
+    unfilled_rows,
+)
 
 _OF_FORMULAS: Final = "; a workbook's formulas have values once a spreadsheet program has saved it"
 
@@ -55,6 +62,8 @@ class _Mapping:
         self._told: set[str] = set()
         self._by_name: dict[str, str] = {}
         self._orders: dict[str, IntArray | None] = {}
+        self._part = str(options.episode) if columns.episode is None else "None"
+        self._has_part = options.episode is None or columns.episode is not None
 
     def samples(self) -> Samples:
         values: dict[Channel, FloatArray] = {}
@@ -88,6 +97,11 @@ class _Mapping:
                 names[channel] = partial(name_of, names[channel], rows)
             values[channel] = vectors.reshape(-1, vectors.shape[-1])
             times[channel] = _shared(time_s, times.values())
+        if not self._has_part:
+            raise InputError(
+                f"{self._origin}: --episode {self._options.episode}: it has no such episode or "
+                "trial, nor such a part whose time begins anew"
+            )
         if not values:
             fields = ", ".join(FIELD_OF_CHANNEL[channel] for channel in CHANNELS)
             raise InputError(
@@ -200,11 +214,23 @@ class _Mapping:
         scaled = values if factor == 1.0 else factor * values
         if target.endswith("time"):
             scaled = self._with_fraction(target, source.name, scaled)
-            of_day = self._columns.units.get(source.name) == DATE
-            if self._order(scaled, source.name) is None:
-                scaled, notes = continued(scaled, abs(factor), of_day=of_day)
-                self._note(*(f"{source.name} {note}" for note in notes))
+            name = self._options.columns.get(target, source.name)
+            if self._order(scaled, name) is None:
+                scaled = self._continued(scaled, name, source.name, abs(factor))
         return scaled
+
+    def _continued(self, time_s: FloatArray, name: str, column: str, count_s: float) -> FloatArray:
+        """Return times (n,) that go on where they fell; note it, or select the part asked for."""
+        of_day = self._columns.units.get(column) == DATE
+        whole_s, notes = continued(time_s, count_s, of_day=of_day)
+        begins = np.flatnonzero((np.diff(time_s) < 0) & np.isclose(np.diff(whole_s), PAUSE_S)) + 1
+        parts = dict(enumerate(np.split(np.arange(len(time_s)), begins), start=1))
+        part = next((rows for number, rows in parts.items() if str(number) == self._part), None)
+        if len(begins) and part is not None:
+            self._orders[name], self._has_part = part, True
+        else:
+            self._note(*(f"{column} {note}" for note in notes))
+        return whole_s
 
     def _with_fraction(self, target: str, name: str, seconds_s: FloatArray) -> FloatArray:
         """Return times with the parts of a second that are mapped to be added to them."""

@@ -68,8 +68,8 @@ class ImportOptions:
     """Longest gap to interpolate; None: five median intervals, but 5 to 100 ms."""
     stamps: StampChoice = "auto"
     """Whether to use the stamps as they are ("kept") or "regular" times; see `assess_stamps`."""
-    episode: int | None = None
-    """Episode of a data set with several; None: the first."""
+    episode: int | str | None = None
+    """Episode or trial of a file with several, by number or name; None: the first."""
     header: int | None = None
     """Line with the names of a table's columns, counted from 1; None: detect it."""
     sheet: str | None = None

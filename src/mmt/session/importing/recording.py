@@ -190,9 +190,9 @@ def import_columns(
     columns = read[0]
     frames, resampled = columns.frames, False
     asked_hz = options.acceleration_rate_hz
-    of_reading = ("episode", "reading_memory_gb", "reading_time_s")
-    kept = {name: getattr(options, name) for name in of_reading}
-    plain = replace(options, acceleration_rate_hz=None) == ImportOptions(**kept)
+    episode = options.episode if columns.episode is None else None
+    others = replace(options, reading_memory_gb=None, reading_time_s=None, episode=episode)
+    plain = replace(others, acceleration_rate_hz=None) == ImportOptions()
     if (
         plain
         and len(read) == 1
@@ -289,7 +289,4 @@ def read_columns(
     if path.is_file():
         with reading(f"import {path}", "a file that can be read"):
             require_fetched(path)
-    columns = read_limited(path, options, read_apart, read, path, wanted, options)
-    if options.episode is not None and columns.episode is None:
-        raise InputError(f"--episode {options.episode}: {path} is no data set with episodes")
-    return columns
+    return read_limited(path, options, read_apart, read, path, wanted, options)

@@ -27,7 +27,7 @@ _CLOCKS_S: Final = (_HOUR_S, 12 * _HOUR_S, 24 * _HOUR_S)
 """Times at which clocks wrap; by an hour also where summer time ends."""
 _HIGHEST_RATE_HZ: Final = 1e6
 _FEW_ROWS = 16
-_PAUSE_S = 1.0
+PAUSE_S = 1.0
 """Assumed pause before a clock that restarted; the true length is unknown."""
 
 ROW_NUMBER = "row {}, counted from 0"
@@ -245,6 +245,7 @@ def continued(
             and few[0] < few[-1] < time_s[fall]
             and steps_s[fall - 1] <= near_s
         ):
-            added_s[fall + 1] = drop_s + _PAUSE_S
-            notes[f"begins anew, which was put {_PAUSE_S:g} s after what was before"] = None
+            added_s[fall + 1] = drop_s + PAUSE_S
+            put = f"begins anew, which was put {PAUSE_S:g} s after what was before"
+            notes[f"{put}; --episode 1 takes the first part, 2 the next"] = None
     return time_s + np.cumsum(added_s), list(notes)

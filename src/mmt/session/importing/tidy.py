@@ -1,4 +1,7 @@
-"""Tables that tell sensors apart by a column: each sensor's rows become columns of their own."""
+"""Tables that tell trials or sensors apart by a column.
+
+Of the trials one is read. Each sensor's rows become columns of their own.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -16,7 +19,13 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.core.units import is_unit, unit_in_name
-from mmt.session.importing.column_names import gives_unit, last_part, target_of, tells_apart
+from mmt.session.importing.column_names import (
+    gives_unit,
+    last_part,
+    target_of,
+    tells_apart,
+    tells_trials,
+)
 from mmt.session.importing.columns import SHOWN_COLUMNS, SourceColumns, Wanted
 from mmt.session.importing.options import ImportOptions, quantity_of
 
@@ -39,12 +48,12 @@ def read_apart(
 ) -> SourceColumns:
     """Call an importer; columns of a table with rows of several sensors become `SENSOR.COLUMN`.
 
-    Those of a group or topic become `GROUP.SENSOR.COLUMN`.
+    Those of a group or topic become `GROUP.SENSOR.COLUMN`. Of several trials one is read.
 
     Raises
     ------
     InputError
-        There are too many sensors, one has several units, or see `read`.
+        There is no such trial, there are too many sensors, one has several units, or see `read`.
     """
     read = partial(_read_besides, read, path, wanted, options)
     columns = read(_is_told)
@@ -72,16 +81,62 @@ def _read_besides(
     options: ImportOptions,
     others: Callable[[str], bool],
 ) -> SourceColumns:
-    """Read what is wanted, and of `others` what can be read."""
+    """Read what is wanted, and of `others` what can be read, of one trial."""
     try:
-        return read(path, lambda name: wanted(name) or others(name), options)
+        columns = read(path, lambda name: wanted(name) or others(name), options)
     except InputError:
         plain = read(path, wanted, options)
-    readable = set()
-    for name in filter(others, plain.names):
-        with suppress(InputError):
-            readable |= {name} & {*read(path, Wanted([name]), options).names}
-    return read(path, lambda name: wanted(name) or name in readable, options)
+        readable = set()
+        for name in filter(others, plain.names):
+            with suppress(InputError):
+                readable |= {name} & {*read(path, Wanted([name]), options).names}
+        columns = read(path, lambda name: wanted(name) or name in readable, options)
+    for table in list(_tables(columns)):
+        columns = _of_one_trial(columns, table, options.episode)
+    return columns
+
+
+def _of_one_trial(
+    columns: SourceColumns, table: SourceColumns, asked: int | str | None
+) -> SourceColumns:
+    """Return the columns with those rows of a table that are of the trial `asked` for, or of one.
+
+    That is the first of those whose rows are one stretch, if any is. Labels that come back while
+    time ascends are states of one recording.
+    """
+    keys = _several(
+        {n: texts.tolist() for n, texts in table.labels.items() if tells_trials(n)}
+        | _numbers(table, tells_trials)
+    )
+    if not keys:
+        return columns
+    labels = _labels(table, keys)
+    stretches = Counter(labels[np.r_[True, labels[1:] != labels[:-1]]].tolist())
+    trials = [trial for trial in stretches if trial]
+    whole = [trial for trial in trials if stretches[trial] == 1]
+    told = f"{' and '.join(keys)} tells {len(trials)} trials apart: {_shown(trials)}"
+    if len(whole) < 2 and _ascend(_times_in(table)):
+        note = f"{told}; as time goes on through all, they were left together"
+        return replace(columns, notes=(*columns.notes, note))
+    chosen = str([*whole, *trials][0] if asked is None else asked)
+    if chosen not in trials:
+        raise InputError(f"{columns.origin}: --episode {asked}: {told}")
+    rows = labels == chosen
+    kept = {
+        field: {n: c[rows[: len(c)]] for n, c in getattr(table, field).items() if np.ndim(c)}
+        for field in ("values", "labels")
+    }
+    times = {id(clock): clock[rows] for n, clock in table.times.items() if n in table.names}
+    note = f"{told}; this is {chosen}, --episode takes another"
+    return replace(
+        columns,
+        values={**columns.values, **kept["values"]},
+        labels={**columns.labels, **kept["labels"]},
+        times={n: times.get(id(clock), clock) for n, clock in columns.times.items()},
+        row_name="row {} of its trial, counted from 0".format,
+        notes=(*columns.notes, *([note] if asked is None else [])),
+        episode=chosen,
+    )
 
 
 def _is_asked(
@@ -95,6 +150,16 @@ def _is_asked(
     own = [name for name in names if _is_within(name, owner)]
     news = (_renamed(name, owner, sensor) for name in own for sensor in sensors)
     return not owner.startswith("/") or any(map(wanted, news))
+
+
+def _labels(table: SourceColumns, keys: Mapping[str, list[str]]) -> npt.NDArray[np.str_]:
+    """Return what the keys tell of each row of a table, as texts (n,)."""
+    rows = max(map(len, (*table.values.values(), *table.labels.values())))
+    return np.array([*_joined(keys), *repeat("", rows)])[:rows]
+
+
+def _shown(labels: Sequence[str]) -> str:
+    return ", ".join([*labels[:SHOWN_COLUMNS], *(["..."] if len(labels) > SHOWN_COLUMNS else [])])
 
 
 def _joined(keys: Mapping[str, list[str]]) -> list[str]:
@@ -126,8 +191,7 @@ def _taken_apart(
     wanted: Callable[[str], bool],
 ) -> SourceColumns:
     """Return the columns with those of one table for each of its sensors; said if any is wanted."""
-    rows = max(map(len, table.values.values()))
-    labels = np.array([*_joined(keys), *repeat("", rows)])[:rows]
+    labels = _labels(table, keys)
     sensors = [sensor for sensor in dict.fromkeys(labels.tolist()) if sensor]
     told = f"{' and '.join(keys)} tells {len(sensors)} sensors apart"
     if _is_one_stream(table, labels):
@@ -136,7 +200,7 @@ def _taken_apart(
         return replace(columns, notes=(*columns.notes, *said))
     if len(sensors) > _MOST:
         raise InputError(f"{columns.origin}: {told}, {_MOST} can be: keep what is needed")
-    note = f"{told}: {', '.join(sensors[:SHOWN_COLUMNS])}"
+    note = f"{told}: {_shown(sensors)}"
     if blank := int(np.sum(labels == "")):
         note += f"; {blank} rows that name none were left out"
     apart = _apart(table, keys, labels, sensors)
@@ -179,7 +243,7 @@ def _apart(
 
 
 def _is_told(name: str) -> bool:
-    return tells_apart(name) or gives_unit(name)
+    return tells_apart(name) or tells_trials(name) or gives_unit(name)
 
 
 def _owner(names: Collection[str]) -> str:
@@ -204,16 +268,38 @@ def _keys(table: SourceColumns) -> Mapping[str, list[str]]:
         for name, texts in table.labels.items()
         if tells_apart(name) or (name.isdecimal() and _of_channels(texts))
     }
-    for name, numbers in table.values.items():
-        if tells_apart(name, by_number=True) and numbers.ndim == 1:
-            each = [f"{last_part(name)}_{n:g}" if abs(n) < np.inf else "" for n in numbers.tolist()]
-            keys |= {name: each} if len(set(each)) <= _MOST_NUMBERS else {}
-    several = [n for n, t in keys.items() if 1 < len({*t} - {""}) <= len(t) / _FEWEST_ROWS]
+    for name, cells in _numbers(table, partial(tells_apart, by_number=True)).items():
+        each = [f"{last_part(name)}_{text}" if text else "" for text in cells]
+        keys |= {name: each} if len(set(each)) <= _MOST_NUMBERS else {}
     rows = max((len(column) for column in table.values.values() if np.ndim(column)), default=0)
     several = [  # texts that stand in few rows are events
-        n for n in several if tells_apart(n, by_number=True) or 2 * sum(map(bool, keys[n])) >= rows
+        n
+        for n in _several(keys)
+        if tells_apart(n, by_number=True) or 2 * sum(map(bool, keys[n])) >= rows
     ]
     return {n: keys[n] for n in sorted(several, key=lambda n: last_part(n).lower() == "axis")}
+
+
+def _numbers(table: SourceColumns, tells: Callable[[str], bool]) -> dict[str, list[str]]:
+    """Return the columns of numbers whose names say that they tell something, as texts."""
+    found = {n: c.tolist() for n, c in table.values.items() if c.ndim == 1 and tells(n)}
+    return {n: [f"{x:.15g}" if abs(x) < np.inf else "" for x in c] for n, c in found.items()}
+
+
+def _several(keys: Mapping[str, list[str]]) -> dict[str, list[str]]:
+    """Return the columns of labels that differ, each in enough rows."""
+    counts = {name: len({*texts} - {""}) for name, texts in keys.items()}
+    return {n: t for n, t in keys.items() if 1 < counts[n] <= len(t) / _FEWEST_ROWS}
+
+
+def _times_in(table: SourceColumns) -> list[FloatArray]:
+    """Return the times (n,) of a table's rows: those of messages, and columns of that name."""
+    of_messages = [table.times[name] for name in table.values if name in table.times]
+    return of_messages[:1] + [c for n, c in table.values.items() if _channel_of(n) == "time"]
+
+
+def _ascend(times: Iterable[FloatArray]) -> bool:
+    return all(np.all(np.diff(each) > 0) for each in times)
 
 
 def _channel_of(name: str) -> str:
@@ -230,16 +316,14 @@ def _is_one_stream(table: SourceColumns, labels: npt.NDArray[np.str_]) -> bool:
     Most of them hold several channels, or the labels seldom change; and no values leap then.
     """
     filled = {channel: np.zeros(len(labels), dtype=bool) for channel in CHANNELS}
-    times: list[FloatArray] = [table.times[n] for n in table.values if n in table.times][:1]
+    times = _times_in(table)
     for name, column in table.values.items():
         if (channel := _channel_of(name)) in filled:
             finite = np.isfinite(column).reshape(len(column), -1)
             filled[channel][: len(column)] |= finite.any(axis=1)
-        elif channel == "time":
-            times.append(column)
     several = bool(np.mean(sum(each.astype(int) for each in filled.values()) > 1) > 0.5)
     turns = labels[1:] != labels[:-1]
-    if not all(np.all(np.diff(each) > 0) for each in times):
+    if not _ascend(times):
         return False
     if several:
         measured = [c for n, c in table.values.items() if _channel_of(n) in CHANNELS]
