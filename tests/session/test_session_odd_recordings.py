@@ -471,6 +471,25 @@ def test_numbers_of_sensors_are_names(tmp_path):
     np.testing.assert_allclose(session.frames["force_n"][:, 2], 2 + TIME_S, atol=1e-6)
 
 
+@pytest.mark.parametrize("ids", [range(17), range(1000, 1064), [20240101 + n for n in range(99)]])
+@pytest.mark.parametrize("molten", [True, False])
+def test_any_number_of_sensors_can_be_told_apart_by_numbers(tmp_path, ids, molten):
+    rows = [(t, s, place + t) for t in TIME_S[:100] for place, s in enumerate(ids)]
+    rows = sorted(rows, key=lambda row: row[1]) if molten else rows
+    lines(tmp_path / "a.csv", "t,sensor,value", rows)
+    names = propose(tmp_path / "a.csv").names
+    assert names == [f"sensor_{s}.{column}" for s in ids for column in ("t", "value")]
+
+
+def test_readings_are_no_numbers_of_sensors(tmp_path):
+    counts = np.rint(500 + 100 * np.sin(30 * TIME_S)).astype(int)
+    lines(tmp_path / "a.csv", "time,sensor,Fz", zip(TIME_S, counts, TIME_S, strict=True))
+    found = propose(tmp_path / "a.csv")
+    assert found.names == ["time", "sensor", "Fz"]
+    told = "sensor: as its numbers stand in few or many rows, they are none of sensors"
+    assert told in found.columns.notes
+
+
 def test_a_number_has_no_underscores(tmp_path):
     lines(tmp_path / "a.csv", "Date,Fz", ((f"20240301_1000{int(t):02}", t) for t in TIME_S))
     with pytest.raises(InputError, match="Date does not hold numbers: '20240301_100000'"):

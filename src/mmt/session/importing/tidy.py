@@ -31,6 +31,8 @@ from mmt.session.importing.options import ImportOptions, quantity_of
 
 _MOST: Final = 256
 _MOST_NUMBERS: Final = 16
+_MOST_UNEVEN: Final = 2.0
+"""Numbers of sensors, each in any number of rows; ratio of rows of two sensors if they are more."""
 _FEWEST_ROWS: Final = 4
 """Least number of rows of a sensor, on average."""
 _OFTEN: Final = 0.25
@@ -93,6 +95,13 @@ def _read_besides(
         columns = read(path, lambda name: wanted(name) or name in readable, options)
     for table in list(_tables(columns)):
         columns = _of_one_trial(columns, table, options.episode)
+        numbers = _several(_numbers(table, partial(tells_apart, by_number=True)))
+        doubtful = (name for name, cells in numbers.items() if not _are_of_sensors(cells))
+        notes = [
+            f"{n}: as its numbers stand in few or many rows, they are none of sensors"
+            for n in doubtful
+        ]
+        columns = replace(columns, notes=(*columns.notes, *notes))
     return columns
 
 
@@ -270,7 +279,7 @@ def _keys(table: SourceColumns) -> Mapping[str, list[str]]:
     }
     for name, cells in _numbers(table, partial(tells_apart, by_number=True)).items():
         each = [f"{last_part(name)}_{text}" if text else "" for text in cells]
-        keys |= {name: each} if len(set(each)) <= _MOST_NUMBERS else {}
+        keys |= {name: each} if _are_of_sensors(cells) else {}
     rows = max((len(column) for column in table.values.values() if np.ndim(column)), default=0)
     several = [  # texts that stand in few rows are events
         n
@@ -278,6 +287,16 @@ def _keys(table: SourceColumns) -> Mapping[str, list[str]]:
         if tells_apart(n, by_number=True) or 2 * sum(map(bool, keys[n])) >= rows
     ]
     return {n: keys[n] for n in sorted(several, key=lambda n: last_part(n).lower() == "axis")}
+
+
+def _are_of_sensors(cells: Sequence[str]) -> bool:
+    """Return whether numbers may be those of sensors: few, or as many rows of each.
+
+    Readings of a sensor are many, and some are seldom.
+    """
+    counts = Counter(filter(None, cells))
+    even = max(counts.values(), default=0) <= _MOST_UNEVEN * min(counts.values(), default=0)
+    return len(counts) <= _MOST_NUMBERS or (even and all(map(str.isdecimal, counts)))
 
 
 def _numbers(table: SourceColumns, tells: Callable[[str], bool]) -> dict[str, list[str]]:
