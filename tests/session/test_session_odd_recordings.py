@@ -10,6 +10,7 @@ from scipy.io import savemat
 
 from mmt.core.errors import InputError
 from mmt.session.files import import_session
+from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
 
@@ -285,6 +286,26 @@ def frame(fixed):
     return write
 
 
+def tidy_frame(path):
+    """As pandas stores a frame with a column of texts, which PyTables pickles."""
+    h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
+    rows = list(readings(SENSORS))
+    texts = np.array([("fine", r[1], None) for r in rows], dtype=object)
+    with h5py.File(path, "w") as file:
+        group = file.create_group("log")
+        group["axis1"], group["block0_values"] = range(len(rows)), [(r[0], *r[2:]) for r in rows]
+        group["block0_items"] = np.array(["t", *"xyz"], dtype="S")
+        pickled(group, texts, ["note", "sensor", "remark"])
+
+
+def pickled(group, array, names, protocol=pickle.HIGHEST_PROTOCOL):
+    h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
+    group["block1_items"] = np.array(names, dtype="S")
+    code = np.frombuffer(pickle.dumps(np.asfortranarray(array), protocol), np.uint8)
+    stored = group.create_dataset("block1_values", (1,), h5py.vlen_dtype(np.uint8))
+    stored[0], stored.attrs["PSEUDOATOM"] = code, np.bytes_(b"object")
+
+
 def with_vectors_of_unity(path):
     rows = zip(TIME_S, motion(TIME_S).tolist(), force(TIME_S).tolist(), strict=True)
     lines(path, "Time,Position,Force", ((t, tuple(p), tuple(f)) for t, p, f in rows))
@@ -316,6 +337,7 @@ KINDS = {
     "sets.h5": (tidy_sets, ALL),
     "fixed.h5": (frame(fixed=True), ALL),
     "frame.h5": (frame(fixed=False), ALL),
+    "texts.h5": (tidy_frame, ALL),
     "lines.json": (tidy_rows_of_json, ALL),
     "longer.csv": (pivoted, ALL),
     "structures.mat": (tidy_structures, ALL),
@@ -508,6 +530,26 @@ def test_a_scale_that_is_not_applied_is_said(tmp_path, name, value, told):
         file["force_n"].attrs[name] = value
     _, report = import_recording(tmp_path / "a.h5")
     assert any(f"force_n: its {name} {value} is not applied" in w for w in report.warnings) == told
+
+
+@pytest.mark.parametrize("protocol", [2, 4, 5])
+@pytest.mark.parametrize("kind", [float, int, lambda n: None if n > 1 else n, np.float64, bool])
+def test_numbers_that_pandas_pickled_are_read_right_or_refused(tmp_path, protocol, kind):
+    h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
+    values = np.array([(kind(fz), "text") for fz in force(TIME_S)[:, 2].tolist()], dtype=object)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time_s"] = TIME_S
+        pickled(file, values, ["fz", "note"], protocol)
+    options = ImportOptions({"force": "fz"}, blanks_as_gaps=True, longest_gap_s=9.0)
+    if kind in (np.float64, bool):
+        with pytest.raises(InputError, match="other than texts and numbers"):
+            import_recording(tmp_path / "a.h5", options)
+        return
+    frames = import_recording(tmp_path / "a.h5", options)[0].frames
+    made = np.array([np.nan if value is None else value for value, _ in values], dtype=float)
+    rows = np.rint(frames["time_ns"] / 1e6).astype(int)
+    found = np.where(np.isnan(made[rows]), np.nan, frames["force_n"][:, 2])
+    np.testing.assert_allclose(found, made[rows], atol=1e-5)
 
 
 def test_axes_without_a_name_are_told(tmp_path):

@@ -136,7 +136,32 @@ def _names_by_pandas(group: Any, name: str, item: Any, fields: tuple[str, ...]) 
     elif not fields and (told := name.replace("_values", "_items")) in group and told != name:
         names = [text_in(text) for text in np.ravel(group[told][()])]
     shape = item.dtype[fields[0]].shape if fields else item.shape[1:]
-    return names if shape == (len(names),) else []
+    return names if shape == (len(names),) or _is_pickled(item) else []
+
+
+def _is_pickled(item: Any) -> bool:
+    """Return whether a data set holds an array that PyTables pickled, as of texts."""
+    return text_in(item.attrs.get("PSEUDOATOM", "")) == "object" and item.shape == (1,)
+
+
+def _pickled(item: Any) -> Any:
+    """Return the texts and numbers (n, k) in a pickled array, whose code is not run."""
+    memory, stack, found, begin = dict[Any, Any](), list[Any](), list[Any](), 0
+    for code, value, _ in genops(item[0].tobytes()):
+        if code.name == "MEMOIZE" or code.name.endswith("PUT"):
+            memory[len(memory) if value is None else value] = stack[-1]
+        elif code.name == "MARK":
+            begin = len(stack)
+        elif code.name == "APPENDS":
+            found += stack[begin:]
+        elif code.name.endswith("GET"):
+            stack.append(memory[value])
+        else:
+            stack.append(... if value is None and code.name != "NONE" else value)
+    if any(each is ... for each in found):
+        raise InputError(f"{item.name} holds pickled objects other than texts and numbers")
+    items = item.name.rpartition("/")[2].replace("_values", "_items")
+    return np.array(found, dtype=object).reshape(-1, item.parent[items].size)
 
 
 def _unwritten(name: str, item: Any) -> str:
@@ -180,7 +205,7 @@ def _values(file: Any, item: Any, fields: tuple[str | int, ...]) -> Any:
     import h5py
 
     named = [field for field in fields if isinstance(field, str)]
-    values = np.asarray(item[named[0]] if named else item[()])
+    values = _pickled(item) if _is_pickled(item) else np.asarray(item[(*named[:1],) or ()])
     for field in named[1:]:
         values = values[field]
     for column in fields[len(named) :]:
