@@ -470,6 +470,43 @@ def test_a_state_beside_several_channels_tells_no_arms_apart(tmp_path, state):
     assert "px" in propose(tmp_path / "a.csv").names
 
 
+def in_a_group_with_its_unit(path, unit, **others):
+    """Forces in mN, or others, as the members of a group or structure that has a unit."""
+    axes = dict(zip("xyz", 1e3 * force(TIME_S).T, strict=True))
+    content = {"force": {"time": TIME_S, **axes, **unit}, **others}
+    if path.suffix == ".mat":
+        savemat(path, content)
+    elif path.suffix == ".json":
+        path.write_text(json.dumps(content, default=np.ndarray.tolist))
+    else:
+        h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
+        with h5py.File(path, "w") as file:
+            for name, values in content["force"].items():
+                if name in unit and path.suffix == ".h5":
+                    file["force"].attrs[name] = values
+                else:
+                    file[f"force/{name}"] = values
+
+
+@pytest.mark.parametrize("name", ["a.mat", "a.json", "a.h5", "a.hdf5"])
+@pytest.mark.parametrize("unit", ["unit", "Units"])
+def test_the_unit_of_a_group_is_that_of_its_columns(tmp_path, name, unit):
+    in_a_group_with_its_unit(tmp_path / name, {unit: "mN"})
+    frames = imported(tmp_path / name).frames
+    np.testing.assert_allclose(frames["force_n"], force(TIME_S), atol=1e-5)
+    in_a_group_with_its_unit(tmp_path / name, {unit: "V"})
+    with pytest.raises(InputError, match="which is in 'V' by the file"):
+        import_recording(tmp_path / name, propose(tmp_path / name).options)
+
+
+def test_a_unit_beside_several_channels_is_told(tmp_path):
+    units = np.array(["s", "mN", "mm"], dtype=object)
+    savemat(tmp_path / "a.mat", {"force": force(TIME_S), "pos": motion(TIME_S), "unit": "N"})
+    assert "unit was not taken for the unit" in str(propose(tmp_path / "a.mat").columns.notes)
+    savemat(tmp_path / "a.mat", {"t": TIME_S, "force": force(TIME_S), "units": units})
+    assert "units was not taken for the unit" in str(propose(tmp_path / "a.mat").columns.notes)
+
+
 def test_two_columns_of_units_are_no_unit(tmp_path):
     rows = ([t, *fs, "mN", "N"] for t, fs in zip(TIME_S, force(TIME_S), strict=True))
     lines(tmp_path / "a.csv", "time,fx,fy,fz,unit,Units", rows)

@@ -370,20 +370,21 @@ def _in_told_unit(columns: SourceColumns) -> SourceColumns:
 
     It is not used if there are several channels, nor for names that end in a unit of their own.
     """
-    units, told = dict(columns.units), _told_units(columns)
+    units, told, notes = dict(columns.units), _told_units(columns), list(columns.notes)
     owners = Counter(_owner([name]) for name in told)
-    for name, texts in told.items():
+    for name, texts in sorted(told.items(), key=lambda each: -each[0].count(".")):
         owner = _owner([name])
         channels = {n: _channel_of(n) for n in columns.names if _is_within(n, owner)}
-        lengths = [len(column) for n, column in columns.values.items() if n in channels]
+        plain = {n: q for n, q in channels.items() if n not in units and q != "time"}
+        plain = {n: q for n, q in plain.items() if not (q and unit_in_name(q, n))}
+        lengths = [1, *(len(column) for n, column in columns.values.items() if n in channels)]
         of_rows = columns.ends_left_out or len(texts) in lengths
         several = owners[owner] > 1 or len({*channels.values()} & {*CHANNELS}) > 1
-        if several or not of_rows or not all(map(is_unit, {*texts.tolist()} - {""})):
-            continue
-        unit = _one_unit(columns, [texts], "the table")
-        plain = (n for n, q in channels.items() if q != "time" and not (q and unit_in_name(q, n)))
-        units = {**dict.fromkeys(plain, unit), **units}
-    return replace(columns, units=units)
+        if not several and of_rows and all(map(is_unit, {*texts.tolist()} - {""})):
+            units |= dict.fromkeys(plain, _one_unit(columns, [texts], "the table"))
+        elif {*plain.values()} & {*CHANNELS}:
+            notes.append(f"{name} was not taken for the unit of columns (--unit says theirs)")
+    return replace(columns, units=units, notes=notes)
 
 
 def _told_units(columns: SourceColumns) -> dict[str, npt.NDArray[np.str_]]:

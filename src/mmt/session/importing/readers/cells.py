@@ -244,7 +244,7 @@ def columns_of(
         except InputError:
             cells = np.ravel(array).tolist()
             number = Numbers(ImportOptions()).reads
-            texts = np.ndim(array) == 1 and all(isinstance(c, str | bytes | None) for c in cells)
+            texts = np.ndim(array) < 2 and all(isinstance(c, str | bytes | None) for c in cells)
             if not texts or any(map(number, cells)):
                 raise
             labels[name] = np.array(list(map(text_of, cells)))

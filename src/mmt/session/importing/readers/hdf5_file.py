@@ -58,8 +58,8 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
     import h5py
 
     with reading(origin, "an HDF5 file"), h5py.File(path, "r") as file:
-        lost: list[str] = []
-        sets = list(_data_sets(file, lost))
+        lost, of_groups = list[str](), dict[str, str]()
+        sets = list(_data_sets(file, lost, of_groups))
         names, notes = distinct([name for name, _, _ in sets])
         read = {name: each for name, each in zip(names, sets, strict=True) if wanted(name)}
         unwritten = (_unwritten(name, item) for name, (_, item, _) in read.items())
@@ -74,22 +74,29 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         stored = {name: file[path][()] for name, path in own.items() if path in file and exported}
         stored |= {BEGAN: file.attrs.get(BEGAN)} if exported else {}
     told = {name: unit for name, (_, unit) in found.items() if unit}
+    values = {name: np.array(unit) for name, unit in of_groups.items() if wanted(name)}
+    values |= {name: values for name, (values, _) in found.items()}
     return SourceColumns(
         origin=origin,
         names=names,
-        **columns_of({name: values for name, (values, _) in found.items()}, origin, told),
+        **columns_of(values, origin, told),
         notes=notes,
         **beside_columns(stored, origin),
     )
 
 
 def _data_sets(
-    group: Any, lost: list[str], prefix: str = "", above: tuple[Any, ...] = ()
+    group: Any,
+    lost: list[str],
+    units: dict[str, str],
+    prefix: str = "",
+    above: tuple[Any, ...] = (),
 ) -> Iterator[_Set]:
     """Yield the data sets of numbers, texts or references, also those behind links.
 
-    Links to what is not there are told in `lost`.
+    Links to what is not there are told in `lost`, the units of groups in `units`.
     """
+    units |= {f"{prefix}units": unit} if (unit := told_unit(group.attrs)) else {}
     for name, item in group.items():
         if "#" in name or name.startswith("_i_") or item in above:  # of MATLAB, of PyTables
             continue
@@ -99,7 +106,7 @@ def _data_sets(
             lost.append(f"{prefix}{name} is a link to {where}, which is not there")
         elif not hasattr(item, "dtype"):
             if hasattr(item, "items"):
-                yield from _data_sets(item, lost, f"{prefix}{name}.", (*above, group))
+                yield from _data_sets(item, lost, units, f"{prefix}{name}.", (*above, group))
         elif item.shape is not None:
             yield from _columns_in(group, name, item, prefix)
 
@@ -217,4 +224,6 @@ def _values(file: Any, item: Any, fields: tuple[str | int, ...]) -> Any:
         missing = np.isin(values, np.ravel(blank)) if blank else False
         scale, offset = (float(np.ravel(item.attrs.get(n, d))[0]) for n, d in _SCALES.items())
         values = np.where(missing, np.nan, scale * values + offset)
+    if text_in(item.attrs.get("MATLAB_class", "")) == "char":
+        return np.array("".join(map(chr, values.ravel())))
     return values.T if "MATLAB_class" in item.attrs else values

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.errors import InputError
-from mmt.session.importing.column_names import names_of
+from mmt.session.importing.column_names import gives_unit, names_of
 from mmt.session.importing.columns import SourceColumns, distinct, reading
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.readers.cells import columns_of
@@ -48,7 +48,8 @@ def read_json(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         if isinstance(content, list) and content and isinstance(content[0], list):
             content = _named(content)
         if isinstance(content, dict):
-            columns = {name: array for name, array in _leaves(content) if isinstance(array, list)}
+            leaves = dict(_leaves(content))
+            columns = {n: x for n, x in leaves.items() if isinstance(x, list) or gives_unit(n)}
             names = list(columns)
         elif isinstance(content, list):
             names, columns = _columns(content, wanted)
@@ -183,6 +184,7 @@ def _leaves(value: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
 
 def _array(column: Sequence[Any], name: str) -> Any:
     """Return a column (n,) or (n, k) of cells."""
+    column = column if isinstance(column, list) else [column]
     widths = {len(value) for value in column if isinstance(value, list)}
     if not widths:
         return np.array(column, dtype=object)

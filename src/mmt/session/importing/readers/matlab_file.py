@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mmt.core.extras import require
+from mmt.session.importing.column_names import gives_unit
 from mmt.session.importing.columns import (
     OF_THE_SESSION,
     SourceColumns,
@@ -66,6 +67,7 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
 def _flattened(name: str, value: Any) -> Iterator[tuple[str, npt.NDArray[Any]]]:
     if hasattr(value, "toarray") and np.prod(value.shape) <= _LARGEST_SPARSE:
         value = value.toarray()
+    value = np.asarray(value) if isinstance(value, str) else value
     kind = getattr(value, "dtype", None)
     if kind is not None and kind.names:
         for field in kind.names:
@@ -90,7 +92,7 @@ def _flattened(name: str, value: Any) -> Iterator[tuple[str, npt.NDArray[Any]]]:
                 return
         for number, each in enumerate(elements, start=1):
             yield from _flattened(f"{name}{{{number}}}", each)
-    elif kind is not None and kind.kind == "U" and value.size > 1:  # times of day, for instance
+    elif kind is not None and kind.kind == "U" and (value.size > 1 or gives_unit(name)):
         yield name, value
     elif (
         isinstance(value, np.ndarray | np.number | int | float)
