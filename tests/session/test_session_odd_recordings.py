@@ -499,6 +499,58 @@ def test_the_unit_of_a_group_is_that_of_its_columns(tmp_path, name, unit):
         import_recording(tmp_path / name, propose(tmp_path / name).options)
 
 
+@pytest.mark.parametrize(
+    "head",
+    ["Units: mN", "# Units: mN", "Unit,mN", "Date,2024-01-01\nForce Units,mN,Length Units,m",
+     "force unit = mN\nrate,1000", "Sensor: ATI,,,\nUnits,mN,,"],
+)  # fmt: skip
+def test_a_line_above_a_table_tells_its_unit(tmp_path, head):
+    rows = ((t, *fs) for t, fs in zip(TIME_S, (1e3 * force(TIME_S)).tolist(), strict=True))
+    lines(tmp_path / "a.csv", f"{head}\ntime,fx,fy,fz", rows)
+    frames = imported(tmp_path / "a.csv").frames
+    np.testing.assert_allclose(frames["force_n"], force(TIME_S), atol=1e-5)
+    text = (tmp_path / "a.csv").read_text()
+    (tmp_path / "a.csv").write_text(text.replace("mN", "V"))
+    with pytest.raises(InputError, match="which is in 'V' by the file"):
+        import_recording(tmp_path / "a.csv", propose(tmp_path / "a.csv").options)
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale"), [("Millimeters", 1), ("Meters", 1e-3), ("Inches", 1 / 25.4)]
+)
+@pytest.mark.parametrize("angles", [True, False])
+def test_the_unit_of_length_in_motives_head_is_heeded(tmp_path, unit, scale, angles):
+    """As OptiTrack's Motive writes a rigid body, with or without its rotation."""
+    over = [*["Rotation"] * (4 * angles), *["Position"] * 3]
+    axes = [*"XYZW"[: 4 * angles], *"XYZ"]
+    head = f"Format Version,1.23,Capture Frame Rate,1000.0,Length Units,{unit},Rotation Type,XYZ"
+    named = [["", "Type", *["Rigid Body"] * len(axes)], ["", "Name", *["Tool"] * len(axes)],
+             ["", "", *over], ["Frame", "Time (Seconds)", *axes]]  # fmt: skip
+    turns = [1.0, 0.0, 0.0, 0.0][: 4 * angles]
+    each = zip(TIME_S, (scale * motion(TIME_S)).tolist(), strict=True)
+    head = "\n".join([head, "", *map(",".join, named)])
+    lines(tmp_path / "a.csv", head, ((i, t, *turns, *p) for i, (t, p) in enumerate(each)))
+    frames = imported(tmp_path / "a.csv").frames
+    np.testing.assert_allclose(frames["position_mm"], motion(TIME_S), atol=1e-4)
+
+
+@pytest.mark.parametrize("names", ["t,fx,fy,fz,unit", "t,fx,fy,fz,force_unit"])
+def test_a_unit_of_all_rows_is_that_of_each_trial_and_sensor(tmp_path, names):
+    rows = [(t, *(1e3 * fs), "mN") for t, fs in zip(TIME_S, force(TIME_S), strict=True)]
+    lines(tmp_path / "a.csv", names, rows)
+    np.testing.assert_allclose(
+        imported(tmp_path / "a.csv").frames["force_n"], force(TIME_S), atol=1e-5
+    )
+    rows = [(t, s, 1e3 * t) for t in TIME_S for s in "ab"]
+    lines(tmp_path / "b.csv", "Units: mN\ntime,sensor,fz", rows)
+    rows = [(t, s, 1e3 * t) for s in "ab" for t in TIME_S]
+    lines(tmp_path / "c.csv", "Units: mN\ntime,trial,fz", rows)
+    for name, time, columns in (("b.csv", "b.time", "b.fz"), ("c.csv", "time", "fz")):
+        options = ImportOptions({"time": time, "force": columns}, episode={"c.csv": "b"}.get(name))
+        frames = import_recording(tmp_path / name, options)[0].frames
+        np.testing.assert_allclose(frames["force_n"][:, 2], TIME_S, atol=1e-5)
+
+
 def test_a_unit_beside_several_channels_is_told(tmp_path):
     units = np.array(["s", "mN", "mm"], dtype=object)
     savemat(tmp_path / "a.mat", {"force": force(TIME_S), "pos": motion(TIME_S), "unit": "N"})

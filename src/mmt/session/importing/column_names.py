@@ -42,6 +42,10 @@ _SENSOR: Final = re.compile(
     re.IGNORECASE,
 )
 """Matches the name of a column that tells sensors apart."""
+_UNITS: Final = re.compile(
+    r"((?P<length>length|distance|displacement)|.*?)[ _]?units?", re.IGNORECASE
+)
+"""Matches the name of units, perhaps of one quantity."""
 _TRIAL: Final = re.compile(
     r"_?(trial|run|episode|take|session|rep(etition)?|versuch|subject|participant"
     r"|(source[ _]?)?file)([ _.]*(id|no|nr|num|number|name|index|idx|#))?[.:]?",
@@ -98,7 +102,16 @@ def _calls(key: str, value: Any) -> bool:
 @lru_cache(maxsize=4096)
 def gives_unit(name: str) -> bool:
     """Return whether a column's name says that it holds the units of another."""
-    return last_part(name).lower() in {"unit", "units"}
+    return unit_of_what(name) is not None
+
+
+def unit_of_what(name: str) -> str | None:
+    """Return the quantity whose units a name says that it holds, "" if those of any, or None."""
+    found = _UNITS.fullmatch(last_part(name))
+    if found is None or not found[1]:
+        return found and ""
+    target = "position" if found["length"] else target_of(found[1])
+    return target and quantity_of(target)
 
 
 def target_of(name: str) -> str | None:

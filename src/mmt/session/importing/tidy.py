@@ -25,6 +25,7 @@ from mmt.session.importing.column_names import (
     target_of,
     tells_apart,
     tells_trials,
+    unit_of_what,
 )
 from mmt.session.importing.columns import SHOWN_COLUMNS, SourceColumns, Wanted
 from mmt.session.importing.options import ImportOptions, quantity_of
@@ -132,7 +133,7 @@ def _of_one_trial(
         raise InputError(f"{columns.origin}: --episode {asked}: {told}")
     rows = labels == chosen
     kept = {
-        field: {n: c[rows[: len(c)]] for n, c in getattr(table, field).items() if np.ndim(c)}
+        field: {n: c[rows[: len(c)]] for n, c in getattr(table, field).items() if np.size(c) > 1}
         for field in ("values", "labels")
     }
     times = {id(clock): clock[rows] for n, clock in table.times.items() if n in table.names}
@@ -240,7 +241,8 @@ def _apart(
     told, owner = _told_units(table), _owner([*keys, *table.values])
     for sensor in sensors:
         rows = labels == sensor
-        unit = _one_unit(table, [texts[rows[: len(texts)]] for texts in told.values()], sensor)
+        of_rows = (t if len(t) == 1 else t[rows[: len(t)]] for t in told.values())
+        unit = _one_unit(table, list(of_rows), sensor)
         for name, column in table.values.items():
             if name in keys or not np.isfinite(own := column[rows[: len(column)]]).any():
                 continue
@@ -371,18 +373,22 @@ def _in_told_unit(columns: SourceColumns) -> SourceColumns:
     It is not used if there are several channels, nor for names that end in a unit of their own.
     """
     units, told, notes = dict(columns.units), _told_units(columns), list(columns.notes)
-    owners = Counter(_owner([name]) for name in told)
+    plain = {n: _channel_of(n) for n in columns.names if n not in units}
+    plain = {n: q for n, q in plain.items() if not (q and unit_in_name(q, n))}
+    beside = Counter((_owner([name]), unit_of_what(name)) for name in told)
     for name, texts in sorted(told.items(), key=lambda each: -each[0].count(".")):
-        owner = _owner([name])
+        owner, quantity = _owner([name]), unit_of_what(name)
         channels = {n: _channel_of(n) for n in columns.names if _is_within(n, owner)}
-        plain = {n: q for n, q in channels.items() if n not in units and q != "time"}
-        plain = {n: q for n, q in plain.items() if not (q and unit_in_name(q, n))}
         lengths = [1, *(len(column) for n, column in columns.values.items() if n in channels)]
         of_rows = columns.ends_left_out or len(texts) in lengths
-        several = owners[owner] > 1 or len({*channels.values()} & {*CHANNELS}) > 1
-        if not several and of_rows and all(map(is_unit, {*texts.tolist()} - {""})):
-            units |= dict.fromkeys(plain, _one_unit(columns, [texts], "the table"))
-        elif {*plain.values()} & {*CHANNELS}:
+        several = not quantity and len({*channels.values()} & {*CHANNELS}) > 1
+        alone = of_rows and not several and beside[owner, quantity] == 1
+        if alone and all(map(is_unit, {*texts.tolist()} - {""})):
+            unit = _one_unit(columns, [texts], "the table")
+            fits = [quantity, ""] if quantity else [*CHANNELS, "", "orientation", "speed"]
+            of_it = [n for n in channels if n in plain and channels[n] in fits]
+            units = {**dict.fromkeys(of_it, unit), **units}
+        elif {plain.get(n) for n in channels} & {quantity, *CHANNELS}:
             notes.append(f"{name} was not taken for the unit of columns (--unit says theirs)")
     return replace(columns, units=units, notes=notes)
 

@@ -13,7 +13,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
 from mmt.core.units import DATE, is_unit, unit_factor
-from mmt.session.importing.column_names import target_of
+from mmt.session.importing.column_names import gives_unit, target_of
 from mmt.session.importing.columns import BEGAN, SourceColumns, distinct, parsed_date
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.readers.cells import MISSING, Cell, Numbers, seconds_of, text_of
@@ -29,6 +29,7 @@ _NAMES_NEAR: Final = 6
 """Number of rows in which the names follow notes that look like numbers."""
 _FEWEST_NAMES = 3
 """Least number of columns for which a first row 0, 1, ... or 1, 2, ... is taken for names."""
+_UNIT_LINE: Final = re.compile(r"(.*units?)\s*(?:[:=]\s*(.*))?", re.IGNORECASE)
 _QUANTITY: Final = re.compile(r"[-+±]?[\d.,]+\s*([^\d\s].*)")
 
 
@@ -83,7 +84,9 @@ def read_table(
     }
     whole = chain(start[begin:], rest)
     columns, lines, remarks = _read_rows(origin, whole, header, places, read, number)
-    labels = {
+    above = [row for row in start[:begin] if row is not header.units]
+    stated = {n: np.array([unit]) for n, unit in _stated_units(above).items() if wanted(n)}
+    labels = stated | {
         name: np.array([*texts, ""])[np.nan_to_num(columns.pop(name), nan=-1).astype(int)]
         for name, texts in codes.items()
     }
@@ -102,6 +105,15 @@ def read_table(
         began_utc_ns=parsed_date(columns.get(BEGAN), origin),
         labels=labels,
     )
+
+
+def _stated_units(rows: Sequence[Sequence[Cell]]) -> dict[str, str]:
+    """Return the units by name in lines above a table, as ``Length Units,Meters``."""
+    texts = (list(map(text_of, row)) for row in rows)
+    pairs = (pair for row in texts for pair in zip(row, [*row, ""][1:], strict=True))
+    found = ((_UNIT_LINE.fullmatch(cell), following) for cell, following in pairs)
+    told = ((match[1], match[2] or following) for match, following in found if match)
+    return {name: unit for name, unit in told if unit and gives_unit(name)}
 
 
 def _codes(
