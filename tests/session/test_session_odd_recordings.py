@@ -181,6 +181,15 @@ def tidy_array_of_structures(path):
     np.save(path, np.array([((r[0], r[1]), r[2:]) for r in readings(SENSORS)], dtype=kind))
 
 
+def tidy_archive(path):
+    """Structured arrays in an archive: a table of two sensors, one of a third, and an object."""
+    kind = [("time", "f8"), ("sensor", "S8"), ("value", "f8", (3,))]
+    slow = np.array([(r[0], r[1], r[2:]) for r in readings(SENSORS) if r[1] != "acc"], dtype=kind)
+    fast = np.array([(r[0], (r[2:],)) for r in readings(SENSORS) if r[1] == "acc"],
+                    dtype=[("t", "f8"), ("data", [("acc", "f8", (3,))])])  # fmt: skip
+    np.savez_compressed(path, log=slow, imu=fast, note=np.array({"by": "ATI"}, dtype=object))
+
+
 def tidy_arrays(path):
     rows = list(readings(SENSORS))
     np.savez(path, time=[r[0] for r in rows], topic=[r[1] for r in rows], xyz=[r[2:] for r in rows])
@@ -344,6 +353,7 @@ KINDS = {
     "tidy.npy": (tidy_array, ALL),
     "within.npy": (tidy_array_of_structures, ALL),
     "tidy.npz": (tidy_arrays, ALL),
+    "fields.npz": (tidy_archive, ALL),
     "tidy.parquet": (tidy_parquet, ALL),
     "blanks.csv": (with_blanks_for_others, ALL),
     "first.mat": (with_times_first, {"position", "force"}),

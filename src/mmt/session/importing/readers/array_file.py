@@ -2,7 +2,9 @@
 
 import io
 import warnings
+import zipfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,8 @@ def read_archive(
 ) -> SourceColumns:
     """Read the wanted arrays of a ``.npz``, with scene, annotations and events of a session.
 
+    The fields of an array are columns, as ``array.field``.
+
     Raises
     ------
     InputError
@@ -40,13 +44,34 @@ def read_archive(
     """
     origin = f"import {path}"
     with reading(origin, "an .npz archive"):
-        arrays, names = load_arrays(path, lambda name: name in OF_THE_SESSION or wanted(name))
+        every = {n: list(_columns(n, np.zeros(0, kind))) for n, kind in _kinds(path).items()}
+        asked = {name for name, columns in every.items() if any(map(wanted, columns))}
+        arrays, names = load_arrays(path, lambda n: n in {*OF_THE_SESSION, *asked} or wanted(n))
+    plain = {name: array for name, array in arrays.items() if name not in OF_THE_SESSION}
+    columns = {n: c for name, array in plain.items() for n, c in _columns(name, array).items()}
     return SourceColumns(
         origin=origin,
-        names=names,
-        **columns_of({n: a for n, a in arrays.items() if n not in OF_THE_SESSION}, origin),
+        names=[column for name in names for column in every.get(name, [name])],
+        **columns_of({n: c for n, c in columns.items() if wanted(n)}, origin),
         **beside_columns(arrays, origin),
     )
+
+
+def _kinds(path: Path) -> dict[str, Any]:
+    """Return the types of the arrays in an archive that have fields, without reading these."""
+    form, kinds = np.lib.format, dict[str, Any]()
+    readers = {(1, 0): form.read_array_header_1_0, (2, 0): form.read_array_header_2_0}
+    with zipfile.ZipFile(path) as archive:
+        for name in archive.namelist():
+            with suppress(ValueError, KeyError, RuntimeError), archive.open(name) as member:
+                kind = readers[form.read_magic(member)](member)[2]
+                kinds |= {name.removesuffix(".npy"): kind} if kind.names else {}
+    return kinds
+
+
+def _columns(name: str, array: Any) -> dict[str, Any]:
+    """Return the fields of an array of that name, or the array."""
+    return dict(_members(array, f"{name}.")) if array.dtype.names else {name: array}
 
 
 def read_array(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> SourceColumns:
