@@ -656,6 +656,18 @@ def test_axes_without_a_name_are_told(tmp_path):
     assert "nothing says that it is one" in str(propose(tmp_path / "a.csv").columns.notes)
 
 
+@pytest.mark.parametrize("comment", ["", "\tComment"])
+def test_the_units_in_a_labview_files_heading_are_heeded(tmp_path, comment):
+    head = "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n\t\n"
+    head += "Channels\t2\t\nY_Unit_Label\tmN\tg\nDelta_X\t0.001\t0.001\n***End_of_Header***\t\t\n"
+    rows = zip(TIME_S, 1e3 * force(TIME_S)[:, 2], vibration(TIME_S)[:, 2] / 9.80665, strict=True)
+    lines(tmp_path / "a.lvm", f"{head}X_Value\tFz\taccZ{comment}", rows, "\t")
+    frames = imported(tmp_path / "a.lvm").frames
+    np.testing.assert_allclose(frames["force_n"][:, 2], force(TIME_S)[:, 2], atol=1e-5)
+    found = frames["acceleration_m_s2"][:, 2]
+    np.testing.assert_allclose(found, vibration(TIME_S)[:, 2], atol=1e-5)
+
+
 def test_a_labview_file_without_times_needs_a_rate(tmp_path):
     head = "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tNo\n***End_of_Header***\t\n\t\n"
     head += "Channels\t2\t\nSamples\t2000\t2000\nDelta_X\t0.001\t0.001\n***End_of_Header***\t\t\n"

@@ -63,7 +63,9 @@ def read_table(
     header = header._replace(titles=tuple(map(_title_in, start[:begin])))
     bare, bracketed = zip(*map(_name_and_unit, header.names), strict=True)
     names, doubled = distinct(_grouped(bare, header.over))
-    told = [text_of(unit) for unit in header.units[: len(names)]]
+    above = [row for row in start[:begin] if row is not header.units]
+    labelled = (["", *row[1:]] for row in above if _are_labelled_units(row, len(names)))
+    told = [text_of(unit) for unit in (header.units or next(labelled, ()))[: len(names)]]
     units: dict[str, str] = {}
     places: dict[str, int] = {}
     for called in (distinct(bare)[0], names):  # equal names can also be told by their number
@@ -84,7 +86,6 @@ def read_table(
     }
     whole = chain(start[begin:], rest)
     columns, lines, remarks = _read_rows(origin, whole, header, places, read, number)
-    above = [row for row in start[:begin] if row is not header.units]
     stated = {n: np.array([unit]) for n, unit in _stated_units(above).items() if wanted(n)}
     labels = stated | {
         name: np.array([*texts, ""])[np.nan_to_num(columns.pop(name), nan=-1).astype(int)]
@@ -358,6 +359,13 @@ def _is_units(row: Sequence[Cell]) -> bool:
     """Return whether most non-empty cells are units, or dashes for no unit."""
     texts = [text_of(cell).strip("[]() ") for cell in row if text_of(cell)]
     return 2 * sum(text in ("-", "") or is_unit(text) for text in texts) > len(texts)
+
+
+def _are_labelled_units(row: Sequence[Cell], width: int) -> bool:
+    """Return whether a row above the names has units behind a word, as LabVIEW writes them."""
+    texts = list(filter(None, map(text_of, row)))
+    all_units = len(texts) > 1 and "unit" in texts[0].lower() and all(map(is_unit, texts[1:]))
+    return all_units and width - 1 <= len(texts) <= width
 
 
 def _is_settings(row: Sequence[Cell]) -> bool:

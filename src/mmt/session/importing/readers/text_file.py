@@ -207,13 +207,15 @@ def _unpacked(rows: Iterator[list[str]]) -> Iterator[Sequence[str]]:
 
 
 def _of_one_heading(lines: Iterator[str]) -> Iterator[str]:
-    """Yield the lines; those of a LabVIEW file without the headings of its segments."""
-    labview, in_heading = False, False
+    """Yield the lines; of the headings of a LabVIEW file's segments only the units."""
+    labview, in_heading, units = False, False, "Y_Unit_Label"
     for line in lines:
         ends = line.startswith("***End_of_Header***")
         labview = labview or ends
         in_heading = in_heading or (labview and line.startswith("Channels"))
-        yield "\n" if in_heading else line
+        of_units = in_heading and line.startswith(units)
+        yield "\n" if in_heading and not of_units else line
+        units = "***" if of_units else units
         in_heading = in_heading and not ends
 
 
