@@ -607,7 +607,7 @@ def test_readings_are_no_numbers_of_sensors(tmp_path):
     lines(tmp_path / "a.csv", "time,sensor,Fz", zip(TIME_S, counts, TIME_S, strict=True))
     found = propose(tmp_path / "a.csv")
     assert found.names == ["time", "sensor", "Fz"]
-    told = "sensor: as its numbers stand in few or many rows, they are none of sensors"
+    told = "sensor: its numbers, in few or many rows, are none of sensors"
     assert told in found.columns.notes
 
 

@@ -143,18 +143,11 @@ class ImportOptions:
             for name, value in pairs.items():
                 parts += [option, f"{name}={value}"]
         named = {"columns", "units", "offsets"}
-        names = {
-            "rate_hz": "rate",
-            "longest_gap_s": "longest-gap",
-            "acceleration_rate_hz": "acceleration-rate",
-            "reading_memory_gb": "reading-memory",
-            "reading_time_s": "reading-time",
-        }
         for each in fields(self):
             value = getattr(self, each.name)
             if each.name in named or value == each.default:
                 continue
-            option = f"--{names.get(each.name, each.name.replace('_', '-'))}"
+            option = f"--{re.sub('_(hz|gb|s)$', '', each.name).replace('_', '-')}"
             values = value if isinstance(value, tuple) else (value,)
             parts += [option] if value is True else [f"{option}={one}" for one in values]
         return parts

@@ -97,11 +97,8 @@ def _read_besides(
     for table in list(_tables(columns)):
         columns = _of_one_trial(columns, table, options.episode)
         numbers = _several(_numbers(table, partial(tells_apart, by_number=True)))
-        doubtful = (name for name, cells in numbers.items() if not _are_of_sensors(cells))
-        notes = [
-            f"{n}: as its numbers stand in few or many rows, they are none of sensors"
-            for n in doubtful
-        ]
+        doubtful = [name for name, cells in numbers.items() if not _are_of_sensors(cells)]
+        notes = (f"{n}: its numbers, in few or many rows, are none of sensors" for n in doubtful)
         columns = replace(columns, notes=(*columns.notes, *notes))
     return columns
 

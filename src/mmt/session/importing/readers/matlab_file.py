@@ -9,12 +9,7 @@ import numpy.typing as npt
 
 from mmt.core.extras import require
 from mmt.session.importing.column_names import gives_unit
-from mmt.session.importing.columns import (
-    OF_THE_SESSION,
-    SourceColumns,
-    beside_columns,
-    reading,
-)
+from mmt.session.importing.columns import OF_THE_SESSION, SourceColumns, beside_columns, reading
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.readers.cells import columns_of
 from mmt.session.importing.readers.hdf5_file import read_hdf5
