@@ -37,6 +37,8 @@ async def test_a_recording_is_started_marked_and_ended(tmp_path, browser, monkey
     assert (await until(socket, "controls"))["recording"] is None
     good, sentence = await order(socket, do="mark", text="before")
     assert (good, sentence) == (True, "marked: before (nothing is being recorded)")
+    response = {"event": "actuator response", "gain": [0.5], "low_hz": 40.0}
+    together.leader.session.journal.record(response)
     for number in (1, 2):
         file = Path("mmt-monitor") / f"session-{number}.mcap"
         assert await order(socket, do="record", on=True) == (True, f"recording into {file}")
@@ -50,6 +52,8 @@ async def test_a_recording_is_started_marked_and_ended(tmp_path, browser, monkey
         assert recorded.annotations == b"as made"
         marks = [event["mark"] for event in recorded.events if "mark" in event]
         assert marks == ["wood begins"]
+        responses = [e for e in recorded.events if e.get("event") == response["event"]]
+        assert [{**each, **response} for each in responses] == responses != []
     assert await order(socket, do="record", on=False) == (False, "no recording runs")
     summary = await together.stop()
     assert summary.recording["file"] == str(file)

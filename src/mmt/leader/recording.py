@@ -3,7 +3,7 @@
 import asyncio
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError, MmtError
@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
     from mmt.link.protocol import FollowerHello
     from mmt.session.recorder import Existing, McapRecorder
+
+RESPONSE: Final = "actuator response"
+"""Event of the response of the actuator, which the evaluation of a recording needs."""
 
 
 class RecordingPart(Part):
@@ -34,6 +37,7 @@ class RecordingPart(Part):
         self._ended: McapRecorder | None = None
         self._failed: list[McapRecorder] = []
         self._annotations = b""
+        self._response: dict[str, Any] | None = None
         self.before_end: Callable[[], None] = lambda: None
         """Called before `end` closes the recording."""
 
@@ -75,6 +79,8 @@ class RecordingPart(Part):
             raise MmtError("the session has ended")
         self.recorder = recorder
         self._annotate()
+        if self._response is not None:
+            recorder.record_event(self._response | {"time_s": self._session.time_s()})
         self._session.journal.event(f"recording into {path}")
 
     async def end(self) -> "McapRecorder":
@@ -125,6 +131,8 @@ class RecordingPart(Part):
     def on_event(self, event: dict[str, Any], sentence: str | None) -> None:
         """Record an event."""
         _ = sentence
+        if event.get("event") == RESPONSE:  # also for a recording that starts later
+            self._response = event
         if self.recorder is not None:
             self.recorder.record_event(event)
 
