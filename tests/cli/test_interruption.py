@@ -8,11 +8,14 @@ import types
 
 import pytest
 import typer
+from frame_samples import made_frames
 
-from mmt.cli import entry
+from mmt.cli import entry, reporting
 from mmt.cli.common import run_app
 from mmt.core.errors import MmtError
 from mmt.core.running.programs import restoring_end_signals
+from mmt.session.data import RecordedSession
+from mmt.session.files import export_session
 
 
 @pytest.fixture(autouse=True)
@@ -82,3 +85,19 @@ def test_an_interrupted_command_ends_with_130(command, monkeypatch, capfd):
 
 def test_another_failure_keeps_its_exit_code(monkeypatch):
     assert exit_code(fails, monkeypatch) == 1
+
+
+def test_an_interrupted_report_says_how_to_make_it_later(monkeypatch, capfd, tmp_path):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(reporting, "scanned_session", stopped)
+    export_session(RecordedSession(made_frames(0, 10)), tmp_path / "a.mcap")
+
+    def report():
+        reporting.report_recording(tmp_path / "report", tmp_path / "a.mcap", {}, tables=False)
+
+    assert exit_code(report, monkeypatch) == entry.INTERRUPTED
+    told = capfd.readouterr().err
+    assert f"mmt evaluate {tmp_path / 'a.mcap'} --report {tmp_path / 'report'}" in told
+    assert told.endswith("stopped\n")
