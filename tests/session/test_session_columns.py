@@ -158,7 +158,7 @@ def test_a_heading_as_long_as_a_file_takes_no_time(part, end, tmp_path):
     started = time.monotonic()
     with suppress(InputError):
         propose(tmp_path / "a.csv")
-    assert time.monotonic() - started < 10.0
+    assert time.monotonic() - started < 40.0
 
 
 @pytest.mark.parametrize(
