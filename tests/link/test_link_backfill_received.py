@@ -5,9 +5,10 @@ import pytest
 from link_samples import CHANNELS, frames
 
 from mmt.core.frames import frame_dtype
+from mmt.core.units import LARGEST_QUANTITY
 from mmt.link.backfill import BackfillReceiver
 from mmt.link.endpoint import LeaderEvents
-from mmt.link.incoming import LARGEST_QUANTITY, LATEST_NS
+from mmt.link.incoming import LATEST_NS
 from mmt.link.protocol import MAX_RANGES, MISSING, encode_event
 
 DTYPE = frame_dtype(CHANNELS)

@@ -11,7 +11,8 @@ from link_samples import commands, frames
 
 from mmt.core.frames import COMMAND_DTYPE
 from mmt.core.sequence_numbers import shortest_period_ns
-from mmt.link.incoming import LARGEST_QUANTITY, LATEST_NS, BlockReader
+from mmt.core.units import LARGEST_QUANTITY
+from mmt.link.incoming import LATEST_NS, BlockReader
 
 
 def reader():

@@ -20,9 +20,10 @@ from link_samples import (
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import ALL_CHANNELS, CHANNELS, MOST_SAMPLES
 from mmt.core.sequence_numbers import SEQUENCES
+from mmt.core.units import LARGEST_QUANTITY
 from mmt.link.endpoint import LeaderEvents
 from mmt.link.frame_sender import FrameBuffer, FrameSender
-from mmt.link.incoming import LARGEST_QUANTITY, BlockReader, RateLimit
+from mmt.link.incoming import BlockReader, RateLimit
 from mmt.link.protocol import MAX_MESSAGE_BYTES, MAX_RECORDS_PER_MESSAGE, FollowerHello
 from mmt.link.queue import SendQueue
 from mmt.scene import LARGEST_SPEED

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from mmt.core.arrays import Vector
+from mmt.core.units import LARGEST_QUANTITY
 
 LOG: Final = logging.getLogger("mmt.devices")
 
@@ -28,13 +29,10 @@ class RareWarning:
             LOG.warning("%s", sentence)
 
 
-_LARGEST: Final = 3e38
-
-
 def measured(value: Vector) -> Vector | None:
-    """Return a reading, or None if a number of it is not finite or does not fit into a frame."""
+    """Return a reading, or None if it is not finite or larger than what a leader accepts."""
     x, y, z = value
-    return (x, y, z) if abs(x) + abs(y) + abs(z) < _LARGEST else None
+    return (x, y, z) if math.hypot(x, y, z) <= LARGEST_QUANTITY else None
 
 
 FASTEST_MM_S: Final = 5000.0

@@ -12,8 +12,9 @@ import socketio
 
 from mmt.core.frames import FIELD_OF_CHANNEL, channels_of
 from mmt.core.sequence_numbers import SEQUENCES, Range, ranges_of
+from mmt.core.units import LARGEST_QUANTITY
 from mmt.link.endpoint import LeaderEvents, call
-from mmt.link.incoming import LARGEST_QUANTITY, LATEST_NS, BlockReader
+from mmt.link.incoming import LATEST_NS, BlockReader
 from mmt.link.protocol import (
     BACKFILL,
     GONE,

@@ -13,6 +13,7 @@ from mmt.core.errors import MmtError
 from mmt.core.output.logs import RepeatLimit
 from mmt.core.running.ticking import TimeHistogram
 from mmt.core.sequence_numbers import SEQUENCES, JumpBound, shortest_period_ns, steps_ahead
+from mmt.core.units import LARGEST_QUANTITY
 from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE, argument_of
 
 MESSAGES_PER_PERIOD: Final = 10
@@ -136,9 +137,6 @@ _CODES: Final = {"<u4": "I", "<i8": "q", "<f4": "f", "<f8": "d"}
 _WINDOW: Final = 256
 """Newest sequence numbers among which repeated records are distinguished from late ones."""
 _MASK: Final = (1 << _WINDOW) - 1
-LARGEST_QUANTITY: Final = 1e6
-"""Largest norm of a record's quantities: a kilometre (mm), or the weight of a hundred tons (N);
-more is a fault, not a measurement."""
 LATEST_NS: Final = 2**62
 """Largest time of a sender's clock: 146 years; sums of such times still fit into 64 bits."""
 

@@ -64,12 +64,13 @@ class Lane:
         self.newest, self._invalid_ns = None, _NEVER
         self.clock.reset()
 
-    def add(self, readings: Sequence[SensorReading], arrival_ns: int) -> None:
+    def add(self, readings: Sequence[SensorReading], arrival_ns: int) -> bool:
         """Add the new readings of a sensor, with their arrival time by the host's clock.
 
         A stamp that is not after the last one restarts the lane: the sensor's clock was set back.
+        Return whether any is valid.
         """
-        kept = self._kept
+        kept, before = self._kept, self.invalid
         for reading in readings:
             if measured(reading.value) is None:
                 self._leave_out(reading.time_ns)
@@ -88,6 +89,7 @@ class Lane:
             self.readings += len(readings)
             newest = self.newest = readings[-1]
             self.clock.add(arrival_ns, newest.time_ns)
+        return self.invalid - before < len(readings)
 
     def _leave_out(self, time_ns: int) -> None:
         self.invalid += 1
