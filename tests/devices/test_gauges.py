@@ -242,6 +242,13 @@ def test_overload_saturation_and_broken_voltages_are_counted(board, sensor):
     read_until_fault(sensor, "impossible value", 5)
 
 
+def test_voltages_that_are_no_numbers_make_no_bias(board, sensor):
+    board.truth = lambda time_ns: (0.0, 0.0 if time_ns // 5_000_000 % 2 else math.nan, 2.0)
+    sensor.calibrate()
+    board.truth = lambda _time_ns: (0.0, 0.0, 2.0)
+    assert read_some(sensor)[-1].value == pytest.approx((0, 0, 0), abs=0.05)
+
+
 def test_an_unplugged_board_is_lost_and_comes_back(board, sensor):
     sensor.calibrate()
     before = read_some(sensor)

@@ -1,6 +1,7 @@
 """Robot and force sensor of Universal Robots, by the real ur_rtde, on an emulated controller."""
 
 import itertools
+import math
 import re
 import sys
 from importlib.util import find_spec
@@ -124,6 +125,24 @@ def test_the_bias_is_taken_off_at_rest_alone_and_stays_in_the_next_connection(la
     lab.arm.noise_n = 5.0
     with pytest.raises(MmtError, match="moves while its bias is taken"):
         lab.force.calibrate()
+
+
+def test_forces_that_are_not_finite_make_no_bias(lab, monkeypatch):
+    lab.tip.command_mm = (0.0, 0.0, -1.0)
+    lab.force.connect()
+    read, turn = ArmLink.read, itertools.count()
+
+    def broken(link):
+        state = read(link)._replace(force_n=(0.0, math.nan, 0.0))
+        link.kept.append(state)
+        return state if next(turn) % 3 == 0 else read(link)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ArmLink, "read", broken)
+        lab.force.calibrate()
+        mean_n = lab.force._mean_n(0.0, math.inf)
+    assert mean_n == pytest.approx(lab.force._bias_n, abs=0.3)
+    assert lab.force.read() == pytest.approx((0.0, 0.0, 0.0), abs=0.3)
 
 
 def test_an_arm_whose_tool_is_pressed_is_not_taken_again_until_it_is_free(lab):

@@ -1,5 +1,6 @@
 """Base class of the drivers of six-axis force sensors: bias, overload, silence, stuck values."""
 
+import math
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -82,7 +83,8 @@ class WrenchSensor(ABC):
                 converter.take_bias(records, self.name)
                 self._arrival_ns = time.monotonic_ns()
                 return
-            records += [raw for _, raw in self._take(time.monotonic_ns())]
+            taken = self._take(time.monotonic_ns())
+            records += [raw for _, raw in taken if math.isfinite(sum(raw))]
             time.sleep(0.001)
         raise MmtError(
             f"{self.name}: {len(records)} records came in {_BIAS_PATIENCE_S:g} s while the bias "

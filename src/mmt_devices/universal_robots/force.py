@@ -11,6 +11,7 @@ from mmt.core.arrays import Vector, difference
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.extras import require
 from mmt.devices.drivers import read_options
+from mmt.devices.reading_checks import measured
 from mmt_devices.universal_robots.control import ZEROING_S
 from mmt_devices.universal_robots.frame import SceneFrame
 from mmt_devices.universal_robots.link import ArmLink
@@ -116,7 +117,8 @@ class UrForceSensor:
                     "while the bias was taken: take load off this machine and its network"
                 )
             state = self._state()
-            forces[state.timestamp_s] = state.force_n
+            if measured(state.force_n) is not None:
+                forces[state.timestamp_s] = state.force_n
             time.sleep(0.001)
         columns = zip(*forces.values(), strict=True)
         if not all(n - min(column) <= _UNREST_N for column in columns for n in column):
@@ -175,7 +177,8 @@ class UrForceSensor:
     def _mean_n(self, begin_s: float, end_s: float) -> Vector | None:
         """Return the mean force (N) between two times of the controller, None if none came."""
         kept = () if self._link is None else self._link.kept
-        forces = [each.force_n for each in kept if begin_s <= each.timestamp_s <= end_s]
+        within = [each.force_n for each in kept if begin_s <= each.timestamp_s <= end_s]
+        forces = [force_n for force_n in within if measured(force_n) is not None]
         return _mean(forces) if forces else None
 
     def _state(self) -> UrState:

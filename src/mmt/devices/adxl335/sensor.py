@@ -24,7 +24,7 @@ from mmt.devices.adxl335.gravity import (
 from mmt.devices.axes import SensorAxesOptions, signed_axes
 from mmt.devices.calibrations import load_calibration
 from mmt.devices.protocols import SensorReading
-from mmt.devices.reading_checks import RareWarning
+from mmt.devices.reading_checks import RareWarning, measured
 
 _Z_HZ: Final = 550.0
 """Largest bandwidth of the sensor's own z axis; x and y reach 1600 Hz (data sheet)."""
@@ -294,7 +294,7 @@ class Adxl335(ABC):
         while (now := time.monotonic()) < end or (
             len(volts) < _LEAST_SAMPLES and now < end + _LONGEST_PAUSE_S
         ):
-            volts.extend(v for _, v in self.voltages())
+            volts.extend(v for _, v in self.voltages() if measured(v) is not None)
             time.sleep(0.005)
         if len(volts) < _LEAST_SAMPLES:
             raise MmtError(
