@@ -2,6 +2,7 @@
 
 import asyncio
 from itertools import accumulate
+from timeit import repeat
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from link_samples import (
 )
 
 from mmt.core.frames import frame_dtype
+from mmt.core.sequence_numbers import SEQUENCES
 from mmt.link.endpoint import LeaderEvents
 from mmt.link.frame_sender import FRAMES_PER_MESSAGE, BackfillSender, FrameBuffer, FrameSender
 from mmt.link.protocol import BACKFILL, FRAMES, GONE, MAX_RANGES, encode_event
@@ -50,12 +52,27 @@ def test_the_newest_frames_are_kept(capacity, blocks, asked):
         assert frame == frames(int(frame["sequence"]))[0]
 
 
-def test_what_is_kept_out_of_order_is_found_in_order():
-    kept = FrameBuffer(DTYPE, 10)
-    for number in (4, 2, 4, 3):
+@given(st.integers(1, 12), st.integers(0, 30))
+def test_what_is_kept_across_a_wrap_is_found_in_order(capacity, count):
+    kept = FrameBuffer(DTYPE, capacity)
+    sent = [number % SEQUENCES for number in range(SEQUENCES - 9, SEQUENCES - 9 + count)]
+    for number in sent:
         kept.put(frames(number).tobytes())
-    assert kept.select([(3, 9), (0, 4)])["sequence"].tolist() == [2, 3, 4]
+    newest = sorted(sent[-capacity:])
+    asked = [(3, 9), (0, 4), (SEQUENCES - 4, SEQUENCES), (SEQUENCES - 9, SEQUENCES - 8)]
+    wanted = {number for first, stop in asked for number in range(first, stop)}
+    assert kept.select(asked)["sequence"].tolist() == [each for each in newest if each in wanted]
+    assert kept.select([(0, SEQUENCES)])["sequence"].tolist() == newest
     assert kept.select([])["sequence"].tolist() == []
+
+
+def test_a_request_costs_little_however_many_frames_are_kept():
+    few, many = FrameBuffer(DTYPE, 600), FrameBuffer(DTYPE, 60_000)
+    for kept in (few, many):
+        kept.put(frames(0, 90_000).tobytes())
+    asked = [(number, number + 2) for number in range(89_500, 89_900, 10)]
+    cost_s = [min(repeat(lambda k=kept: k.select(asked), number=5)) for kept in (few, many)]
+    assert cost_s[1] < 3.0 * cost_s[0]
 
 
 class Sent:

@@ -2,6 +2,7 @@
 
 import asyncio
 import struct
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterable
 from typing import Final
@@ -30,7 +31,7 @@ class FrameBuffer:
     Parameters
     ----------
     dtype
-        Dtype of the frames.
+        Dtype of the frames; their numbers ascend, and may wrap.
     capacity
         Frames in the buffer, at least 1; older ones are overwritten.
     """
@@ -63,21 +64,26 @@ class FrameBuffer:
     def select(self, ranges: Iterable[Range]) -> RecordArray:
         """Return a copy of the frames (n,) whose numbers lie in the ranges, ascending, each once.
 
-        Takes a fraction of a millisecond for 10,000 frames.
+        Takes some microseconds a range, and the time of the copy.
         """
-        kept = self._frames[: len(self)]
-        numbers = kept["sequence"].astype(np.int64)
-        order = np.argsort(numbers, kind="stable")
-        numbers = numbers[order]
-        chosen = [
-            order[numbers.searchsorted(first) : numbers.searchsorted(stop)]
-            for first, stop in ranges
-        ]
-        if not chosen:
-            return kept[:0].copy()
-        frames = kept[np.concatenate(chosen)]
-        _, firsts = np.unique(frames["sequence"], return_index=True)
-        return frames[firsts]
+        asked = [(first, stop - 1) for first, stop in RangeSet(ranges)]
+        firsts, lasts = np.array(asked, dtype=np.uint32).reshape(-1, 2).T
+        place = self._next // self._size
+        runs = [*_ascending(self._frames[place : len(self)]), *_ascending(self._frames[:place])]
+        chosen = bytearray()
+        for run in sorted(runs, key=lambda run: int(run["sequence"][0])):
+            begins = run["sequence"].searchsorted(firsts)
+            stops = run["sequence"].searchsorted(lasts, side="right")
+            for begin, stop in zip(begins, stops, strict=True):
+                chosen += run[begin:stop].tobytes()
+        return np.frombuffer(chosen, dtype=self._frames.dtype)
+
+
+def _ascending(frames: RecordArray) -> list[RecordArray]:
+    """Return consecutive frames (n,) as one run of ascending numbers, or two if they wrap."""
+    numbers = frames["sequence"]
+    wrap = bisect_left(numbers, True, key=lambda number: bool(number < numbers[0]))
+    return [run for run in (frames[:wrap], frames[wrap:]) if len(run)]
 
 
 PERIOD_S: Final = 0.005
