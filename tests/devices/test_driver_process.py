@@ -42,7 +42,7 @@ def run(tmp_path, monkeypatch, counts):
             encoding="utf-8",
         )
         why = "it has ended without a word"
-        made.append(DriverProcess("a_device", {"first": 2.5}, why, counts))
+        made.append(DriverProcess("a_device", {"first": 2.5}, why, counts, bytes))
         made[-1].start()
         return made[-1]
 

@@ -12,9 +12,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
-from typing import Any, Final, NoReturn
+from typing import Any, Final, Generic, NoReturn, TypeVar
 
 from mmt.core.errors import MmtError, short_message
 from mmt.core.running.child_process import ChildProcess, Parent
@@ -24,6 +24,10 @@ ENDED: Final = b"E"
 """Message: the process ends; the body is the reason as text."""
 COUNT: Final = b"N"
 """Message: a fault was tolerated; the body is its name as text."""
+STATE: Final = b"S"
+"""Message: the state of the device; the body is as its driver packs it."""
+LOST: Final = b"L"
+"""Message: the device gives nothing usable any more; the body is the reason as text."""
 
 _HEADER: Final = struct.Struct("<cH")
 _LONGEST: Final = 4000
@@ -35,11 +39,15 @@ _CLOSE_S: Final = 4.0
 _UNHEARD_CLOSE_S: Final = 0.5
 """For a process that has sent nothing yet: a call of its library may block for long."""
 
+_KEPT: Final = 128
+_FIRST_POLL_S: Final = 0.001
+
 Message = tuple[bytes, bytes]
 """Kind and body."""
+State = TypeVar("State")
 
 
-class DriverProcess:
+class DriverProcess(Generic[State]):
     """The driver's end of the pipes; only `start` and `end` may block.
 
     Threads may share it: one connects the device again while another asks for its faults.
@@ -54,13 +62,26 @@ class DriverProcess:
         Reason to report if the process ends without one.
     counts
         The faults that the process tolerates are counted here, by name.
+    unpack
+        Returns the state in the body of a `STATE` message.
     """
 
     def __init__(
-        self, module: str, arguments: dict[str, Any], lost: str, counts: Counter[str]
+        self,
+        module: str,
+        arguments: dict[str, Any],
+        lost: str,
+        counts: Counter[str],
+        unpack: Callable[[bytes], State],
     ) -> None:
         self._module, self._arguments, self._lost = module, arguments, lost
-        self._counts = counts
+        self._counts, self._unpack = counts, unpack
+        self.state: State | None = None
+        """Newest state, or None before the first."""
+        self.kept: deque[State] = deque(maxlen=_KEPT)
+        """Newest states, the oldest first."""
+        self.problem = ""
+        """Why the device gives nothing usable any more; empty while it does."""
         self.ended: str | None = None
         """Why the process has ended, None while it runs."""
         self.child: ChildProcess | None = None
@@ -84,8 +105,25 @@ class DriverProcess:
             os.set_blocking(file, False)
         self._arrival_ns = time.monotonic_ns()
 
+    def await_state(self, patience_s: float, late: str) -> None:
+        """Wait for the first state.
+
+        Raises
+        ------
+        MmtError
+            The process has ended, or no state has come in time, which `late` says.
+        """
+        deadline = time.monotonic() + patience_s
+        while self.state is None:
+            if time.monotonic() > deadline:
+                raise MmtError(late)
+            time.sleep(_FIRST_POLL_S)
+            self.receive()
+            if self.ended is not None:
+                raise MmtError(self.ended)
+
     def receive(self) -> list[Message]:
-        """Return the received messages except those kept in `ended` and the counts."""
+        """Take the received messages; return those of which nothing is kept here."""
         with self._lock:
             if self.child is None:
                 return []
@@ -99,14 +137,22 @@ class DriverProcess:
                 return []
             self._arrival_ns, self._empty, self._heard = time.monotonic_ns(), 0, True
             self._received += data
-            return [message for message in _messages(self._received) if not self._keep(*message)]
+            return [message for message in _messages(self._received) if not self.keep(*message)]
 
-    def _keep(self, kind: bytes, body: bytes) -> bool:
-        if kind == COUNT:
+    def keep(self, kind: bytes, body: bytes) -> bool:
+        """Keep what a message says; return False for one of another kind."""
+        if kind == STATE:
+            self.state = self._unpack(body)
+            self.kept.append(self.state)
+        elif kind == LOST:
+            self.problem = text_of(body)
+        elif kind == COUNT:
             self._counts[text_of(body)] += 1
         elif kind == ENDED:
             self.ended = self.ended or text_of(body)
-        return kind in (COUNT, ENDED)
+        else:
+            return False
+        return True
 
     @property
     def silent_ns(self) -> int:

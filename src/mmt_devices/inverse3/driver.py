@@ -94,13 +94,13 @@ class InverseDriver(ABC):
         atexit.unregister(self.close)
         link, self._link = self._link, None
         if link is not None:
-            link.end()
+            link.close()
 
     @property
     def faults(self) -> Mapping[str, int]:
         """Counts of survived faults, by kind."""
         if self._link is not None:
-            self._link.poll()
+            self._link.receive()
         return dict(self._counts)
 
     def remarks(self) -> Sequence[str]:
@@ -196,8 +196,8 @@ class Inverse3Robot(InverseDriver):
         """Return the newest positions (mm) that came between two times, the oldest first."""
         return [
             (measured.time_ns, self._axes.place_in_scene(measured.position_mm))
-            for measured in tuple(self._connected().kept)
-            if after_ns < measured.time_ns < until_ns
+            for measured, *_ in tuple(self._connected().kept)
+            if measured is not None and after_ns < measured.time_ns < until_ns
         ]
 
     def write(self, position_mm: Vector) -> None:

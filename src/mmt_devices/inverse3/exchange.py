@@ -14,12 +14,9 @@ CALIBRATED: Final = b"C"
 
 FOUND: Final = b"F"
 """The device was chosen; a text with two lines, its type and its identifier."""
-STATE: Final = b"S"
-LOST: Final = b"L"
-"""The device gives nothing usable any more; a text says why."""
 
 ABSENT: Final = "answers without the device"
-"""One reason for `LOST`."""
+"""One reason for a message `LOST`."""
 
 _STATE: Final = struct.Struct("<q6d3b")
 _NOT_TOLD: Final = -1

@@ -1,15 +1,15 @@
 """The driver's side of the process that talks to the service."""
 
 import time
-from collections import Counter, deque
+from collections import Counter
 from typing import Final, Literal
 
 from mmt.core.arrays import Vector
-from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.errors import DeviceLost
 from mmt.core.running.process import ticks_in_real_time
 from mmt.devices.driver_process import DriverProcess, text_of
 from mmt_devices.inverse3 import exchange as to
-from mmt_devices.inverse3.exchange import ABSENT, Inverse3State, ServiceAnswer
+from mmt_devices.inverse3.exchange import ABSENT, ServiceAnswer
 from mmt_devices.inverse3.options import InverseOptions
 
 _READY_S: Final = 15.0
@@ -17,14 +17,11 @@ _FIRST_S: Final = 3.0
 """Longest time until the service lists its devices."""
 _SLACK_MS: Final = 300.0
 """Added to `timeout_ms`, so that the process reports a silent service first."""
-_KEPT: Final = 128
-"""Number of states kept, 1/8 s."""
 _SHORT_S: Final = 2e-5
-_SHORT_AT_START_S: Final = 1e-3
 
 
-class ServiceLink:
-    """Process that talks to the service; only `start`, `await_answer` and `end` block.
+class ServiceLink(DriverProcess[ServiceAnswer]):
+    """Process that talks to the service; only `start`, `await_answer` and `close` block.
 
     Parameters
     ----------
@@ -46,7 +43,7 @@ class ServiceLink:
         counts: Counter[str],
     ) -> None:
         self._address, self._timeout_ms = options.address, options.timeout_ms
-        self._process = DriverProcess(
+        super().__init__(
             "mmt_devices.inverse3.process",
             {
                 "role": role,
@@ -60,16 +57,10 @@ class ServiceLink:
             },
             f"the process that talks with {options.address} has ended: connect the device again",
             counts,
+            to.unpack_state,
         )
         self.name = f"Inverse3 at {options.address}"
         """Type and identifier of the device, and the service's address."""
-        self.answers = 0
-        """Number of the service's answers that were read."""
-        self.state: ServiceAnswer | None = None
-        """Newest answer, or None before the first."""
-        self.kept: deque[Inverse3State] = deque(maxlen=_KEPT)
-        """Newest plausible states, the oldest first."""
-        self._problem = ""
 
     def start(self) -> None:
         """Start the process, and wait for the first answer of the service.
@@ -79,15 +70,9 @@ class ServiceLink:
         MmtError
             There is no usable service or device; the message says what to do.
         """
-        self._process.start()
-        deadline = time.monotonic() + _READY_S
-        while self.state is None:
-            if time.monotonic() > deadline:
-                raise MmtError(f"the Haply Inverse Service at {self._address} does not get ready")
-            time.sleep(_SHORT_AT_START_S)
-            self.poll()
-            if self._process.ended is not None:
-                raise MmtError(self._process.ended)
+        super().start()
+        late = f"the Haply Inverse Service at {self._address} does not get ready"
+        self.await_state(_READY_S, late)
 
     def read(self) -> ServiceAnswer:
         """Return the newest state.
@@ -97,16 +82,16 @@ class ServiceLink:
         DeviceLost
             The device, the service or the process is gone or stuck.
         """
-        self.poll()
-        if self._process.ended is not None:
-            raise DeviceLost(self._process.ended)
-        if self._problem == ABSENT:
+        self.receive()
+        if self.ended is not None:
+            raise DeviceLost(self.ended)
+        if self.problem == ABSENT:
             raise DeviceLost(
                 f"the service does not list {self.name} any more: check its cable and power"
             )
-        if self._problem:
-            raise DeviceLost(f"{self.name} has given {self._problem}")
-        silent_ns = self._process.silent_ns
+        if self.problem:
+            raise DeviceLost(f"{self.name} has given {self.problem}")
+        silent_ns = self.silent_ns
         if self.state is None or silent_ns > 1e6 * (self._timeout_ms + _SLACK_MS):
             raise DeviceLost(
                 f"nothing has come from the process that talks with {self._address} for "
@@ -116,37 +101,31 @@ class ServiceLink:
 
     def move(self, numbers: Vector) -> None:
         """Command a force (N) or a position (mm), in the device's axes."""
-        self._process.send(to.COMMAND.pack(to.MOVE, time.monotonic_ns(), *numbers))
+        self.send(to.COMMAND.pack(to.MOVE, time.monotonic_ns(), *numbers))
 
     def need_calibration(self) -> None:
         """From now on, let positions count as implausible if the device is not calibrated."""
-        self._process.send(to.COMMAND.pack(to.CALIBRATED, time.monotonic_ns(), 0.0, 0.0, 0.0))
+        self.send(to.COMMAND.pack(to.CALIBRATED, time.monotonic_ns(), 0.0, 0.0, 0.0))
 
     def await_answer(self, longest_s: float) -> None:
         """Return soon after the service's next answer, or after `longest_s`."""
-        self.poll()
-        answers, deadline = self.answers, time.monotonic() + longest_s
-        while self.answers == answers and time.monotonic() < deadline:
+        self.receive()
+        state, deadline = self.state, time.monotonic() + longest_s
+        while self.state is state and time.monotonic() < deadline:
             time.sleep(_SHORT_S)
-            self.poll()
+            self.receive()
 
-    def end(self) -> None:
+    def close(self) -> None:
         """Take the force away and end the process; calling it twice is harmless.
 
         If the process has to be killed, the service gets no more messages and idles the device.
         """
-        self._process.end(f"{self.name} is not connected: connect it first")
+        self.end(f"{self.name} is not connected: connect it first")
 
-    def poll(self) -> None:
-        """Take the messages that have arrived from the process."""
-        for kind, body in self._process.receive():
-            if kind == to.STATE:
-                self.state = state = to.unpack_state(body)
-                self.answers += 1
-                if state.measured is not None:
-                    self.kept.append(state.measured)
-            elif kind == to.FOUND:
-                kind_of_device, _, device = text_of(body).partition("\n")
-                self.name = f"{kind_of_device} {device} at {self._address}"
-            elif kind == to.LOST:
-                self._problem = text_of(body)
+    def keep(self, kind: bytes, body: bytes) -> bool:
+        """Keep what a message says; see `DriverProcess`."""
+        if kind != to.FOUND:
+            return super().keep(kind, body)
+        kind_of_device, _, device = text_of(body).partition("\n")
+        self.name = f"{kind_of_device} {device} at {self._address}"
+        return True

@@ -16,8 +16,8 @@ import aiohttp
 from mmt.core.errors import MmtError
 from mmt.core.running.process import be_real_time
 from mmt.core.running.ticking import Ticker
-from mmt.devices.driver_process import COUNT, DriverPipes, run_process
-from mmt_devices.inverse3.exchange import CALIBRATED, COMMAND, FOUND, LOST, STATE, pack_state
+from mmt.devices.driver_process import COUNT, LOST, STATE, DriverPipes, run_process
+from mmt_devices.inverse3.exchange import CALIBRATED, COMMAND, FOUND, pack_state
 from mmt_devices.inverse3.messages import (
     NAMES,
     OtherFormatError,

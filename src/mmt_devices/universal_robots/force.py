@@ -150,7 +150,7 @@ class UrForceSensor:
         """Release the arm; calling it twice is harmless."""
         link, self._link = self._link, None
         if link is not None:
-            link.end()
+            link.close()
 
     def _follow_zero(self, state: UrState) -> None:
         """Move the bias by what a program's start has changed, once that is over."""

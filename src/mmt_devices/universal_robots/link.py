@@ -1,14 +1,13 @@
 """The driver's side of the process that talks to an arm."""
 
-import time
-from collections import Counter, deque
+from collections import Counter
 from dataclasses import asdict
 from threading import Lock
 from typing import Final
 
 from mmt.core.arrays import Vector
-from mmt.core.errors import DeviceLost, InputError, MmtError
-from mmt.devices.driver_process import DriverProcess, text_of
+from mmt.core.errors import DeviceLost, InputError
+from mmt.devices.driver_process import DriverProcess
 from mmt_devices.universal_robots import messages as to
 from mmt_devices.universal_robots.messages import UrState
 from mmt_devices.universal_robots.options import UrOptions
@@ -16,13 +15,10 @@ from mmt_devices.universal_robots.servo import ServoSettings
 
 _CONNECT_S: Final = 15.0
 _SILENT_NS: Final = 700_000_000
-_KEPT: Final = 128
-"""Number of states kept, 1/4 s at 500 Hz."""
-_SHORT_S: Final = 0.001
 
 
-class ArmLink:
-    """Process that talks to an arm; only `start` and `end` block.
+class ArmLink(DriverProcess[UrState]):
+    """Process that talks to an arm; only `start` and `close` block.
 
     Parameters
     ----------
@@ -34,13 +30,6 @@ class ArmLink:
         Faults that the process survives are counted here.
     again
         Whether this session has moved the arm before.
-
-    Attributes
-    ----------
-    state
-        Newest state, or None before the first.
-    kept
-        Newest states, the oldest first.
     """
 
     def __init__(
@@ -54,7 +43,7 @@ class ArmLink:
         self._options, self._servo = options, servo
         self._host = host = options.host
         settings = None if servo is None else asdict(servo)
-        self._process = DriverProcess(
+        super().__init__(
             "mmt_devices.universal_robots.process",
             {
                 "host": host,
@@ -65,10 +54,8 @@ class ArmLink:
             f"the process that talks to the UR arm at {host} has ended, as the library may when "
             "its connection breaks: check the arm's cable, and that it is switched on",
             counts,
+            to.unpack_state,
         )
-        self.state: UrState | None = None
-        self.kept: deque[UrState] = deque(maxlen=_KEPT)
-        self._loss = ""
 
     def start(self) -> None:
         """Start the process; wait until the arm answers and, if it is to move, takes commands.
@@ -85,10 +72,14 @@ class ArmLink:
                 self._check_agreement(other)
             _STARTED.add(self)
         try:
-            self._process.start()
-            self._await()
+            super().start()
+            self.await_state(
+                _CONNECT_S,
+                f"the UR controller at {self._host} has not answered for {_CONNECT_S:g} s: check "
+                "'host', its cable and that it is switched on",
+            )
         except BaseException:
-            self.end()
+            self.close()
             raise
 
     def _check_agreement(self, other: "ArmLink") -> None:
@@ -105,19 +96,6 @@ class ArmLink:
                 f"{list(mine)}, the other {list(theirs)}; give both the same"
             )
 
-    def _await(self) -> None:
-        deadline = time.monotonic() + _CONNECT_S
-        while self.state is None:
-            if time.monotonic() > deadline:
-                raise MmtError(
-                    f"the UR controller at {self._host} has not answered for {_CONNECT_S:g} s: "
-                    "check 'host', its cable and that it is switched on"
-                )
-            time.sleep(_SHORT_S)
-            self._poll()
-            if self._process.ended is not None:
-                raise MmtError(self._process.ended)
-
     def read(self) -> UrState:
         """Return the newest state.
 
@@ -126,40 +104,33 @@ class ArmLink:
         DeviceLost
             No state has come for a while, the process has ended, or the arm takes no commands.
         """
-        self._poll()
-        if self._process.ended is not None:
-            raise DeviceLost(self._process.ended)
-        silent_ns = self._process.silent_ns
+        self.receive()
+        if self.ended is not None:
+            raise DeviceLost(self.ended)
+        silent_ns = self.silent_ns
         if silent_ns > _SILENT_NS:
             raise DeviceLost(
                 f"nothing has come from the UR arm at {self._host} for {silent_ns / 1e6:.0f} ms: "
                 "check its cable, and whether this machine has time for it"
             )
-        if self._loss or self.state is None:
-            raise DeviceLost(self._loss or f"nothing has come from the UR arm at {self._host} yet")
+        if self.problem:
+            raise DeviceLost(self.problem)
+        if self.state is None:
+            raise DeviceLost(f"nothing has come from the UR arm at {self._host} yet")
         return self.state
 
     def move(self, position_m: Vector) -> None:
         """Send the arm to a position in its base's frame (m)."""
-        self._process.send(to.COMMAND.pack(*position_m))
+        self.send(to.COMMAND.pack(*position_m))
 
-    def end(self) -> None:
+    def close(self) -> None:
         """Stop the arm and end the process; calling it twice is harmless.
 
         If the process is killed, its connection ends, and the controller's watchdog stops the arm.
         """
-        self._process.end(f"the UR arm at {self._host} is not connected")
+        self.end(f"the UR arm at {self._host} is not connected")
         with _AGREEING:
             _STARTED.discard(self)
-
-    def _poll(self) -> None:
-        """Take the messages that have arrived from the process."""
-        for kind, body in self._process.receive():
-            if kind == to.STATE:
-                self.state = to.unpack_state(body)
-                self.kept.append(self.state)
-            elif kind == to.LOST:
-                self._loss = text_of(body)
 
 
 _STARTED: Final[set[ArmLink]] = set()

@@ -8,15 +8,14 @@ from mmt.core.quaternions import Vector
 COMMAND: Final = struct.Struct("<3d")
 """Move to a position in the base's frame (m)."""
 
-STATE: Final = b"S"
-"""An arm that is to move takes commands before its first state comes."""
-LOST: Final = b"L"
-"""The arm takes no more commands; a text says why."""
 _STATE: Final = struct.Struct("<7dq3d?")
 
 
 class UrState(NamedTuple):
-    """State of the arm in one cycle of its controller."""
+    """State of the arm in one cycle of its controller.
+
+    An arm that is to move takes commands before its first state comes.
+    """
 
     timestamp_s: float
     """Time since the controller was started."""

@@ -10,7 +10,7 @@ import time
 from typing import Any, Final
 
 from mmt.core.errors import MmtError, short_message
-from mmt.devices.driver_process import COUNT, DriverPipes, run_process
+from mmt.devices.driver_process import COUNT, LOST, STATE, DriverPipes, run_process
 from mmt_devices.universal_robots import messages as to
 from mmt_devices.universal_robots.control import PLAYING, ArmControl
 from mmt_devices.universal_robots.messages import UrState
@@ -145,7 +145,7 @@ class ArmProcess:
         runs = receive.getRuntimeState() == PLAYING
         now_ns = time.monotonic_ns()
         state = UrState(timestamp_s, (x, y, z), (u, v, w), now_ns, (a, b, c), runs)
-        self._pipes.send(to.STATE, to.pack_state(state))
+        self._pipes.send(STATE, to.pack_state(state))
 
     def _watch_control(self) -> None:
         """Tell the driver of periods held back, and of a loss of control."""
@@ -157,7 +157,7 @@ class ArmProcess:
             self._held_back = control.held_back
             self._pipes.send(COUNT, "periods held back by force_limit_n")
         lost = control.lost
-        if lost and self._pipes.send(to.LOST, f"the arm at {self._host} {lost}"):
+        if lost and self._pipes.send(LOST, f"the arm at {self._host} {lost}"):
             self._control = None
 
 

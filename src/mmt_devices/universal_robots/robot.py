@@ -145,7 +145,7 @@ class UrRobot:
         """Stop the arm, end its program and disconnect; calling it twice is harmless."""
         link, self._link = self._link, None
         if link is not None:
-            link.end()
+            link.close()
 
     @property
     def faults(self) -> Mapping[str, int]:
