@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 from mmt.testing.emulated import Clockwork, FaultySending, Truth
 from mmt.testing.emulated.drivers import VirtualSensor
 from mmt_devices.iio.emulated_chips import ADXL355, ADXL359, Chip, attributes, pack
+from mmt_devices.iio.layout import Element, parse_element
 
 if TYPE_CHECKING:
     from mmt.testing.emulated.lab import World
@@ -74,7 +75,7 @@ class EmulatedIio(FaultySending):
         self._clockwork = clockwork or Clockwork()
         self._file = self._switch = -1
         self._seen: tuple[str, int] = ("0", 0)
-        self._enabled: list[tuple[str, str]] = []
+        self._enabled: list[Element] = []
         self._begun_ns: int | None = None
         self._rate_hz = 0.0
         self._length = 0
@@ -171,11 +172,16 @@ class EmulatedIio(FaultySending):
         with contextlib.suppress(BlockingIOError):  # a capture begins with an empty buffer
             while os.read(self._file, _PIPE_BYTES):
                 pass
-        scan = self.directory / self._elements
-        names = [path.name.removesuffix("_en") for path in scan.glob("*_en")]
-        on = [name for name in names if self.read(f"{self._elements}/{name}_en") != "0"]
-        on.sort(key=lambda name: int(self.read(f"{self._elements}/{name}_index")))
-        self._enabled = [(name, self.read(f"{self._elements}/{name}_type")) for name in on]
+        elements = self._elements
+        names = [path.name.removesuffix("_en") for path in (self.directory / elements).glob("*_en")]
+        enabled = [
+            parse_element(
+                name, self.read(f"{elements}/{name}_index"), self.read(f"{elements}/{name}_type")
+            )
+            for name in names
+            if self.read(f"{elements}/{name}_en") != "0"
+        ]
+        self._enabled = sorted(enabled, key=lambda element: element.index)
         self._rate_hz = float(self.read("in_accel_sampling_frequency"))
         self._length = int(self.read(f"{self._buffer}/length"))
         self._realtime = self.chip.stamped and self.read("current_timestamp_clock") != "monotonic"
@@ -225,10 +231,9 @@ class EmulatedIio(FaultySending):
         values |= {"in_temp": 1852, "in_timestamp": stamp}
         content = b""
         largest = 1
-        for name, kind in self._enabled:
-            element = pack(kind, values[name])
-            largest = max(largest, len(element))
-            content += bytes(-len(content) % len(element)) + element
+        for element in self._enabled:
+            largest = max(largest, element.size)
+            content += bytes(-len(content) % element.size) + pack(element, values[element.name])
         return content + bytes(-len(content) % largest)
 
 

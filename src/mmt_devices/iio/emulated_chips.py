@@ -6,8 +6,9 @@ empties the sensor's own FIFO, without time stamps. Sources: ``adxl355_core.c`` 
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import Final, Literal
+from typing import Final
+
+from mmt_devices.iio.layout import Element
 
 
 @dataclass(frozen=True)
@@ -83,19 +84,8 @@ def attributes(chip: Chip, buffer: str, scan: str) -> dict[str, str]:
     return made
 
 
-def pack(kind: str, value: int) -> bytes:
+def pack(element: Element, value: int) -> bytes:
     """Return a value's bytes as its type says, clipped to the range of its bits."""
-    order, size, least, span, shift = _parse(kind)
-    word = (min(max(value, least), least + span - 1) % span) << shift
-    return word.to_bytes(size, order)
-
-
-@lru_cache(maxsize=16)
-def _parse(kind: str) -> tuple[Literal["big", "little"], int, int, int, int]:
-    """Return a type's byte order, size in bytes, least value, number of values, and shift."""
-    order, _, rest = kind.partition(":")
-    bits, _, storage = rest[1:].partition("/")
-    storage, _, shift = storage.partition(">>")
-    span = 1 << int(bits)
-    least = -span // 2 if rest[0] == "s" else 0
-    return "big" if order == "be" else "little", int(storage) // 8, least, span, int(shift or 0)
+    least, most = element.bounds
+    word = (min(max(value, least), most) % (1 << element.bits)) << element.shift
+    return word.to_bytes(element.size, "big" if element.big_endian else "little")

@@ -4,10 +4,9 @@ import atexit
 import logging
 import math
 import time
-from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
@@ -27,26 +26,29 @@ _CALIBRATE: Final = (
 )
 
 
-class InverseDriver(ABC):
-    """`Device` of an Inverse3; subclasses make the link and add `read` and `write`.
+class InverseDriver:
+    """`Device` of an Inverse3; subclasses add `read` and `write`.
 
     Parameters
     ----------
+    role
+        Role of the device.
     options
         Validated options.
+    **servo
+        Further arguments of the role's servo.
     """
 
-    def __init__(self, options: InverseOptions) -> None:
-        self._options = options
+    def __init__(
+        self, role: Literal["handle", "robot"], options: InverseOptions, **servo: float
+    ) -> None:
+        self._role, self._options = role, options
+        self._servo = {"stale_ms": options.stale_ms, **servo}
         self._axes = Axes(options.axes, options.origin_mm)
         self._link: ServiceLink | None = None
         self._counts: Counter[str] = Counter()  # over all connections
         self._calibrated = False
         self.name = f"Inverse3 {options.device or ''}".rstrip() + f" at {options.address}"
-
-    @abstractmethod
-    def _make_link(self) -> ServiceLink:
-        """Make the link of a new connection."""
 
     def connect(self) -> None:
         """Find the device; there is no force until the first command.
@@ -57,7 +59,8 @@ class InverseDriver(ABC):
             The service or the device is missing, or there are several and none is named.
         """
         self.close()
-        self._link = link = self._make_link()
+        link = ServiceLink(self._role, self._options, self._servo, self._counts)
+        self._link = link
         try:
             link.start()
             self.name = link.name
@@ -166,17 +169,13 @@ class Inverse3Robot(InverseDriver):
     """
 
     def __init__(self, **options: Any) -> None:
-        self._of_robot = read_options(Inverse3RobotOptions, "inverse3", options)
-        super().__init__(self._of_robot)
-
-    def _make_link(self) -> ServiceLink:
-        options = self._of_robot
-        servo = {
-            "stale_ms": options.stale_ms,
-            "speed_limit_mm_s": options.speed_limit_mm_s,
-            "lead_limit_mm": options.lead_limit_mm,
-        }
-        return ServiceLink("robot", options, servo, self._counts)
+        given = read_options(Inverse3RobotOptions, "inverse3", options)
+        super().__init__(
+            "robot",
+            given,
+            speed_limit_mm_s=given.speed_limit_mm_s,
+            lead_limit_mm=given.lead_limit_mm,
+        )
 
     def await_turn(self) -> None:
         """Return soon after the service's next answer, or after 20 ms."""
@@ -229,17 +228,8 @@ class Inverse3Handle(InverseDriver):
     """
 
     def __init__(self, **options: Any) -> None:
-        self._of_handle = read_options(HandleOptions, "inverse3", options)
-        super().__init__(self._of_handle)
-
-    def _make_link(self) -> ServiceLink:
-        options = self._of_handle
-        servo = {
-            "stale_ms": options.stale_ms,
-            "ramp_ms": options.ramp_ms,
-            "limit_n": options.force_limit_n,
-        }
-        return ServiceLink("handle", options, servo, self._counts)
+        given = read_options(HandleOptions, "inverse3", options)
+        super().__init__("handle", given, ramp_ms=given.ramp_ms, limit_n=given.force_limit_n)
 
     def read(self, elapsed_ticks: int) -> InterfaceState:  # noqa: ARG002 - the device has a clock
         """Return the handle's newest state.

@@ -41,7 +41,7 @@ class ArmProcess:
     host, frequency_hz
         Address and rate of the controller.
     servo
-        Settings of the servo; None if the arm is only read.
+        Fields of `ServoSettings`; None if the arm is only read.
     again
         Whether the arm was moved by this session before.
     pipes
@@ -52,11 +52,12 @@ class ArmProcess:
         self,
         host: str,
         frequency_hz: float,
-        servo: ServoSettings | None,
+        servo: dict[str, Any] | None,
         again: bool,
         pipes: DriverPipes,
     ) -> None:
-        self._host, self._frequency_hz, self._settings = host, frequency_hz, servo
+        self._host, self._frequency_hz = host, frequency_hz
+        self._settings = None if servo is None else ServoSettings(**servo)
         self._again, self._pipes = again, pipes
         self._receive: Any = None
         self._control: ArmControl | None = None
@@ -167,10 +168,7 @@ _KEPT: Final[list[ArmProcess]] = []
 
 def run(arguments: dict[str, Any], pipes: DriverPipes) -> None:
     """Talk to the arm that the arguments name until the driver has gone."""
-    servo = arguments["servo"]
-    settings = None if servo is None else ServoSettings(**servo)
-    host, frequency_hz, again = (arguments[name] for name in ("host", "frequency_hz", "again"))
-    _KEPT.append(ArmProcess(host, frequency_hz, settings, again, pipes))
+    _KEPT.append(ArmProcess(**arguments, pipes=pipes))
     _KEPT[0].run()
 
 
