@@ -10,6 +10,7 @@ import sys
 from contextlib import suppress
 
 import pytest
+from driver_fixtures import closing, connected, started  # noqa: F401 - fixtures
 from hypothesis import HealthCheck, Phase, settings
 from stroked_sessions import make_session, stroked_session  # noqa: F401 - fixtures
 

@@ -1,14 +1,8 @@
 """Fixtures for tests of drivers: what is started is stopped, and what is opened is closed."""
 
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 
 from mmt.devices import board_sharing
-
-Keep = Callable[[Any], Any]
-"""Takes a device, and returns it."""
 
 
 @pytest.fixture(autouse=True)
@@ -17,8 +11,8 @@ def own_calibrations(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
 
 
-@pytest.fixture(name="started")
-def started_devices():
+@pytest.fixture
+def started():
     """Starts emulated devices, and stops them at the end."""
     running = []
 
@@ -32,8 +26,8 @@ def started_devices():
         device.stop()
 
 
-@pytest.fixture(name="closing")
-def closed_devices():
+@pytest.fixture
+def closing():
     """Closes devices at the end, which leaves no board open."""
     before = list(board_sharing.OPEN_BOARDS)
     opened = []
@@ -48,8 +42,8 @@ def closed_devices():
     assert before == board_sharing.OPEN_BOARDS
 
 
-@pytest.fixture(name="connected")
-def connected_devices(closing):
+@pytest.fixture
+def connected(closing):
     """Connects devices, and closes them at the end."""
 
     def connect(device):

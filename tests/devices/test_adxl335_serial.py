@@ -5,13 +5,7 @@ import logging
 import sys
 
 import pytest
-from driver_fixtures import (  # noqa: F401 - fixtures
-    Keep,
-    closed_devices,
-    connected_devices,
-    own_calibrations,
-    started_devices,
-)
+from driver_fixtures import own_calibrations  # noqa: F401 - a fixture
 from sensor_reading import read_some, read_until, read_until_fault
 
 from mmt.core.errors import MmtError

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import pytest
-from driver_fixtures import Keep, closed_devices, connected_devices, own_calibrations  # noqa: F401 - fixtures
+from driver_fixtures import own_calibrations  # noqa: F401 - a fixture
 from running_source import RunningSource
 from sensor_reading import read_some, read_until_lost
 

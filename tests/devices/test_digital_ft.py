@@ -6,7 +6,6 @@ import time
 
 import numpy as np
 import pytest
-from driver_fixtures import closed_devices, connected_devices, started_devices  # noqa: F401 - fixtures
 from sensor_reading import check_times_rise, read_some, read_until_fault, read_until_lost
 
 from mmt.core.errors import InputError, MmtError

@@ -8,7 +8,6 @@ import sys
 
 import numpy as np
 import pytest
-from driver_fixtures import closed_devices, connected_devices  # noqa: F401 - fixtures
 from emulated_gauges import EmulatedGauges
 from hypothesis import given
 from hypothesis import strategies as st

@@ -78,11 +78,8 @@ def test_whatever_is_held_up_the_board_gets_finite_bounded_samples(turns):
 
 
 @pytest.fixture
-def board():
-    emulated = EmulatedHaptuatorBoard(clock_ppm=200.0)
-    emulated.start()
-    yield emulated
-    emulated.stop()
+def board(started):
+    return started(EmulatedHaptuatorBoard(clock_ppm=200.0))
 
 
 def haptuator(board, **changes):
@@ -93,11 +90,8 @@ def haptuator(board, **changes):
 
 
 @pytest.fixture
-def device(board):
-    made = haptuator(board)
-    made.connect()
-    yield made
-    made.close()
+def device(board, connected):
+    return connected(haptuator(board))
 
 
 def play(device, until, patience_s=20.0):

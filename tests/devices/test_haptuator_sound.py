@@ -8,7 +8,6 @@ from importlib.machinery import ModuleSpec
 
 import numpy as np
 import pytest
-from driver_fixtures import Keep, closed_devices, connected_devices  # noqa: F401 - fixtures
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.drivers import load_device

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from driver_fixtures import Keep, closed_devices, connected_devices, started_devices  # noqa: F401 - fixtures
 from synthetic_sensors import Time
 from typer.testing import CliRunner
 

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 import usb.core
-from driver_fixtures import closed_devices, connected_devices, own_calibrations  # noqa: F401 - fixtures
+from driver_fixtures import own_calibrations  # noqa: F401 - a fixture
 from sensor_reading import read_some, read_until_lost
 
 from mmt.core.errors import InputError, MmtError

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import usb.backend
-from driver_fixtures import Keep, closed_devices, connected_devices, own_calibrations  # noqa: F401 - fixtures
+from driver_fixtures import own_calibrations  # noqa: F401 - a fixture
 from nano17_files import write_calibration
 from running_source import RunningSource
 from sensor_reading import read_some, read_until, read_until_fault, read_until_lost

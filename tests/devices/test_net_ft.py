@@ -5,7 +5,6 @@ import math
 import re
 
 import pytest
-from driver_fixtures import closed_devices, connected_devices, started_devices  # noqa: F401 - fixtures
 from sensor_reading import check_times_rise, read_some, read_until_fault, read_until_lost
 
 from mmt.core.errors import InputError, MmtError

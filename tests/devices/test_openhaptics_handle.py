@@ -14,19 +14,14 @@ emulated = emulated_arm
 
 
 @pytest.fixture
-def make(emulated):
-    made = []
-
+def make(emulated, connected):
     def handle(**options):
         options = {"library": emulated.address, **options}
-        made.append(load_device("openhaptics", options, role="handle"))
-        made[-1].connect()
-        made[-1].calibrate()
-        return made[-1]
+        made = connected(load_device("openhaptics", options, role="handle"))
+        made.calibrate()
+        return made
 
-    yield handle
-    for each in made:
-        each.close()
+    return handle
 
 
 def test_the_handle_says_where_it_is_and_how_it_moves(make, emulated):

@@ -27,17 +27,9 @@ emulated = emulated_arm
 
 
 @pytest.fixture
-def make(emulated):
-    made = []
-
-    def robot(**options):
-        made.append(OpenHapticsRobot(library=emulated.address, **options))
-        made[-1].connect()
-        return made[-1]
-
-    yield robot
-    for each in made:
-        each.close()
+def make(emulated, connected):
+    """Connects a robot that has these options besides."""
+    return lambda **more: connected(OpenHapticsRobot(library=emulated.address, **more))
 
 
 @pytest.fixture

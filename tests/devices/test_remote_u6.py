@@ -4,7 +4,6 @@ import time
 from itertools import pairwise
 
 import pytest
-from driver_fixtures import Keep, closed_devices, connected_devices, started_devices  # noqa: F401 - fixtures
 from sensor_reading import read_some, read_until_lost
 
 from mmt.core.errors import MmtError

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from driver_fixtures import Keep, closed_devices, connected_devices  # noqa: F401 - fixtures
 from sensor_reading import read_some
 from waiting import until, until_lost
 

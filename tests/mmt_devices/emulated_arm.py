@@ -7,12 +7,10 @@ from mmt.testing.emulated.openhaptics.hd import EmulatedHd
 
 
 @pytest.fixture(name="emulated")
-def emulated_arm():
+def emulated_arm(started):
     """A device that is there; the test is skipped where it cannot be compiled."""
     try:
         device = EmulatedHd()
     except MmtError as error:
         pytest.skip(str(error))
-    device.start()
-    yield device
-    device.stop()
+    return started(device)

@@ -1,13 +1,11 @@
 """Accelerometers of industrial I/O in software for a test, and drivers for them."""
 
 import sys
-from collections.abc import Callable
 
 import pytest
 
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.drivers import load_device
-from mmt_devices.iio.driver import IioAccelerometer
 
 if sys.platform != "linux":
     pytest.skip("industrial I/O is a part of Linux", allow_module_level=True)
@@ -16,8 +14,6 @@ from mmt_devices.iio.emulated import EmulatedIio
 from mmt_devices.iio.emulated_chips import ADXL345
 
 LEVEL = (0.5, -0.25, GRAVITY_M_S2)
-
-Drivers = Callable[..., IioAccelerometer]
 
 
 @pytest.fixture(name="emulated")

@@ -4,7 +4,6 @@ import itertools
 import sys
 
 import pytest
-from driver_fixtures import Keep, closed_devices, connected_devices, started_devices  # noqa: F401 - fixtures
 from sensor_reading import (
     check_times_rise,
     read_some,

@@ -7,7 +7,6 @@ import time
 
 import numpy as np
 import pytest
-from driver_fixtures import Keep, closed_devices, connected_devices  # noqa: F401 - fixtures
 from running_source import RunningSource
 from scipy.spatial.transform import Rotation
 from sensor_reading import until_turned
@@ -31,20 +30,13 @@ def emulated():
     arm = EmulatedFranka()
     with arm.library():
         yield arm
+        until(lambda: arm.connections == 0)
 
 
 @pytest.fixture
-def make(emulated):
-    made = []
-
-    def device(kind=FrankaRobot, **options):
-        made.append(kind(host="arm", **options))
-        return made[-1]
-
-    yield device
-    for each in made:
-        each.close()
-    until(lambda: emulated.connections == 0)
+def make(emulated, closing):
+    """Makes a driver of the emulated arm that has these options besides."""
+    return lambda kind=FrankaRobot, **more: closing(kind(host="arm", **more))
 
 
 @pytest.fixture

@@ -32,14 +32,10 @@ def simulated():
 
 
 @pytest.fixture
-def devices(simulated):
+def devices(simulated, connected):
     robot = FrankaRobot(host=simulated.host, realtime="ignore", stiffness_n_mm=3.0)
     force = FrankaForce(host=simulated.host, realtime="ignore")
-    robot.connect()
-    force.connect()
-    yield robot, force
-    robot.close()
-    force.close()
+    return connected(robot), connected(force)
 
 
 def test_the_library_has_what_the_driver_calls():

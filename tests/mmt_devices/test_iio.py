@@ -6,8 +6,7 @@ import shutil
 import time
 
 import pytest
-from driver_fixtures import Keep, closed_devices, connected_devices, started_devices  # noqa: F401 - fixtures
-from iio_drivers import LEVEL, Drivers, emulated_adxl345, emulated_iio, iio_drivers  # noqa: F401 - fixtures
+from iio_drivers import LEVEL, emulated_adxl345, emulated_iio, iio_drivers  # noqa: F401 - fixtures
 from sensor_reading import check_times_rise, read_some, read_until_fault
 
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2

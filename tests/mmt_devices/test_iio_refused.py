@@ -5,7 +5,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-from driver_fixtures import closed_devices, started_devices  # noqa: F401 - fixtures
 from iio_drivers import emulated_adxl345, emulated_iio, iio_drivers  # noqa: F401 - fixtures
 
 from mmt.core.errors import InputError, MmtError

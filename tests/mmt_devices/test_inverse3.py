@@ -23,26 +23,16 @@ TWO = {"049D": EmulatedTip(REST_MM), "04BA": EmulatedTip(REST_MM)}
 
 
 @pytest.fixture
-def service():
-    made = EmulatedInverse3()
-    made.start()
-    yield made
-    made.stop()
+def service(started):
+    yield started(EmulatedInverse3())
+    assert not children(PROCESS)
 
 
 @pytest.fixture
-def make(service):
-    made = []
-
-    def device(role, **options):
-        options = {**service.options, "timeout_ms": 1000, **options}
-        made.append(load_device("inverse3", options, role=role))
-        return made[-1]
-
-    yield device
-    for each in made:
-        each.close()
-    assert not children(PROCESS)
+def make(service, closing):
+    """Makes a driver of a role, with these options besides."""
+    options = {**service.options, "timeout_ms": 1000}
+    return lambda role, **more: closing(load_device("inverse3", {**options, **more}, role=role))
 
 
 def connected(device):

@@ -12,12 +12,9 @@ from mmt_devices.inverse3.emulated_tip import EmulatedTip
 
 
 @pytest.fixture
-def service():
+def service(started):
     tip = EmulatedTip((0.0, -150.0, 155.0), StrokingHand(seed=3))
-    made = EmulatedInverse3({"049D": tip})
-    made.start()
-    yield made
-    made.stop()
+    return started(EmulatedInverse3({"049D": tip}))
 
 
 async def test_a_stroking_hand_on_the_handle_moves_the_follower_and_feels_its_surface(

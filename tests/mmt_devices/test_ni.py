@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from driver_fixtures import closed_devices, connected_devices, own_calibrations  # noqa: F401 - fixtures
+from driver_fixtures import own_calibrations  # noqa: F401 - a fixture
 from hypothesis import given
 from hypothesis import strategies as st
 from nano17_files import write_calibration
