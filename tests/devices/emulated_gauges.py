@@ -8,6 +8,8 @@ import numpy as np
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.protocols import VoltageReading
 
+PERIOD_NS = 1_000_000
+
 
 class EmulatedGauges:
     """A `VoltageBoard` that feels forces, with faults on demand.
@@ -18,45 +20,18 @@ class EmulatedGauges:
         The force at a time: N at ns of the host's monotonic clock.
     matrix
         The sensor's, from volts to N and N mm.
-    rate_hz
-        Samples a second.
-    clock_ppm
-        How much too fast the board's clock runs.
-    offset_v
-        What each gauge gives without a force.
-    noise_v
-        Standard deviation of an input.
-    limit_v
-        Largest magnitude that it measures.
-    seed
-        Of the noise.
     """
 
     inputs = 6
+    latency_ns = 0
+    limit_v = 10.0
 
-    def __init__(
-        self,
-        truth,
-        matrix,
-        *,
-        rate_hz=1000.0,
-        clock_ppm=0.0,
-        offset_v=0.2,
-        noise_v=1e-4,
-        limit_v=10.0,
-        seed=1,
-    ):
-        self.latency_ns = 0
-        self.limit_v = limit_v
+    def __init__(self, truth, matrix):
         self.stuck = False
         self.faults = {}
         self.truth = truth
-        self._to_volts = np.linalg.inv(np.array(matrix))[:, :3].tolist()
-        self._period_ns = 1e9 / rate_hz
-        self._rate = rate_hz * (1.0 + 1e-6 * clock_ppm) * 1e-9
-        self._offset_v = offset_v
-        self._noise_v = noise_v
-        self._random = random.Random(seed)
+        self._to_volts = np.linalg.inv(matrix)[:, :3].tolist()
+        self._random = random.Random(1)
         self.began_ns = time.monotonic_ns()
         self._sent = 0
         self._plugged = True
@@ -106,16 +81,14 @@ class EmulatedGauges:
         """Nothing is held."""
 
     def _due(self):
-        return int((time.monotonic_ns() - self.began_ns) * self._rate)
+        return (time.monotonic_ns() - self.began_ns) // PERIOD_NS
 
     def _sample(self, number):
         if not self.stuck:
-            x, y, z = self.truth(self.began_ns + round(number / self._rate))
+            x, y, z = self.truth(self.began_ns + number * PERIOD_NS)
             noise, limit = self._random.gauss, self.limit_v
             self._volts = tuple(
-                max(
-                    min(a * x + b * y + c * z + noise(self._offset_v, self._noise_v), limit), -limit
-                )
+                max(min(a * x + b * y + c * z + noise(0.2, 1e-4), limit), -limit)
                 for a, b, c in self._to_volts
             )
-        return VoltageReading(round(number * self._period_ns), self._volts)
+        return VoltageReading(number * PERIOD_NS, self._volts)

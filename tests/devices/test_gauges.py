@@ -193,7 +193,7 @@ def make(file, board, **options):
 
 @pytest.fixture
 def board():
-    return EmulatedGauges(lambda _time_ns: FORCE, tuple(map(tuple, ROWS.tolist())))
+    return EmulatedGauges(lambda _time_ns: FORCE, ROWS)
 
 
 @pytest.fixture
@@ -214,9 +214,7 @@ def test_the_bias_is_taken_off_and_the_clock_is_the_boards(board, sensor):
 
 
 def test_the_stamp_is_the_instant_of_the_force(file, connected):
-    board = EmulatedGauges(
-        lambda time_ns: (0.0, 0.0, math.sin(40e-9 * time_ns)), tuple(map(tuple, ROWS.tolist()))
-    )
+    board = EmulatedGauges(lambda time_ns: (0.0, 0.0, math.sin(40e-9 * time_ns)), ROWS)
     readings = read_some(connected(make(file, board)), 300)
     z = np.array([reading.value[2] for reading in readings])
     times_s = 1e-9 * (board.began_ns + np.array([reading.time_ns for reading in readings]))
@@ -281,7 +279,7 @@ def test_the_boards_own_faults_are_shown(board, sensor):
 
 def board_of_a_lab(*, amplified):
     assert amplified
-    return EmulatedGauges(lambda _time_ns: FORCE, tuple(map(tuple, ROWS.tolist())))
+    return EmulatedGauges(lambda _time_ns: FORCE, ROWS)
 
 
 def test_the_board_is_made_by_its_own_driver(file, connected):

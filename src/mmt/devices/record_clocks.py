@@ -3,6 +3,8 @@
 import math
 from typing import Final
 
+_MODULUS: Final = 1 << 32
+"""Numbers and stamps have 32 bits."""
 _SLACK_NS: Final = 250_000_000
 """Largest lead of a record over the host's clock: records come in bursts."""
 _BEHIND: Final = 1000
@@ -23,11 +25,9 @@ class SequenceClock:
     ----------
     rate_hz
         Records a second.
-    bits
-        Width of the number.
     """
 
-    def __init__(self, rate_hz: float, bits: int = 32) -> None:
+    def __init__(self, rate_hz: float) -> None:
         self.period_ns = 1e9 / rate_hz
         self.lost = 0
         """Records whose number was skipped; a late record counts as lost."""
@@ -36,7 +36,6 @@ class SequenceClock:
         self.strange = 0
         """Records whose number cannot be right."""
         self.restarts = 0
-        self._modulus = 1 << bits
         self._sequence: int | None = None
         self._index = 0
         self._arrival_ns = 0
@@ -60,14 +59,14 @@ class SequenceClock:
         """
         if self._sequence is None:
             return self._begin(sequence, arrival_ns)
-        step = (sequence - self._sequence) % self._modulus
+        step = (sequence - self._sequence) % _MODULUS
         if self._interrupted:
             self._interrupted = False
             ahead_ns = step * self.period_ns - (arrival_ns - self._arrival_ns)
             if abs(ahead_ns) > _SLACK_NS:
                 return self._begin(sequence, arrival_ns)
         if step != 1:
-            if self._modulus - step <= _BEHIND or step == 0:
+            if _MODULUS - step <= _BEHIND or step == 0:
                 self.late += 1
                 return self._doubt(sequence, arrival_ns, _LATE_RUN)
             if (step - 1) * self.period_ns > arrival_ns - self._arrival_ns + _SLACK_NS:
@@ -82,7 +81,7 @@ class SequenceClock:
 
     def _doubt(self, sequence: int, arrival_ns: int, longest_run: int) -> int | None:
         self._agreeing = self._agreeing + 1 if sequence == self._expected else 1
-        self._expected = (sequence + 1) % self._modulus
+        self._expected = (sequence + 1) % _MODULUS
         if self._agreeing < longest_run:
             return None
         return self._begin(sequence, arrival_ns)
@@ -108,20 +107,14 @@ class StampClock:
 
     The period is learnt from the first steps. If a stamp is ahead of the time passed on the host,
     as after a restart, the sensor's time is continued by the time passed on the host.
-
-    Parameters
-    ----------
-    bits
-        Width of the stamp.
     """
 
-    def __init__(self, bits: int = 32) -> None:
+    def __init__(self) -> None:
         self.period_ns = 0.0
         """Time between two records, 0 while it is not known."""
         self.lost = 0
         self.repeated = 0
         self.restarts = 0
-        self._modulus = 1 << bits
         self._last_us: int | None = None
         self._time_ns = 0
         self._arrival_ns = 0
@@ -150,7 +143,7 @@ class StampClock:
             self._interrupted = False
             self._time_ns = time_us * 1000
             return self._time_ns
-        step_ns = (time_us - last_us) % self._modulus * 1000
+        step_ns = (time_us - last_us) % _MODULUS * 1000
         passed_ns = arrival_ns - last_arrival_ns
         if self._interrupted:
             self._interrupted = False

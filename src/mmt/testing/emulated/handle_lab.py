@@ -35,19 +35,11 @@ _KEPT: Final = 4096
 
 
 class ShakenHandle:
-    """A voice coil's mass on a spring, which turns voltage into acceleration with a resonance.
+    """A voice coil's mass on a spring, which turns voltage into acceleration with a resonance."""
 
-    Parameters
-    ----------
-    resonance_hz, damping_ratio
-        Resonance and damping of the mass on its spring.
-    """
-
-    def __init__(
-        self, resonance_hz: float = RESONANCE_HZ, damping_ratio: float = DAMPING_RATIO
-    ) -> None:
-        rate = math.tau * resonance_hz
-        self._damping, self._stiffness = 2.0 * damping_ratio * rate, rate * rate
+    def __init__(self) -> None:
+        rate = math.tau * RESONANCE_HZ
+        self._damping, self._stiffness = 2.0 * DAMPING_RATIO * rate, rate * rate
         self._place = self._speed = 0.0
         self._origin_ns: int | None = None
         self._newest = -1

@@ -25,8 +25,6 @@ class EmulatedNetFt(FaultySending):
     ----------
     truth
         The force (N) at a time (ns) of the host's monotonic clock.
-    host
-        Address to listen at.
     rdt_port, http_port
         0 for any free port.
     clock_ppm
@@ -40,7 +38,6 @@ class EmulatedNetFt(FaultySending):
     def __init__(
         self,
         truth: Truth,
-        host: str = "127.0.0.1",
         rdt_port: int = 0,
         http_port: int = 0,
         *,
@@ -77,8 +74,8 @@ class EmulatedNetFt(FaultySending):
         self.requests: list[int] = []
         """Commands received."""
         self.truth = truth
-        self._address = (host, rdt_port)
-        self._http_address = (host, http_port)
+        self._address = ("127.0.0.1", rdt_port)
+        self._http_address = ("127.0.0.1", http_port)
         self._noise_n = noise_n
         self._rate_error = 1e-6 * clock_ppm
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret

@@ -8,7 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, Final
 
 import numpy as np
@@ -25,24 +25,11 @@ class PortAudioError(Exception):
     """The library's error."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Status:
-    output_underflow: bool
-
-
-@dataclass(frozen=True, slots=True)
-class _Times:
-    currentTime: float  # noqa: N815 - the library's names
-    outputBufferDacTime: float  # noqa: N815
-
-
 class EmulatedSoundCard:
     """One card with one stream at a time.
 
     Parameters
     ----------
-    name
-        Name by which the card is found.
     channels
         Number of its outputs.
     clock_ppm
@@ -54,17 +41,16 @@ class EmulatedSoundCard:
     """
 
     PortAudioError = PortAudioError
+    name = "Emulated card"
 
     def __init__(
         self,
-        name: str = "Emulated card",
         channels: int = 2,
         *,
         clock_ppm: float = 0.0,
         dac_latency_s: float = 0.004,
         history_s: float = 10.0,
     ) -> None:
-        self.name = name
         self.channels = channels
         self.dac_latency_s = dac_latency_s
         self.begun_s = 0.0
@@ -151,9 +137,10 @@ class EmulatedSoundCard:
     def _play(self, stream: "EmulatedStream") -> None:
         block = np.full((stream.blocksize, stream.channels), np.nan, dtype=np.float32)
         now_s = self._time_s
-        status = _Status(output_underflow=self._underflow)
+        times = SimpleNamespace(currentTime=now_s, outputBufferDacTime=now_s + self.dac_latency_s)
+        status = SimpleNamespace(output_underflow=self._underflow)
         self._underflow = False
-        stream.callback(block, stream.blocksize, _Times(now_s, now_s + self.dac_latency_s), status)
+        stream.callback(block, stream.blocksize, times, status)
         self._blocks.append(block)
         self._held += len(block)
         while self._held > self._history_s * stream.samplerate:
