@@ -7,13 +7,13 @@ import pytest
 from service_runs import Together, run_session, small_scene
 
 from mmt.session.files import read_session
-from mmt_devices.inverse3.emulated import EmulatedInverse3, StrokingHand
+from mmt_devices.inverse3.emulated import EmulatedInverse3, stroking_hand
 from mmt_devices.inverse3.emulated_tip import EmulatedTip
 
 
 @pytest.fixture
 def service(started):
-    tip = EmulatedTip((0.0, -150.0, 155.0), StrokingHand(seed=3))
+    tip = EmulatedTip((0.0, -150.0, 155.0), stroking_hand(seed=3))
     return started(EmulatedInverse3({"049D": tip}))
 
 

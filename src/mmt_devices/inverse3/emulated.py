@@ -22,7 +22,7 @@ from mmt.scene import Hand
 from mmt.testing.emulated.lab_process import run_lab
 from mmt.testing.simulation import START_MM
 from mmt.testing.simulation.hand import SimulatedHand
-from mmt_devices.inverse3.emulated_tip import EmulatedTip
+from mmt_devices.inverse3.emulated_tip import EmulatedTip, HeldAt
 
 REST_MM: Final[Vector] = (0.0, -150.0, 150.0)
 """About the middle of an Inverse3's space."""
@@ -47,20 +47,14 @@ class EmulatedInverse3:
     ----------
     tips
         Tips of the devices by identifier; None for one device ``049D`` with a free tip.
-    port
-        TCP port; 0 for a free one.
     """
 
-    def __init__(
-        self,
-        tips: Mapping[str, EmulatedTip] | None = None,
-        *,
-        port: int = 0,
-    ) -> None:
+    def __init__(self, tips: Mapping[str, EmulatedTip] | None = None) -> None:
         self.tips = {"049D": EmulatedTip(REST_MM)} if tips is None else dict(tips)
         self.version: Version = "3.5"
         """Version of the message format."""
-        self.port = port
+        self.port = 0
+        """TCP port; a free one is taken at the first start, and kept."""
         self.heard = 0
         """Number of messages received."""
         self.profile: str | None = None
@@ -256,22 +250,15 @@ def _from_metres(place: Mapping[str, float]) -> Vector:
     return (1e3 * place["x"], 1e3 * place["y"], 1e3 * place["z"])
 
 
-class StrokingHand:
-    """Simulated hand that holds the tip and feels the displayed force.
+def stroking_hand(seed: int) -> HeldAt:
+    """Return a simulated hand that holds the tip and feels the displayed force."""
+    hand = SimulatedHand(Hand(), seed)
 
-    Parameters
-    ----------
-    seed
-        Seed of the hand's motion.
-    """
+    def held_at(felt_n: Vector) -> Vector:
+        hand.write(felt_n)
+        return _on_device(hand.read(1).position_mm)
 
-    def __init__(self, seed: int) -> None:
-        self._hand = SimulatedHand(Hand(), seed)
-
-    def __call__(self, felt_n: Vector) -> Vector:
-        """Return where the hand holds the tip one millisecond later."""
-        self._hand.write(felt_n)
-        return _on_device(self._hand.read(1).position_mm)
+    return held_at
 
 
 def _on_device(position_mm: Vector) -> Vector:
@@ -284,7 +271,7 @@ def main(seed: int) -> None:
     """Run the services until standard input ends."""
 
     def service(role: str) -> EmulatedInverse3:
-        held = StrokingHand(seed) if role == "handle" else None
+        held = stroking_hand(seed) if role == "handle" else None
         return EmulatedInverse3({"049D": EmulatedTip(_on_device(START_MM), held)})
 
     run_lab(service)

@@ -69,22 +69,6 @@ LAB: Final = LabProcess("mmt.testing.emulated.lab")
 _HANDLE_LAB: Final = LabProcess("mmt.testing.emulated.handle_lab")
 
 
-def check_options(
-    name: str, driver: str, options: Mapping[str, Any], role: Role | None = None
-) -> None:
-    """Make the real driver, at any address, to report a wrong option before the lab starts.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed; the message begins with `name`, the device's name in a scene.
-    """
-    try:
-        load_device(driver, options, role=role)
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from error
-
-
 class VirtualDevice(Generic[AnyDevice]):
     """A real driver at the address of a lab's emulated device.
 
@@ -126,7 +110,10 @@ class VirtualDevice(Generic[AnyDevice]):
         self._lab, self._address = lab, address
         self._lab_arguments = take_lab_options(lab_options, name, options).arguments
         self._options = options
-        check_options(name, driver, {**needed, **options}, role)
+        try:  # at any address, to report a wrong option before the lab starts
+            load_device(driver, {**needed, **options}, role=role)
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from error
         self._name, self._driver, self._role = name, driver, role
         self._device: AnyDevice | None = None
         self._connected_to: dict[str, Any] = {}
