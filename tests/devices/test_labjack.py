@@ -121,20 +121,21 @@ def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("channels", "rate_hz", "message"),
+    ("options", "words"),
     [
-        ([], 1000.0, "14 inputs"),
-        ([AnalogInput(14)], 1000.0, "input 14"),
-        ([AnalogInput(0, 5)], 1000.0, "gain 5"),
-        ([AnalogInput(1, 1, differential=True)], 1000.0, "even half"),
-        ([AnalogInput(0)], 50.0, "rate_hz 50"),
-        ([AnalogInput(0)], float("nan"), "rate_hz nan"),
-        ([AnalogInput(n) for n in range(14)], 4000.0, "50000 samples a second, which is 3571 Hz"),
+        ({"inputs": []}, "inputs is .*at least 1"),
+        ({"inputs": [*range(14), 0]}, "inputs is .*at most 14"),
+        ({"inputs": [14]}, "input 14"),
+        ({"gain": 5}, "gain is 5"),
+        ({"inputs": [1], "differential": True}, "even half"),
+        ({"rate_hz": 50.0}, "rate_hz is 50.0"),
+        ({"rate_hz": float("nan")}, "rate_hz is nan"),
+        ({"inputs": range(14), "rate_hz": 4000.0}, "50000 samples a second, which is 3571 Hz"),
     ],
 )
-def test_what_a_box_cannot_do_is_refused(channels, rate_hz, message):
-    with pytest.raises(InputError, match=message):
-        U6Voltages(channels, rate_hz)
+def test_what_a_box_cannot_do_is_refused(options, words):
+    with pytest.raises(InputError, match=f"device 'labjack-u6': .*{words}"):
+        load_device("labjack-u6", options)
 
 
 # --- the accelerometer

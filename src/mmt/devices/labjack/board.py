@@ -2,16 +2,15 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import MmtError
 from mmt.devices.board_sharing import BoardStream, ChannelsOf, SharedInputs, StreamData
 from mmt.devices.discovery import missing_libusb
 from mmt.devices.drivers import read_options
 from mmt.devices.labjack.packets import (
-    GAINS,
     READ_CALIBRATION,
     STREAM_CONFIG,
     AnalogInput,
@@ -100,18 +99,13 @@ class U6Voltages(SharedInputs[AnalogInput]):
     Parameters
     ----------
     channels
-        The inputs, in the order of the volts; 1 to 14.
+        The inputs, in the order of the volts.
     rate_hz
-        Scans a second, at least 100; at most 50 000 samples a second of all inputs together.
+        Scans a second.
     box
         Serial number of the U6; None takes the only one.
     backend
         The pyusb backend; None takes the one that the system has.
-
-    Raises
-    ------
-    InputError
-        A channel or the rate is not allowed.
     """
 
     what = "LabJack U6"
@@ -123,7 +117,6 @@ class U6Voltages(SharedInputs[AnalogInput]):
         box: int | None = None,
         backend: Any = None,
     ) -> None:
-        _check(channels, rate_hz)
         limit_v = min(10.0 / channel.gain for channel in channels)
         super().__init__(channels, rate_hz, limit_v, box, backend)
 
@@ -170,27 +163,6 @@ def _listed(numbers: Sequence[int]) -> str:
     return ", ".join(map(str, numbers))
 
 
-def _check(channels: Sequence[AnalogInput], rate_hz: float) -> None:
-    if not 1 <= len(channels) <= INPUTS:
-        raise InputError(f"a LabJack U6 has {INPUTS} inputs, not {len(channels)}")
-    if not rate_hz >= 100.0:
-        raise InputError(f"rate_hz {rate_hz:g}: a LabJack U6 is read at 100 Hz and above here")
-    if rate_hz * len(channels) > MOST_SAMPLES_HZ:
-        raise InputError(
-            f"rate_hz {rate_hz:g}: a LabJack U6 takes {MOST_SAMPLES_HZ} samples a second, which "
-            f"is {MOST_SAMPLES_HZ / len(channels):.0f} Hz for {len(channels)} inputs"
-        )
-    for channel in channels:
-        if channel.gain not in GAINS:
-            raise InputError(f"gain {channel.gain}: a LabJack U6 has 1, 10, 100 and 1000")
-        if not 0 <= channel.number < INPUTS:
-            raise InputError(f"input {channel.number}: a LabJack U6 has 0 to 13")
-        if channel.differential and channel.number % 2:
-            raise InputError(
-                f"input {channel.number}: a differential one is named by its even half"
-            )
-
-
 class BoardOptions(BaseModel):
     """Inputs, rate and gain of the board."""
 
@@ -206,6 +178,21 @@ class BoardOptions(BaseModel):
     """Readings a second."""
     box: int | None = Field(None, ge=1)
     """Serial number of the U6; None takes the only one."""
+
+    @model_validator(mode="after")
+    def _fit_the_box(self) -> Self:
+        for number in self.inputs:
+            if not 0 <= number < INPUTS:
+                raise ValueError(f"input {number}: a LabJack U6 has 0 to 13")
+            if self.differential and number % 2:
+                raise ValueError(f"input {number}: a differential one is named by its even half")
+        if self.rate_hz * len(self.inputs) > MOST_SAMPLES_HZ:
+            raise ValueError(
+                f"rate_hz {self.rate_hz:g}: a LabJack U6 takes {MOST_SAMPLES_HZ} samples a second, "
+                f"which is {MOST_SAMPLES_HZ / len(self.inputs):.0f} Hz for {len(self.inputs)} "
+                "inputs"
+            )
+        return self
 
 
 def labjack_u6(*, backend: Any = None, **options: Any) -> U6Voltages:
