@@ -65,6 +65,9 @@ class RunningSource:
         self.source.start(0)
         self._last_ns = time.monotonic_ns()
 
+    def stop(self):
+        self.source.close()
+
     def run_until_told(self, *patterns):
         """Tick until a loss has been told for each of these reasons.
 

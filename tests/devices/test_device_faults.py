@@ -49,7 +49,6 @@ class Bench:
     channel: str = "force_n"
 
     def __post_init__(self):
-        self.device.start()
         self.options = self.device.options
         self.sensor = self.load()
         self.at_rest = (0.0, 0.0, GRAVITY_M_S2 * (self.channel == "acceleration_m_s2"))
@@ -69,43 +68,39 @@ def weighed(felt):
     return lambda t: tuple(a + b for a, b in zip(felt(t), WEIGHT, strict=True))
 
 
-def net_ft(felt):
-    return Bench(EmulatedNetFt(weighed(felt), noise_n=0.001), "ati-net-ft", felt)
+def net_ft(started, felt):
+    return Bench(started(EmulatedNetFt(weighed(felt), noise_n=0.001)), "ati-net-ft", felt)
 
 
-def digital_ft(felt):
-    return Bench(EmulatedDigitalFt(weighed(felt), 115_200), "ati-digital-ft", felt)
+def digital_ft(started, felt):
+    return Bench(started(EmulatedDigitalFt(weighed(felt), 115_200)), "ati-digital-ft", felt)
 
 
-def adxl335(felt):
-    board = EmulatedAdxl335Board(upright(felt), rate_hz=2000.0)
+def adxl335(started, felt):
+    board = started(EmulatedAdxl335Board(upright(felt), rate_hz=2000.0))
     return Bench(board, "adxl335-serial", felt, "acceleration_m_s2")
 
 
-def bota(felt):
-    return Bench(EmulatedBota(weighed(felt)), "bota-serial", felt)
+def bota(started, felt):
+    return Bench(started(EmulatedBota(weighed(felt))), "bota-serial", felt)
 
 
-def iio(felt):
-    return Bench(EmulatedIio(upright(felt)), "iio-accelerometer", felt, "acceleration_m_s2")
+def iio(started, felt):
+    device = started(EmulatedIio(upright(felt)))
+    return Bench(device, "iio-accelerometer", felt, "acceleration_m_s2")
 
 
 @pytest.fixture(params=[net_ft, digital_ft, adxl335, bota, iio])
-def bench(request):
-    made = request.param(Felt())
-    yield made
-    made.device.stop()
+def bench(request, started):
+    return request.param(started, Felt())
 
 
 @pytest.fixture
-def running(bench):
+def running(bench, started):
     force, acceleration = (
         (bench.sensor, None) if bench.channel == "force_n" else (None, bench.sensor)
     )
-    made = RunningSource(force, acceleration)
-    made.start()
-    yield made
-    made.source.close()
+    return started(RunningSource(force, acceleration))
 
 
 def near(bench, felt):
@@ -269,21 +264,14 @@ def test_a_value_that_never_changes_is_none(bench, refused, connected):
     assert read_some(sensor, 20)
 
 
-def test_a_port_that_is_closed_is_a_lost_box_and_another_at_its_place_is_taken():
-    felt = Felt()
-    box = EmulatedNetFt(felt)
-    bench = Bench(box, "ati-net-ft", felt)
-    options = bench.options
-    running = RunningSource(bench.sensor, None)
-    running.start()
-    try:
-        running.run(lambda number: number >= 50)
-        box.stop()  # so that this machine answers in its place
-        running.run(lambda _: running.is_lost)
-        felt.value = PRESSED
-        box = EmulatedNetFt(felt, rdt_port=options["rdt_port"], http_port=options["http_port"])
-        box.start()
-        back_and_right(bench, running)
-    finally:
-        running.source.close()
-        box.stop()
+@pytest.mark.parametrize("bench", [net_ft], indirect=True)
+def test_a_port_that_is_closed_is_a_lost_box_and_another_at_its_place_is_taken(
+    bench, running, started
+):
+    running.run(lambda number: number >= 50)
+    bench.device.stop()  # so that this machine answers in its place
+    running.run(lambda _: running.is_lost)
+    bench.felt.value = PRESSED
+    ports = {name: bench.options[name] for name in ("rdt_port", "http_port")}
+    started(EmulatedNetFt(weighed(bench.felt), **ports))
+    back_and_right(bench, running)

@@ -4,7 +4,6 @@ import logging
 import math
 import random
 import time
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -226,20 +225,16 @@ def shaken(time_ns, fast_hz):
     return 10.0 * math.sin(slow), 10.0 * math.sin(fast), 9.81
 
 
-@contextmanager
-def board_of_4_khz(fast_hz):
+def board_of_4_khz(started, fast_hz):
     """A microcontroller's board at a serial line."""
     board = EmulatedAdxl335Board(
         lambda time_ns: shaken(time_ns, fast_hz),
         rate_hz=4000.0, per_frame=2, bandwidth_hz=1600.0, noise_density=0.0,
     )  # fmt: skip
-    board.start()
-    yield SerialAdxl335(port=board.path, bandwidth_hz=1600.0)
-    board.stop()
+    return SerialAdxl335(port=started(board).path, bandwidth_hz=1600.0)
 
 
-@contextmanager
-def u6_of_8_khz(fast_hz):
+def u6_of_8_khz(started, fast_hz):
     """A LabJack U6 at its USB packets."""
     zero, gain, _ = nominal(3.3)
     delay_ns = round(1e9 / (math.tau * 1600.0))
@@ -250,35 +245,30 @@ def u6_of_8_khz(fast_hz):
 
     board = {"driver": "labjack-u6", "inputs": [0, 1, 2], "rate_hz": 8000.0}
     board["backend"] = EmulatedU6(volts)
-    yield load_device("adxl335-board", {"board": board, "bandwidth_hz": 1600.0})
+    return load_device("adxl335-board", {"board": board, "bandwidth_hz": 1600.0})
 
 
-@contextmanager
-def iio_of_4_khz(fast_hz):
+def iio_of_4_khz(started, fast_hz):
     """An ADXL355 at the buffer of industrial I/O."""
-    emulated = EmulatedIio(lambda time_ns: shaken(time_ns, fast_hz), noise_m_s2=0.0)
-    emulated.start()
-    yield iio_accelerometer(**emulated.options, rate_hz=4000.0, stuck_s=60.0)
-    emulated.stop()
+    emulated = started(EmulatedIio(lambda time_ns: shaken(time_ns, fast_hz), noise_m_s2=0.0))
+    return iio_accelerometer(**emulated.options, rate_hz=4000.0, stuck_s=60.0)
 
 
 @pytest.mark.parametrize(
     ("sensor_of", "samples_per_frame", "fast_hz"),
     [(board_of_4_khz, 2, 1300.0), (u6_of_8_khz, 3, 2400.0), (iio_of_4_khz, 3, 1800.0)],
 )
-def test_emulated_devices_give_several_samples_a_frame(sensor_of, samples_per_frame, fast_hz):
+def test_emulated_devices_give_several_samples_a_frame(
+    sensor_of, samples_per_frame, fast_hz, started
+):
     """What is slow comes through at its time, what the frames cannot hold does not."""
     pressed_n = [0.0]
-    box = EmulatedNetFt(lambda _: (0.0, 0.0, pressed_n[0]), noise_n=1e-5)
-    box.start()
-    with sensor_of(fast_hz) as sensor:
-        force = load_device("ati-net-ft", {**box.options, "filter": 0}, role="force_sensor")
-        running = RunningSource(force, sensor, samples_per_frame=samples_per_frame)
-        running.start()  # takes the bias
-        pressed_n[0] = 1.0
-        frames = running.run(lambda number: number >= 1000)[200:]
-        running.source.close()
-    box.stop()
+    box = started(EmulatedNetFt(lambda _: (0.0, 0.0, pressed_n[0]), noise_n=1e-5))
+    force = load_device("ati-net-ft", {**box.options, "filter": 0}, role="force_sensor")
+    sensor = sensor_of(started, fast_hz)
+    running = started(RunningSource(force, sensor, samples_per_frame=samples_per_frame))
+    pressed_n[0] = 1.0  # after the bias is taken
+    frames = running.run(lambda number: number >= 1000)[200:]
     assert frames["acceleration_m_s2"].shape == (len(frames), samples_per_frame, 3)
     earlier_ns = np.arange(1 - samples_per_frame, 1) * (MS / samples_per_frame)
     times_s = (frames["time_ns"][:, None] + earlier_ns).ravel() * 1e-9
@@ -289,11 +279,9 @@ def test_emulated_devices_give_several_samples_a_frame(sensor_of, samples_per_fr
     assert np.median(frames["force_n"][:, 2]) == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_sensor_that_is_too_slow_says_so_at_the_start(caplog):
-    with board_of_4_khz(1300.0) as sensor, caplog.at_level(logging.WARNING, "mmt.devices"):
-        running = RunningSource(None, sensor, samples_per_frame=10)
-        running.start()
-        running.source.close()
+def test_a_sensor_that_is_too_slow_says_so_at_the_start(started, caplog):
+    with caplog.at_level(logging.WARNING, "mmt.devices"):
+        started(RunningSource(None, board_of_4_khz(started, 1300.0), samples_per_frame=10))
     (said,) = (each for each in caplog.messages if "samples a second" in each)
     assert "the scene takes 10000: nothing above " in said
     assert any(

@@ -323,21 +323,17 @@ def test_two_robots_at_one_arm_and_drivers_that_do_not_agree_are_refused(make):
     assert first.read() == pytest.approx(HOME)
 
 
-def test_a_session_goes_on_after_a_reflex(make, emulated):
+def test_a_session_goes_on_after_a_reflex(make, emulated, started):
     """Both devices are lost at once, and connected again side by side."""
     emulated.pushes_n = (0.0, 0.0, 0.1)
-    running = RunningSource(make(FrankaForce), None, make())
-    running.start()
-    try:
-        running.run(lambda number: number >= 50)
-        emulated.stop(REFLEX, error="cartesian_reflex")
-        running.run_until_told("robot .*is lost", "force sensor .*is lost")
-        running.run(lambda _: not running.is_lost)
-        frames = running.run(lambda number: number >= 50)
-        assert frames["position_mm"][-1] == pytest.approx(HOME, abs=0.1)
-        assert emulated.connections == 1
-    finally:
-        running.source.close()
+    running = started(RunningSource(make(FrankaForce), None, make()))
+    running.run(lambda number: number >= 50)
+    emulated.stop(REFLEX, error="cartesian_reflex")
+    running.run_until_told("robot .*is lost", "force sensor .*is lost")
+    running.run(lambda _: not running.is_lost)
+    frames = running.run(lambda number: number >= 50)
+    assert frames["position_mm"][-1] == pytest.approx(HOME, abs=0.1)
+    assert emulated.connections == 1
 
 
 def test_without_the_library_the_command_that_installs_it_is_given(monkeypatch):

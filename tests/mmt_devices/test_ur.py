@@ -346,29 +346,25 @@ def test_what_is_not_connected_is_lost_and_what_is_not_installed_is_told(lab):
         load_device("virtual-ur", {"foo": 1})
 
 
-def test_frames_cease_in_a_protective_stop_and_go_on_after_it(lab):
-    running = RunningSource(lab.force, None, lab.robot)
-    running.start()
-    try:
-        running.command_mm = (5.0, 0.0, -1.0)
-        frames = running.run(lambda number: number >= 250)
-        assert frames["position_mm"][-1] == pytest.approx((5.0, 0.0, -1.0), abs=0.1)
-        assert frames["force_n"][-1] == pytest.approx((0.0, 0.0, 2.0), abs=0.5)
-        lab.arm.protective_stop()
-        running.run(lambda _: running.told)
-        assert running.told[0][0]
-        assert "the robot (UrRobot) is lost" in running.told[0][1]
-        turns = itertools.count()
-        assert len(running.run(lambda _: next(turns) > 50)) == 0
-        lab.arm.restore()
-        running.run(lambda _: not running.told[-1][0])
-        frames = running.run(lambda number: number >= 300)
-        assert frames["position_mm"][-1] == pytest.approx((5.0, 0.0, -1.0), abs=0.1)
-        np.testing.assert_allclose(frames["force_n"][:, 2], 2.0, atol=0.5)  # zeroed in contact
-        assert lab.arm.runtime_state == PLAYING
-        assert [sentence for _, sentence in running.told if "force" in sentence] == []
-    finally:
-        running.source.close()
+def test_frames_cease_in_a_protective_stop_and_go_on_after_it(lab, started):
+    running = started(RunningSource(lab.force, None, lab.robot))
+    running.command_mm = (5.0, 0.0, -1.0)
+    frames = running.run(lambda number: number >= 250)
+    assert frames["position_mm"][-1] == pytest.approx((5.0, 0.0, -1.0), abs=0.1)
+    assert frames["force_n"][-1] == pytest.approx((0.0, 0.0, 2.0), abs=0.5)
+    lab.arm.protective_stop()
+    running.run(lambda _: running.told)
+    assert running.told[0][0]
+    assert "the robot (UrRobot) is lost" in running.told[0][1]
+    turns = itertools.count()
+    assert len(running.run(lambda _: next(turns) > 50)) == 0
+    lab.arm.restore()
+    running.run(lambda _: not running.told[-1][0])
+    frames = running.run(lambda number: number >= 300)
+    assert frames["position_mm"][-1] == pytest.approx((5.0, 0.0, -1.0), abs=0.1)
+    np.testing.assert_allclose(frames["force_n"][:, 2], 2.0, atol=0.5)  # zeroed in contact
+    assert lab.arm.runtime_state == PLAYING
+    assert [sentence for _, sentence in running.told if "force" in sentence] == []
 
 
 def test_the_virtual_arm_strokes_the_simulated_surface_of_the_lab():
