@@ -17,16 +17,20 @@ def service(started):
     return started(EmulatedInverse3({"049D": tip}))
 
 
+def scene_of(service, tmp_path, duration_s, timeout_ms):
+    return small_scene(
+        tmp_path,
+        session={"duration_s": duration_s},
+        hand=None,
+        handle={"driver": "inverse3", "timeout_ms": timeout_ms, **service.options},
+        force_feedback={},
+    )
+
+
 async def test_a_stroking_hand_on_the_handle_moves_the_follower_and_feels_its_surface(
     tmp_path, service
 ):
-    scene = small_scene(
-        tmp_path,
-        session={"duration_s": 2.5},
-        hand=None,
-        handle={"driver": "inverse3", "timeout_ms": 2000, **service.options},
-        force_feedback={},
-    )
+    scene = scene_of(service, tmp_path, 2.5, 2000)
     leader, follower = await run_session(scene, None)
     assert service.tip_state().motor_n == (0.0, 0.0, 0.0)
     assert (leader.outcome, follower.problem) == ("completed", None)
@@ -37,15 +41,7 @@ async def test_a_stroking_hand_on_the_handle_moves_the_follower_and_feels_its_su
 
 
 async def test_a_handle_whose_service_fails_is_lost_and_comes_back(tmp_path, service):
-    scene = small_scene(
-        tmp_path,
-        session={"duration_s": 600.0},
-        hand=None,
-        handle={"driver": "inverse3", "timeout_ms": 500, **service.options},
-        force_feedback={},
-    )
-    together = Together.of(scene)
-    await together.listen()
+    together = await Together.listening(scene_of(service, tmp_path, 600.0, 500))
     following = asyncio.create_task(together.follow())
     await together.until(lambda: together.leader.time_s > 0.2)
     handle = together.leader.parts.hand.handle

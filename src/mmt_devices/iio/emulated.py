@@ -184,7 +184,8 @@ class EmulatedIio(FaultySending):
         self._enabled = sorted(enabled, key=lambda element: element.index)
         self._rate_hz = float(self.read("in_accel_sampling_frequency"))
         self._length = int(self.read(f"{self._buffer}/length"))
-        self._realtime = self.chip.stamped and self.read("current_timestamp_clock") != "monotonic"
+        clock = self.read("current_timestamp_clock") if self.chip.triggered else "monotonic"
+        self._realtime = clock != "monotonic"
         self._begun_ns, self._sent, self._held = now_ns, 0, b""
 
     def _send_due(self, begun_ns: int, now_ns: int) -> int:

@@ -21,11 +21,8 @@ class Chip:
     scale: float
     """m/s2 a count."""
     rates_hz: tuple[str, ...]
-    stamped: bool
-    """Whether scans can have a time stamp."""
     triggered: bool
-    warmth: bool = False
-    """Whether scans can have the temperature."""
+    """Whether a trigger captures the scans, which can then have temperature and time stamp."""
 
 
 ADXL355: Final = Chip(
@@ -33,9 +30,7 @@ ADXL355: Final = Chip(
     "be:s20/32>>4",
     0.000038245,
     ("4000.000000", "2000.000000", "1000.000000", "500.000000"),
-    stamped=True,
     triggered=True,
-    warmth=True,
 )
 ADXL359: Final = replace(ADXL355, name="adxl359", scale=0.000191229)
 """Like the ADXL355, but with a range of 10 g instead of 2 g."""
@@ -44,11 +39,8 @@ ADXL345: Final = Chip(
     "le:s13/16>>0",
     0.0383,
     ("400.000000", "800.000000", "1600.000000", "3200.000000"),
-    stamped=False,
     triggered=False,
 )
-
-_STAMP_KIND: Final = "le:s64/64>>0"
 
 
 def attributes(chip: Chip, buffer: str, scan: str) -> dict[str, str]:
@@ -57,8 +49,6 @@ def attributes(chip: Chip, buffer: str, scan: str) -> dict[str, str]:
     `buffer` and `scan` are the directories of the buffer's settings and of the elements.
     """
     kinds = {f"in_accel_{axis}": chip.kind for axis in "xyz"}
-    if chip.warmth:
-        kinds["in_temp"] = "be:u12/16>>0"
     made = {
         "name": chip.name,
         "in_accel_scale": f"{chip.scale:.9f}",
@@ -69,18 +59,17 @@ def attributes(chip: Chip, buffer: str, scan: str) -> dict[str, str]:
         f"{buffer}/length": "2",
         f"{buffer}/watermark": "1",
     }
-    if chip.stamped:
-        kinds["in_timestamp"] = _STAMP_KIND
+    if chip.triggered:
+        kinds |= {"in_temp": "be:u12/16>>0", "in_timestamp": "le:s64/64>>0"}
         made["current_timestamp_clock"] = "realtime"
+        made["trigger/current_trigger"] = f"{chip.name}-dev0"
+        made["../trigger0/name"] = f"{chip.name}-dev0"
     for index, (name, kind) in enumerate(kinds.items()):
         made |= {
             f"{scan}/{name}_en": "0",
             f"{scan}/{name}_index": str(index),
             f"{scan}/{name}_type": kind,
         }
-    if chip.triggered:
-        made["trigger/current_trigger"] = f"{chip.name}-dev0"
-        made["../trigger0/name"] = f"{chip.name}-dev0"
     return made
 
 
