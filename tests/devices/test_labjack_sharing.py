@@ -11,6 +11,7 @@ from driver_fixtures import own_calibrations  # noqa: F401 - a fixture
 from nano17_files import write_calibration
 from running_source import RunningSource
 from sensor_reading import read_some, read_until, read_until_fault, read_until_lost
+from test_labjack import level
 from waiting import until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
@@ -23,11 +24,6 @@ from mmt.testing.emulated.labjack_u6 import EmulatedU6
 
 WAVE_HZ = 5.0
 GAUGES, AXES = (4, 6, 8, 10, 12, 13), (1, 2, 3)
-
-
-def level(time_ns):
-    """Return an input of 0.1 V a number, which never quite stands still."""
-    return [0.1 * n + 0.001 * (time_ns // 1_000_000 % 3) for n in range(14)]
 
 
 def inputs(*numbers, backend, **options):

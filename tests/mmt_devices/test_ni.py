@@ -342,8 +342,7 @@ async def test_a_session_runs_on_the_virtual_board(tmp_path, acceleration_hz, ra
             "accelerometer": {"driver": "adxl335-board", "bandwidth_hz": 1600, "board": axes},
         },
     )
-    together = Together.of(scene)
-    await together.listen()
+    together = await Together.listening(scene)
     following = asyncio.create_task(together.follow())
     await together.until(  # on a busy machine frames are rare
         lambda: together.leader.time_s > 3.0 and together.leader.status().frames > 500
