@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from mmt.link.protocol import FollowerHello
     from mmt.session.recorder import Existing, McapRecorder
 
-RESPONSE: Final = "actuator response"
-"""Event of the response of the actuator, which the evaluation of a recording needs."""
+_HEAD: Final = ("gain", "frozen")
+"""Keys of events that hold on: a recording that starts later repeats the newest with each."""
 
 
 class RecordingPart(Part):
@@ -37,7 +37,7 @@ class RecordingPart(Part):
         self._ended: McapRecorder | None = None
         self._failed: list[McapRecorder] = []
         self._annotations = b""
-        self._response: dict[str, Any] | None = None
+        self._head: dict[str, dict[str, Any]] = {}
         self.before_end: Callable[[], None] = lambda: None
         """Called before `end` closes the recording."""
 
@@ -79,8 +79,8 @@ class RecordingPart(Part):
             raise MmtError("the session has ended")
         self.recorder = recorder
         self._annotate()
-        if self._response is not None:
-            recorder.record_event(self._response | {"time_s": self._session.time_s()})
+        for event in self._head.values():
+            recorder.record_event(event | {"time_s": self._session.journal.time_s})
         self._session.journal.event(f"recording into {path}")
 
     async def end(self) -> "McapRecorder":
@@ -131,8 +131,7 @@ class RecordingPart(Part):
     def on_event(self, event: dict[str, Any], sentence: str | None) -> None:
         """Record an event."""
         _ = sentence
-        if event.get("event") == RESPONSE:  # also for a recording that starts later
-            self._response = event
+        self._head |= {key: event for key in _HEAD if key in event}
         if self.recorder is not None:
             self.recorder.record_event(event)
 

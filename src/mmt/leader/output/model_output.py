@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 from mmt.core.errors import InputError
 from mmt.leader.part import Part, Session
-from mmt.leader.recording import RESPONSE
 from mmt.texture.signals.aligned import SignalFaults
 
 if TYPE_CHECKING:
@@ -180,7 +179,7 @@ class ModelOutput(Part):
         share = self.played_share = response.played_of(model)
         sentence = skin_sentence(share, response.low_hz)
         self._event(sentence, actuator_plays=round(share, 4))
-        self._session.journal.record({"event": RESPONSE, **response.as_dict()})
+        self._session.journal.record({"event": "actuator response", **response.as_dict()})
 
     def _follow_surface(self, update: "ModelUpdate", *, usable: bool) -> None:
         """Change to the model of another surface, if the tool has moved onto one."""
@@ -245,7 +244,7 @@ class ModelOutput(Part):
         self.takes_over = False
         self.forced, self.fell, self.played_share = None, "", None
         self._choose()
-        self._event("model reset")
+        self._event("model reset", frozen=False)
 
     def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
         """Fix one vibration, or let the start criterion decide (None).
