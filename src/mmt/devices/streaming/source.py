@@ -321,15 +321,11 @@ class DeviceSource:
         frames = np.zeros(1, dtype=self._dtype)
         frames["sequence"] = (self._sequence - 1) % SEQUENCES
         frames["time_ns"] = now_ns
-        for field, slot in self._measuring.items():
-            lane = self._lanes[field]
+        for field, lane in self._lanes.items():
             assert isinstance(lane, PolledLane | OrientationLane)  # noqa: S101 - none is sampled
             if lane.last is None:
                 return frames[:0]
-            try:
-                frames[field][0] = lane.last
-            except (TypeError, ValueError) as error:
-                raise failure(slot, error) from error
+            frames[field][0] = lane.last
         return frames
 
     def _lose(self, slot: Slot, error: DeviceLost, now_ns: int) -> None:
