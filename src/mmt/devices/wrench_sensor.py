@@ -1,11 +1,11 @@
 """Base class of the drivers of six-axis force sensors: bias, overload, silence, stuck values."""
 
-import math
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from math import isfinite
 from typing import Final
 
 from mmt.core.arrays import Vector
@@ -83,8 +83,7 @@ class WrenchSensor(ABC):
                 converter.take_bias(records, self.name)
                 self._arrival_ns = time.monotonic_ns()
                 return
-            taken = self._take(time.monotonic_ns())
-            records += [raw for _, raw in taken if math.isfinite(sum(raw))]
+            records += [raw for _, raw in self._take(time.monotonic_ns()) if isfinite(sum(raw))]
             time.sleep(0.001)
         raise MmtError(
             f"{self.name}: {len(records)} records came in {_BIAS_PATIENCE_S:g} s while the bias "

@@ -60,6 +60,7 @@ class Slot(ABC):
         self.lane = lane
         self._invalid = RareWarning()
         lane.on_invalid = self._warn
+        self._lanes = {"invalid_readings": lane}
         self.losses = 0
         """How often it was lost."""
         self.lost_ns: int | None = None
@@ -132,12 +133,9 @@ class Slot(ABC):
     def summary(self) -> dict[str, Any]:
         """Counts of the device and faults that its driver tolerated, for a program."""
         found = {"device": type(self.device).__name__, "losses": self.losses}
-        faults = {kind: count for kind, count in self._left_out().items() if count}
+        faults = {kind: lane.invalid for kind, lane in self._lanes.items() if lane.invalid}
         told = fault_table(self.device).get("faults", {})
         return {**found, "faults": told | faults} if told or faults else found
-
-    def _left_out(self) -> dict[str, int]:
-        return {"invalid_readings": self.lane.invalid}
 
     def _warn(self) -> None:
         self._invalid.warn(
@@ -182,6 +180,7 @@ class RobotSlot(Slot):
         self._measures = measures
         self.orientation = OrientationLane()
         self.orientation.on_invalid = self._warn
+        self._lanes["invalid_orientations"] = self.orientation
         self._turning = _turning(device) if turns else None
         self._keeping = device if isinstance(device, PositionKeeping) else None
         self._last_ns = 0
@@ -199,9 +198,6 @@ class RobotSlot(Slot):
             self._last_ns = now_ns
         if self._turning is not None:
             self.orientation.record(self._turning.orientation(), now_ns)
-
-    def _left_out(self) -> dict[str, int]:
-        return {**super()._left_out(), "invalid_orientations": self.orientation.invalid}
 
 
 class PolledSlot(Slot):
@@ -278,8 +274,6 @@ class SampledSlot(Slot):
                 if not self.device.read():
                     break
         readings = self.device.read()
-        if not readings:
-            return False
         stamping = self._stamping  # a time taken before the call might precede their arrival
         return self.lane.add(
             readings, time.monotonic_ns() if stamping is None else stamping.arrival_ns
