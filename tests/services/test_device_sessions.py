@@ -132,6 +132,49 @@ def device_scene(tmp_path, drivers, on_lost):
     return small_scene(tmp_path, devices=table, simulated=None)
 
 
+class Late(OwnClock):
+    """A sensor that gives its first reading when the test wants."""
+
+    begins: ClassVar[threading.Event]
+    asked: ClassVar[threading.Event]
+
+    def read(self):
+        self.asked.set()
+        return super().read() if self.begins.is_set() else []
+
+
+@pytest.fixture
+def late_scene(tmp_path, drivers):
+    (tmp_path / "late_drivers.py").write_text("from test_device_sessions import Late as Force\n")
+    Late.begins, Late.asked = threading.Event(), threading.Event()
+    table = {"robot": f"{drivers}:Robot", "force_sensor": "late_drivers:Force"}
+    table["accelerometer"] = f"{drivers}:Robot"
+    return small_scene(tmp_path, devices=table, simulated=None)
+
+
+async def test_the_clocks_are_exchanged_while_a_sensor_gives_no_reading_yet(late_scene):
+    together = await Together.listening(late_scene)
+    follower = together.follower()
+    following = asyncio.create_task(follower.run())
+    await together.until(Late.asked.is_set)
+    await together.until(lambda: follower.client.clock.estimate is not None)
+    assert follower.ticker.statistics.ticks == 0
+    Late.begins.set()
+    await together.until(lambda: together.leader.status().frames > 20)
+    assert (await together.stop()).problem is None
+    assert (await following).problem is None
+
+
+async def test_a_session_that_is_stopped_before_a_sensors_first_reading_has_not_failed(late_scene):
+    together = await Together.listening(late_scene)
+    follower = together.follower()
+    following = asyncio.create_task(follower.run())
+    await together.until(Late.asked.is_set)
+    follower.stop()
+    assert (await following).outcome == "stopped"
+    await together.stop()
+
+
 async def test_a_session_survives_a_sensor_that_is_unplugged_and_plugged_again(tmp_path, drivers):
     together = await Together.listening(device_scene(tmp_path, drivers, "hold"))
     following = asyncio.create_task(together.follow())

@@ -167,7 +167,9 @@ class DeviceSource:
         self._taker = callback
 
     def open(self) -> None:
-        """Connect and calibrate the devices, which can take seconds; may run in a thread.
+        """Connect and calibrate the devices, and learn the clocks of the sensors that have one.
+
+        That can take seconds, and may run in a thread.
 
         Raises
         ------
@@ -184,9 +186,14 @@ class DeviceSource:
         if self._tool is not None:
             accelerometer: Any = self._all["accelerometer"].device
             self._tool.learn_rest(accelerometer)
+        for slot in self._sampled:  # a driver may know it only now, from the device's filter
+            slot.lane.latency_ns = slot.device.latency_ns
+        if self._sampled:
+            self._merger = self._make_merger(self._warm_up())
+            self._tell_band()
 
     def start(self, start_time_ns: int) -> None:  # noqa: ARG002 - devices keep their own time
-        """Learn the clocks of the sensors that have one; open the devices unless that was done.
+        """Begin to look for readings between the ticks; open the devices unless that was done.
 
         Raises
         ------
@@ -195,15 +202,10 @@ class DeviceSource:
         """
         if not self._opened:
             self.open()
-        for slot in self._sampled:  # a driver may know it only now, from the device's filter
-            slot.lane.latency_ns = slot.device.latency_ns
-        if self._sampled:
-            self._merger = self._make_merger(self._warm_up())
-            self._tell_band()
-            if self._looked_at:
-                self._prober.start()
-            if self._taker is not None:
-                self._retry.start()
+        if self._looked_at:
+            self._prober.start()
+        if self._sampled and self._taker is not None:
+            self._retry.start()
         for device in (slot.device for slot in self._all.values()):
             if isinstance(device, Pacing):  # so that later ticks do not coincide with its turns
                 device.await_turn()
