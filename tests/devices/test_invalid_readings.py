@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_sensors import MS, SyntheticSensor, Time
 
-from mmt.core.errors import DeviceLost
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.frames import ALL_CHANNELS
 from mmt.core.units import LARGEST_QUANTITY
 from mmt.devices.protocols import SensorReading
@@ -46,10 +46,13 @@ class Polled:
 class Sampled(SyntheticSensor):
     """A sensor with a clock of its own, which gives nonsense for some time."""
 
-    wrong = None
+    wrong = stamp = None
 
     def read(self):
-        return [SensorReading(time_ns, self.wrong or value) for time_ns, value in super().read()]
+        return [
+            SensorReading(time_ns if self.stamp is None else self.stamp, self.wrong or value)
+            for time_ns, value in super().read()
+        ]
 
 
 class Bench:
@@ -112,6 +115,38 @@ def test_no_frame_has_a_reading_that_is_no_measurement(role, sampled, several, b
     for key, summary in bench.source.summary.items():
         count = summary.get("faults", {}).get(kind, 0)
         assert (count >= lasting) == (KEYS.get(role, "robot") == key)
+
+
+@given(
+    sensor=st.sampled_from(["force", "acceleration"]),
+    several=st.booleans(),
+    stamp=st.sampled_from([math.nan, math.inf, -math.inf]),
+    lasting=st.integers(1, 12),
+)
+@settings(max_examples=30, deadline=None)
+def test_a_reading_without_a_time_is_left_out(sensor, several, stamp, lasting):
+    with pytest.MonkeyPatch.context() as patch:
+        bench = Bench(patch, {sensor}, 4 if several and sensor == "acceleration" else 1)
+        bench.run(50)
+        bench.devices[sensor].stamp = stamp
+        during = bench.run(lasting)
+        bench.devices[sensor].stamp = None
+        after = bench.run(50)
+    frames = np.concatenate((during, after))
+    for name in frames.dtype.names:
+        assert np.isfinite(frames[name]).all()
+    assert (np.diff(frames["time_ns"]) > 0).all()
+    assert len(after) > 30
+    assert bench.source.summary[KEYS[sensor]]["faults"]["invalid_readings"] >= lasting
+
+
+@pytest.mark.parametrize("latency_ns", [math.nan, math.inf, None])
+def test_a_sensor_whose_latency_is_no_number_is_named(latency_ns, monkeypatch):
+    told = property(lambda _: latency_ns, lambda *_: None)
+    monkeypatch.setattr(Sampled, "latency_ns", told, raising=False)
+    monkeypatch.setattr(Sampled, "wrong", (1.0, 2.0, 3.0))
+    with pytest.raises(MmtError, match=r"the force sensor \(Sampled\) failed"):
+        Bench(monkeypatch, {"force"})
 
 
 def test_a_sensor_that_gives_nothing_but_nonsense_is_lost_and_comes_back(monkeypatch):

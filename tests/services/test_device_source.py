@@ -37,10 +37,6 @@ def test_every_device_is_read_once_a_tick():
 
 
 def test_ticks_begin_after_the_turn_of_a_device_that_has_turns():
-    class Paced(Instrument):
-        def await_turn(self):
-            self._do("await_turn")
-
     robot = Paced()
     source = DeviceSource(robot, Instrument(), Instrument(), CHANNELS)
     source.start(0)
@@ -79,10 +75,16 @@ def test_a_channel_without_a_device_is_explained(channel, key):
         DeviceSource(Instrument(), None, None, ("position", channel))
 
 
-@pytest.mark.parametrize("call", ["connect", "calibrate"])
+class Paced(Instrument):
+    def await_turn(self):
+        self._do("await_turn")
+
+
+@pytest.mark.parametrize("call", ["connect", "calibrate", "await_turn"])
 def test_a_device_that_does_not_answer_is_named(call):
-    source, _ = made(**{call: OSError(5, "Input/output error")})
-    with pytest.raises(MmtError, match=r"the accelerometer \(Instrument\) failed: .*Input/output"):
+    accelerometer = Paced(**{call: OSError(5, "Input/output error")})
+    source = DeviceSource(Instrument(), Instrument(), accelerometer, CHANNELS)
+    with pytest.raises(MmtError, match=r"the accelerometer \(Paced\) failed: .*Input/output"):
         source.start(0)
 
 

@@ -2,7 +2,7 @@
 
 The value is interpolated on the line between two readings, or from more of them
 (`mmt.devices.streaming.vibration_lane`). Without readings around the instant there is no value.
-Readings that are not finite are left out and counted.
+Readings that are not finite, or whose stamp is not, are left out and counted.
 """
 
 import math
@@ -72,7 +72,7 @@ class Lane:
         """
         kept, before = self._kept, self.invalid
         for reading in readings:
-            if measured(reading.value) is None:
+            if measured(reading.value) is None or not math.isfinite(reading.time_ns):
                 self._leave_out(reading.time_ns)
                 continue
             if kept:
@@ -85,15 +85,16 @@ class Lane:
                     limited = min(step, 3.0 * self.period_ns)  # a gap is not the usual spacing
                     self.period_ns += 0.01 * (limited - self.period_ns)
             kept.append(reading)
-        if readings:
-            self.readings += len(readings)
-            newest = self.newest = readings[-1]
-            self.clock.add(arrival_ns, newest.time_ns)
-        return self.invalid - before < len(readings)
+        self.readings += len(readings)
+        valid = self.invalid - before < len(readings)
+        if valid:
+            self.newest = kept[-1]
+            self.clock.add(arrival_ns, kept[-1].time_ns)
+        return valid
 
     def _leave_out(self, time_ns: int) -> None:
         self.invalid += 1
-        self._invalid_ns = time_ns
+        self._invalid_ns = time_ns if math.isfinite(time_ns) else _NEVER
         self.on_invalid()
 
     @property

@@ -2,7 +2,8 @@
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, Final
 
 from mmt.core.arrays import Vector
@@ -339,6 +340,15 @@ def failure(slot: Slot, error: Exception) -> MmtError:
     """Return the message for any exception that a driver raises."""
     reason = str(error) or type(error).__name__
     return MmtError(f"{slot.name} failed: {reason}")
+
+
+@contextmanager
+def named(slot: Slot) -> Iterator[None]:
+    """Raise an exception of the slot's driver as an `MmtError` that names the device."""
+    try:
+        yield
+    except Exception as error:
+        raise failure(slot, error) from error
 
 
 def summaries(slots: Mapping[str, Slot]) -> dict[str, Any]:

@@ -30,6 +30,7 @@ from mmt.devices.streaming.slots import (
     SampledSlot,
     Slot,
     failure,
+    named,
     slot_of,
     summaries,
 )
@@ -178,16 +179,15 @@ class DeviceSource:
         """
         self._opened = True
         for opened in self._all.values():
-            try:
+            with named(opened):
                 opened.device.connect()
                 opened.device.calibrate()
-            except Exception as error:
-                raise failure(opened, error) from error
         if self._tool is not None:
             accelerometer: Any = self._all["accelerometer"].device
             self._tool.learn_rest(accelerometer)
         for slot in self._sampled:  # a driver may know it only now, from the device's filter
-            slot.lane.latency_ns = slot.device.latency_ns
+            with named(slot):
+                slot.lane.latency_ns = round(slot.device.latency_ns)
         if self._sampled:
             self._merger = self._make_merger(self._warm_up())
             self._tell_band()
@@ -206,9 +206,10 @@ class DeviceSource:
             self._prober.start()
         if self._sampled and self._taker is not None:
             self._retry.start()
-        for device in (slot.device for slot in self._all.values()):
-            if isinstance(device, Pacing):  # so that later ticks do not coincide with its turns
-                device.await_turn()
+        for slot in self._all.values():
+            if isinstance(slot.device, Pacing):  # so that later ticks do not meet its turns
+                with named(slot):
+                    slot.device.await_turn()
 
     def _warm_up(self) -> int | None:
         """Read often for a moment: the quickest arrivals show the difference of the clocks.
@@ -225,10 +226,8 @@ class DeviceSource:
             and not all(slot.lane.period_ns for slot in self._sampled)
         ):
             for slot in self._sampled:
-                try:
+                with named(slot):
                     slot.poll()
-                except Exception as error:
-                    raise failure(slot, error) from error
             ages.record(time.monotonic_ns())
             time.sleep(5e-5)
         for slot in self._sampled:
