@@ -219,10 +219,8 @@ def _on_surface(
 
 
 def _remark(recording: "Recording", settings: "ModellingSettings") -> str:
-    import numpy as np
-
     from mmt.evaluation.strokes_made import StrokesMade, coverage
     from mmt.session.stream import blocks_of
 
     strokes = StrokesMade.from_frames(blocks_of(recording), settings)
-    return coverage(strokes, np.empty((0, 2)), settings, stopped=False).remark
+    return coverage(strokes, None, settings, stopped=False).remark

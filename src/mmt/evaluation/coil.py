@@ -16,6 +16,7 @@ from scipy import signal
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.files.untrusted import load_arrays
+from mmt.evaluation.model_errors import root_mean_square
 from mmt.testing.emulated.haptuator import coil_acceleration_m_s2
 from mmt.testing.emulated.openhaptics.phantom import series_n_mm
 from mmt.testing.simulation.surfaces.known_surfaces import vibration_of
@@ -76,27 +77,31 @@ def coil_figures(
     oracle, touches = _oracle(surface, velocity, force_n)
     late = round(latency_ms * _RATE_HZ / 1000.0)
     at_coil = np.concatenate([at_coil[late:], np.zeros(late)])
-    stroking = np.zeros(len(oracle), bool)
-    edges = []
-    for first, last in touches:
-        stroking[first:last] = True
-        edges.append(_edges(at_coil, oracle, first, last))
+    edges = [_edges(at_coil, oracle, first, last) for first, last in touches]
     found = np.array([edge for edge in edges if edge is not None])
     if not len(found):
         return {"touches": 0, "output_latency_ms": round(latency_ms, 2)}
-    both = [np.mean(each[stroking] ** 2) for each in (at_coil, oracle)]
-    frequencies, density = signal.welch(np.stack([at_coil, oracle]), _RATE_HZ, nperseg=256)
+    begin_ms, end_ms = np.median(found, axis=0).tolist()
+    level_db, spectrum_db = _errors_db(np.stack([at_coil, oracle]), touches)
+    return {
+        "touches": len(found),
+        "begin_ms": round(begin_ms, 2),
+        "end_ms": round(end_ms, 2),
+        "output_latency_ms": round(latency_ms, 2),
+        "level_error_db": round(level_db, 2),
+        "spectrum_error_db": round(spectrum_db, 2),
+    }
+
+
+def _errors_db(both: FloatArray, touches: list[tuple[int, int]]) -> tuple[float, float]:
+    """Return by how much the level in touches differs, and the whole spectrum, of (2, n)."""
+    touched = np.concatenate([both[:, first:last] for first, last in touches], axis=1)
+    level = np.mean(touched**2, axis=1)
+    frequencies, density = signal.welch(both, _RATE_HZ, nperseg=256)
     low, high = _BAND_HZ
     strong = (frequencies >= low) & (frequencies <= high) & (density[1] > 0.01 * density[1].max())
     difference_db = 10.0 * np.log10(density[0, strong] / density[1, strong])
-    return {
-        "touches": len(found),
-        "begin_ms": round(float(np.median(found[:, 0])), 2),
-        "end_ms": round(float(np.median(found[:, 1])), 2),
-        "output_latency_ms": round(latency_ms, 2),
-        "level_error_db": round(float(10.0 * np.log10(both[0] / both[1])), 2),
-        "spectrum_error_db": round(float(np.sqrt(np.mean(difference_db**2))), 2),
-    }
+    return float(10.0 * np.log10(level[0] / level[1])), root_mean_square(difference_db)
 
 
 def _oracle(

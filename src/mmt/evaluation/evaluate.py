@@ -10,15 +10,14 @@ the whole plane. The level of the other method's model is scored beside it.
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, printable
-from mmt.evaluation.held_out import choose_held_out
 from mmt.evaluation.recorded_surfaces import SurfaceParts, part_by_surface
 from mmt.evaluation.results import Evaluation
 from mmt.evaluation.scoring import Scorer, method_to_compare
@@ -109,96 +108,63 @@ def evaluate_session(
     >>> [step.time_s for step in result.steps]
     [2.5, 5.0]
     """
-    started = time.perf_counter()
-    samples = session.samples_per_frame
-    recorded, recorded_period_s = modelling_of(recorded_scene(session), samples)
-    settings = replace(settings or recorded, samples_per_frame=samples)
-    period_s = recorded_period_s if period_s is None else period_s
     for name, value in (("period_s", period_s), ("step_s", step_s)):
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} is {value}: it must be positive and finite")
     if spectra not in list(Spectra):
         raise InputError(f"spectra is {spectra!r}, allowed are {', '.join(Spectra)}")
-    period_frames = max(1, round(period_s * settings.rate_hz))
-
-    def blocks() -> Iterator[RecordArray]:
-        return stream_blocks(blocks_of(session), period_frames)
-
-    seen = _FrameFigures(settings)
-    truth, basis_reason = known_texture(session.annotations, settings)
-    beside, other_method = method_to_compare(settings)
-    leader, other = build_together(
-        map(seen.count, blocks()),
-        [settings, other_method],
-        observe=seen.strokes.add,
-        on_progress=on_progress,
-    )
-    if not leader.updates:
-        raise InputError(f"session {session.path}: it holds no frames, nothing can be evaluated")
-    held_out = choose_held_out(leader.finished, seed)
-    spans = [segment.span for segment in held_out]
-    strokes = seen.strokes.strokes()
-    scorer = Scorer(
-        leader=leader,
-        rebuilt=leader.log.without(spans),
-        held_out=held_out,
-        beside=other.log if truth is not None else other.log.without(spans),
-        other=_of_other_inputs(blocks(), settings, truth),
-        truth=truth,
-        made=truth.at(strokes) if truth is not None and len(strokes.force_n) else None,
-        settings=settings,
-        seed=seed,
-        spectra=Spectra(spectra),
-    )
-
-    duration_s = (seen.highest + 1 - seen.first) / settings.rate_hz
-    # a file is read again for its events: only if control may have changed hands
-    known = isinstance(session, RecordedSession) or "control" in (session.scene or {})
-    final_s = duration_s if leader.stop_s is None else leader.stop_s
-    model = scorer.model(final_s)  # kept, so that it is built only once
-    worst, errors = scorer.errors(final_s)
+    samples = session.samples_per_frame
+    recorded, recorded_period_s = modelling_of(recorded_scene(session), samples)
+    settings = replace(settings or recorded, samples_per_frame=samples)
+    period_s = recorded_period_s if period_s is None else period_s
+    modelled = _Modelled(session, settings, period_s, on_progress)
+    scorer = modelled.scorer(seed, Spectra(spectra))
     if step_s is None:
-        step_s = USUAL_STEP_S * max(1, math.ceil(duration_s / (MOST_STEPS * USUAL_STEP_S)))
-    steps = np.arange(1, int(duration_s / step_s + 1e-9) + 1) * step_s
+        most_s = MOST_STEPS * USUAL_STEP_S
+        step_s = USUAL_STEP_S * max(1, math.ceil(modelled.duration_s / most_s))
+    return _evaluation(modelled, scorer, step_s, seed)
+
+
+def _evaluation(of: "_Modelled", scorer: Scorer, step_s: float, seed: int) -> SessionEvaluation:
+    """Return the evaluation of a session that was modelled."""
+    session, leader, truth = of.session, of.leader, of.truth
+    steps = np.arange(1, int(of.duration_s / step_s + 1e-9) + 1) * step_s
+    model = scorer.model(of.final_s)  # kept, so that it is built only once
+    worst, power_map = scorer.errors(of.final_s)
     return SessionEvaluation(
         name=printable(session.path.stem) or "session",
         path=str(session.path),
         surface=truth.surface.name if truth is not None else None,
-        duration_s=duration_s,
+        duration_s=of.duration_s,
         complete=session.complete,
-        missing_frames=seen.missing,
+        missing_frames=of.missing,
         faults=leader.updates[-1].faults,
-        settings=settings,
-        beside=beside,
-        period_s=period_s,
+        settings=of.settings,
+        beside=of.beside,
+        period_s=of.period_s,
         step_s=step_s,
         seed=seed,
         order=leader.updates[-1].order,
         basis="held-out" if truth is None else "truth",
-        basis_reason=basis_reason,
+        basis_reason=of.basis_reason,
         start_s=leader.start_s,
         stop_s=leader.stop_s,
         steps=tuple(scorer.score(float(at_s)) for at_s in steps),
         at_start=None if leader.start_s is None else scorer.score(leader.start_s),
         at_stop=None if leader.stop_s is None else scorer.score(leader.stop_s),
-        at_end=scorer.score(duration_s),
+        at_end=scorer.score(of.duration_s),
         worst=worst,
-        bands=scorer.bands(final_s),
-        by_heading=scorer.by_heading(final_s),
-        coverage=coverage(
-            seen.strokes,
-            np.empty((0, 2)) if model is None else model.points,
-            settings,
-            stopped=leader.stop_s is not None,
-        ),
-        held_out=scorer.segments(final_s, seen.first),
+        bands=scorer.bands(of.final_s),
+        by_heading=scorer.by_heading(of.final_s),
+        coverage=coverage(of.made, model, of.settings, stopped=leader.stop_s is not None),
+        held_out=scorer.segments(of.final_s, of.first),
         course=np.array([(u.time_s, u.progress.value) for u in leader.updates]),
         models=leader,
-        power_map=errors,
-        control=control_periods(session.events if known else (), duration_s),
-        at_skin=at_skin(session, model, truth, strokes),
-        touch_downs=held_out_errors(leader.log.touch_downs, settings.vibration_rate_hz),
-        processing_s=time.perf_counter() - started,
+        power_map=power_map,
+        control=control_periods(of.control_events, of.duration_s),
+        at_skin=at_skin(session, model, truth, of.made.strokes()),
+        touch_downs=held_out_errors(leader.log.touch_downs, of.settings.vibration_rate_hz),
+        processing_s=time.perf_counter() - of.started,
     )
 
 
@@ -277,6 +243,72 @@ def modelling_of(scene: Scene, samples_per_frame: int) -> tuple[ModellingSetting
     return texture.settings(samples_per_frame), texture.update_period_s
 
 
+class _Modelled:
+    """A session that was modelled by both methods, and what its frames say of it."""
+
+    def __init__(
+        self,
+        session: Recording,
+        settings: ModellingSettings,
+        period_s: float,
+        on_progress: Callable[[float], None] | None,
+    ) -> None:
+        self.started = time.perf_counter()
+        self.session, self.settings, self.period_s = session, settings, period_s
+        self.truth, self.basis_reason = known_texture(session.annotations, settings)
+        self.beside, other_method = method_to_compare(settings)
+        self.made = StrokesMade(settings)
+        self.first = self._highest = -1
+        self.missing = 0
+        self._last: RecordArray | None = None
+        self.leader, self._other = build_together(
+            map(self._count, self._blocks()),
+            [settings, other_method],
+            observe=self.made.add,
+            on_progress=on_progress,
+        )
+        if not self.leader.updates:
+            raise InputError(
+                f"session {session.path}: it holds no frames, nothing can be evaluated"
+            )
+        self.duration_s = (self._highest + 1 - self.first) / settings.rate_hz
+        self.final_s = self.duration_s if self.leader.stop_s is None else self.leader.stop_s
+
+    @property
+    def control_events(self) -> Sequence[Mapping[str, Any]]:
+        """The events, if control may have changed hands: a file is read again for them."""
+        session = self.session
+        known = isinstance(session, RecordedSession) or "control" in (session.scene or {})
+        return session.events if known else ()
+
+    def scorer(self, seed: int, spectra: Spectra) -> Scorer:
+        """Return what scores the models; on a texture with a grain, model the other inputs too."""
+        return Scorer(
+            leader=self.leader,
+            beside=self._other,
+            other=_of_other_inputs(self._blocks(), self.settings, self.truth),
+            truth=self.truth,
+            strokes=self.made.strokes(),
+            settings=self.settings,
+            seed=seed,
+            spectra=spectra,
+        )
+
+    def _blocks(self) -> Iterator[RecordArray]:
+        period_frames = max(1, round(self.period_s * self.settings.rate_hz))
+        return stream_blocks(blocks_of(self.session), period_frames)
+
+    def _count(self, block: RecordArray) -> RecordArray:
+        """Count the next frames (n,), n > 0, and return them."""
+        if self._last is None:
+            self.first = int(block["sequence"][0])
+        joined = block if self._last is None else np.concatenate([self._last, block])
+        self.missing += missing_frames(joined)
+        self._highest = max(self._highest, int(block["sequence"].max()))
+        self._last = block[-1:]
+        return block
+
+
 def _of_other_inputs(
     blocks: Iterable[RecordArray], settings: ModellingSettings, truth: KnownTexture | None
 ) -> ModelHistory | None:
@@ -286,23 +318,3 @@ def _of_other_inputs(
     inputs: Inputs = "isotropic" if settings.inputs == "anisotropic" else "anisotropic"
     others = replace(settings, inputs=inputs, start_distance="auto", stop_distance="auto")
     return build(blocks, others)
-
-
-class _FrameFigures:
-    """Figures of a session's frames, gathered while they are modelled."""
-
-    def __init__(self, settings: ModellingSettings) -> None:
-        self.strokes = StrokesMade(settings)
-        self.first = self.highest = -1
-        self.missing = 0
-        self._last: RecordArray | None = None
-
-    def count(self, block: RecordArray) -> RecordArray:
-        """Count the next frames (n,), n > 0, and return them."""
-        if self._last is None:
-            self.first = int(block["sequence"][0])
-        joined = block if self._last is None else np.concatenate([self._last, block])
-        self.missing += missing_frames(joined)
-        self.highest = max(self.highest, int(block["sequence"].max()))
-        self._last = block[-1:]
-        return block

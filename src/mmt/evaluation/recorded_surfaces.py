@@ -1,15 +1,16 @@
 """A recorded session split by surface as in the live leader, with the statements of persons."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from mmt.core.arrays import IntArray, RecordArray
+from mmt.core.arrays import BoolArray, IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.session.data import RecordedSession, missing_frames
 from mmt.testing.simulation.surfaces.course import SurfaceCourse, course_from_annotations
+from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface
 from mmt.texture.online.history import trials
 from mmt.texture.online.updates import SurfaceChange, surface_statements
 from mmt.texture.settings import ModellingSettings
@@ -61,50 +62,43 @@ def part_by_surface(session: RecordedSession, settings: ModellingSettings) -> Su
         Settings of the modelling; ``surfaces`` sets how surfaces are told apart.
     """
     frames = StreamNumbering().number(session.frames)
-    statements = surface_statements(session.events)
-    edges = _stays(list(surface_changes(frames, settings, statements)), frames)
+    changes = surface_changes(frames, settings, surface_statements(session.events))
     course = _course(session)
     truth = _truth(course, frames)
     sequence = frames["sequence"].astype(np.int64)
-    first = int(sequence[0])
-    stays, blocks = [], dict[int, list[RecordArray]]()
-    of_surface = dict[int, list[IntArray]]()
-    for surface, start, stop, found in edges:
-        inside = (sequence >= start) & (sequence < stop)
-        under = np.empty(0, np.int64) if truth is None else truth[inside]
+    stays, masks = [], dict[int, list[BoolArray]]()
+
+    def at_s(sample: int) -> float:
+        return (sample - int(sequence[0])) / settings.rate_hz
+
+    for surface, start, stop, found in _stays(changes, frames):
+        inside: BoolArray = (sequence >= start) & (sequence < stop)
         if inside.any():
-            blocks.setdefault(surface, []).append(frames[inside])
-            of_surface.setdefault(surface, []).append(under)
+            masks.setdefault(surface, []).append(inside)
+        known = _surface_under(course, truth, inside)
         stays.append(
             SurfaceStay(
                 surface=surface,
-                from_s=(start - first) / settings.rate_hz,
-                to_s=(stop - first) / settings.rate_hz,
-                found_s=None if found is None else (found - first) / settings.rate_hz,
-                truth=_name(course, under),
+                from_s=at_s(start),
+                to_s=at_s(stop),
+                found_s=None if found is None else at_s(found),
+                truth=None if known is None else known.name,
             )
         )
-    return SurfaceParts(
-        stays=tuple(stays),
-        sessions={
-            number: replace(
-                session,
-                frames=np.concatenate(trials(parts)),
-                annotations=_annotations(session, course, np.concatenate(of_surface[number])),
-                models=(),
-                events=(),
-                outputs=(),
-            )
-            for number, parts in sorted(blocks.items())
-        },
-        missing={n: sum(missing_frames(part) for part in parts) for n, parts in blocks.items()},
-        course=course,
-        truth=truth,
-    )
+    alone = replace(session, models=(), events=(), outputs=())
+    parts = {n: [frames[inside] for inside in each] for n, each in sorted(masks.items())}
+    sessions = {}
+    for number, own in parts.items():
+        known = _surface_under(course, truth, np.any(masks[number], axis=0))
+        told = session.annotations if known is None else known.annotations()
+        frames_there = np.concatenate(trials(own))
+        sessions[number] = replace(alone, frames=frames_there, annotations=told)
+    missing = {number: sum(map(missing_frames, own)) for number, own in parts.items()}
+    return SurfaceParts(tuple(stays), sessions, missing, course, truth)
 
 
 def _stays(
-    changes: Sequence[SurfaceChange], frames: RecordArray
+    changes: Iterable[SurfaceChange], frames: RecordArray
 ) -> list[tuple[int, int, int, int | None]]:
     """Return surface, first and last sample (exclusive) of each stay, and where it was found."""
     begun: list[tuple[int, int, int | None]] = [(1, int(frames["sequence"][0]), None)]
@@ -143,14 +137,10 @@ def _truth(course: SurfaceCourse | None, frames: RecordArray) -> IntArray | None
     return course.places_by_frame(force_n)[sequence]
 
 
-def _name(course: SurfaceCourse | None, under: IntArray) -> str | None:
-    if course is None or not len(under):
+def _surface_under(
+    course: SurfaceCourse | None, truth: IntArray | None, inside: BoolArray
+) -> KnownSurface | None:
+    """Return the surface that was under the tool for most of some frames, None if unknown."""
+    if course is None or truth is None or not inside.any():
         return None
-    return course.surfaces[int(np.bincount(under).argmax())].name
-
-
-def _annotations(session: RecordedSession, course: SurfaceCourse | None, under: IntArray) -> bytes:
-    """Return the truth of the surface that was under the tool for most of the frames."""
-    if course is None:
-        return session.annotations
-    return course.surfaces[int(np.bincount(under).argmax())].annotations()
+    return course.surfaces[int(np.bincount(truth[inside]).argmax())]

@@ -73,14 +73,6 @@ def run_verdict(
         key: median_of_most(each.get(key) for each in sessions) for key in ("start_s", "stop_s")
     }
     readiness, completion = _completion(texture, sessions)
-    signal_faults = sorted({text for each in sessions if (text := _signal_faults(each))})
-    faults = [
-        sentence
-        for name, table in summaries.items()
-        for sentence in fault_sentences(name, table)
-        if not (signal_faults and _NOT_MEASURED in sentence)  # the leader's end earlier
-    ]
-    faults += signal_faults
     recording = leader.get("recording", {})
     outcome = main.get("outcome", "completed")
     if recording.get("error") and not has_failed(outcome):
@@ -100,9 +92,21 @@ def run_verdict(
                 (each.get("at_skin") or {}).get("power_error_db") for each in sessions
             ),
             jnd_db=JND_DB,
-            faults=faults,
+            faults=_run_faults(summaries, sessions),
         )
     )
+
+
+def _run_faults(
+    summaries: Mapping[str, Mapping[str, Any]], sessions: Iterable[Mapping[str, Any]]
+) -> list[str]:
+    """Return a sentence for each fault of the services, and of the signals of the sessions."""
+    texts = {each.get("faults", {}).get("text") for each in sessions}
+    of_signals = sorted(f"{_NOT_MEASURED}{text}" for text in texts if text)
+    found = [told for name, table in summaries.items() for told in fault_sentences(name, table)]
+    if of_signals:  # those of the leader end earlier
+        found = [sentence for sentence in found if _NOT_MEASURED not in sentence]
+    return found + of_signals
 
 
 def fault_sentences(name: str, summary: Mapping[str, Any]) -> list[str]:
@@ -181,11 +185,6 @@ def _completion(
 
 def _criterion(method: str) -> str:
     return "distance" if method == "published" else "uncertainty"
-
-
-def _signal_faults(session: Mapping[str, Any]) -> str:
-    text = session.get("faults", {}).get("text")
-    return f"{_NOT_MEASURED}{text}" if text else ""
 
 
 def final_of(session: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -2,9 +2,9 @@
 
 import math
 import time
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
+from itertools import zip_longest
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from mmt.evaluation.held_out import (
     Approximation,
     HeldOutRecording,
     approximate,
+    choose_held_out,
     level_errors_db,
 )
 from mmt.evaluation.model_errors import (
@@ -24,13 +25,11 @@ from mmt.evaluation.model_errors import (
     root_mean_square,
 )
 from mmt.evaluation.results import Band, HeldOutSegment, Levels, PowerMap, Score, Worst
-from mmt.evaluation.truth import KnownTexture, TruthAt
+from mmt.evaluation.truth import KnownTexture
 from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory
-from mmt.texture.online.log import ModelLog
 from mmt.texture.online.methods import method_of
-from mmt.texture.segmentation.segmenter import Segment
 from mmt.texture.settings import THRESHOLDS, Inputs, Method, ModellingSettings
 from mmt.texture.signals.metrics import Spectra, within_jnd
 from mmt.texture.space import InputSpace
@@ -66,22 +65,19 @@ class Scorer:
     ----------
     leader
         Every state of the model that the leader had.
-    rebuilt
-        The same models without the held-out segments.
-    held_out
-        The held-out segments.
     beside
-        Every state of the other method's model, without them unless the truth is known.
+        Every state of the other method's model; unless the truth is known, it is scored without the
+        held-out segments.
     other
         Every state of the model of the other inputs, None if it is not compared.
     truth
         The known texture, None if there is none.
-    made
-        The truth at the strokes that were made; None without a truth, or any stroke.
+    strokes
+        The strokes that were made.
     settings
         Settings of the leader's modelling.
     seed
-        Seed of the synthesis.
+        Seed of the choice of held-out segments and of the synthesis.
     spectra
         Kind of spectra that the GFC of held-out segments compares.
     """
@@ -90,25 +86,25 @@ class Scorer:
         self,
         *,
         leader: ModelHistory,
-        rebuilt: ModelLog,
-        held_out: Sequence[Segment],
-        beside: ModelLog,
+        beside: ModelHistory,
         other: ModelHistory | None,
         truth: KnownTexture | None,
-        made: TruthAt | None,
+        strokes: Strokes,
         settings: ModellingSettings,
         seed: int,
         spectra: Spectra,
     ) -> None:
+        held_out = choose_held_out(leader.finished, seed)
+        spans = [segment.span for segment in held_out]
         self._leader = leader
-        self._rebuilt = rebuilt
-        self._beside = beside
+        self._rebuilt = leader.log.without(spans)
+        self._beside = beside.log if truth is not None else beside.log.without(spans)
         self._other = other
         self._recordings = [
             HeldOutRecording(segment, settings.vibration_rate_hz, spectra) for segment in held_out
         ]
         self._truth = truth
-        self._made = made
+        self._made = truth.at(strokes) if truth is not None and len(strokes.force_n) else None
         self._space = InputSpace(settings.inputs)
         self._rate_hz = settings.rate_hz
         self._vibration_rate_hz = settings.vibration_rate_hz
@@ -181,12 +177,8 @@ class Scorer:
         """Return the held-out segments as they are approximated at a session time."""
         approximations = self._approximate(self._leader.number(time_s)).approximations
         return tuple(
-            self._segment(
-                recording,
-                approximations[index] if approximations else None,
-                first_sample,
-            )
-            for index, recording in enumerate(self._recordings)
+            self._segment(recording, rendered, first_sample)
+            for recording, rendered in zip_longest(self._recordings, approximations)
         )
 
     def _score(self, number: int) -> Score:

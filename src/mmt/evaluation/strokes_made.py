@@ -10,7 +10,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
-from mmt.evaluation.model_errors import Strokes
+from mmt.evaluation.model_errors import Strokes, root_mean_square
 from mmt.evaluation.results import AtSkin, Cell, Coverage
 from mmt.texture.completion.distance import Cells, cell_distances, cells_of
 from mmt.texture.settings import ModellingSettings
@@ -94,7 +94,7 @@ class StrokesMade:
 
 def coverage(
     strokes: StrokesMade,
-    points: FloatArray,
+    model: "TextureModel | None",
     settings: ModellingSettings,
     *,
     stopped: bool,
@@ -105,15 +105,15 @@ def coverage(
     ----------
     strokes
         Strokes of the whole session.
-    points
-        Normalised inputs of the model's samples, shape (k, d); none for k = 0.
+    model
+        The model at the end, None if there is none.
     settings
         Settings of the modelling.
     stopped
         Whether the stop criterion was met.
     """
     space = InputSpace(settings.inputs)
-    points = points if len(points) else np.empty((0, space.dimensions))
+    points = np.empty((0, space.dimensions)) if model is None else model.points
     cells = _cells(cells_of(space.dimensions), space, points, settings.distances.stop)
     ranges = strokes.ranges()
     return Coverage(
@@ -215,5 +215,5 @@ def at_skin(
     return AtSkin(
         played_share=float(np.mean(response.played_share(wanted))),
         low_hz=response.low_hz,
-        power_error_db=float(np.sqrt(np.mean(np.square(error_db)))),
+        power_error_db=root_mean_square(error_db),
     )

@@ -66,41 +66,16 @@ def explain(
     distances = np.linalg.norm(model.points - point, axis=1)
     nearest = int(distances.argmin())
     boundary = _boundary_share(model, point)
-    sample = _stroke_of(model, nearest, stroke)
-    what = "shape" if shape else "level"
-    place = f"the nearest sample ({_text(sample, directed=model.space.directed)})"
-    far = f"{distances[nearest]:.2f} of the {'space' if model.space.directed else 'plane'} away"
-    limit: Limit
     unaware = None if model.space.directed else without_heading
     if unaware is not None and unaware.explains(error, shape=shape):
-        limit = "heading"
+        limit: Limit = "heading"
         reason = (
-            f"the {what} depends on the heading, which the model does not know: the mean over "
-            f"all headings itself has {unaware.text(shape=shape)} here"
+            f"the {'shape' if shape else 'level'} depends on the heading, which the model does not "
+            f"know: the mean over all headings itself has {unaware.text(shape=shape)} here"
         )
-    elif not shape and model.method == "field" and model.level_field is not None:
-        limit = "field"
-        deviation_db = float(model.level_db(*stroke.inputs(model.space).T)[1][0])
-        reason = (
-            f"the level follows from all strokes, and is expected to be right to "
-            f"{deviation_db:.1f} dB here (standard deviation); {place} is {far}"
-        )
-    elif boundary >= _MUCH:
-        limit = "beyond the samples"
-        beyond = f"boundary points weigh {boundary:.0%} here"
-        if model.interpolant.is_network:
-            beyond = "the network goes beyond its samples here"
-        reason = f"{beyond}; {place} is {far}"
-    elif (there := own(sample)).explains(error, shape=shape):
-        limit = "fit"
-        reason = f"the model's {what} at {place} itself has {there.text(shape=shape)}"
-    elif distances[nearest] > _SPARSE:
-        limit = "sparse"
-        reason = f"{place} is {far}, and the {what} changes in between"
     else:
-        limit = "interpolation"
-        value = there.text(shape=shape)
-        reason = f"the {what} changes between samples; {place}, {far}, has {value}"
+        sample, apart = _stroke_of(model, nearest, stroke), float(distances[nearest])
+        limit, reason = _cause(model, stroke, error, own, sample, apart, boundary, shape=shape)
     return Worst(
         measure="gfc" if shape else "power",
         speed_mm_s=speed_mm_s,
@@ -113,6 +88,41 @@ def explain(
         limit=limit,
         reason=reason,
     )
+
+
+def _cause(
+    model: TextureModel,
+    stroke: Strokes,
+    error: StrokeError,
+    own: Callable[[Strokes], StrokeError],
+    sample: Strokes,
+    apart: float,
+    boundary: float,
+    *,
+    shape: bool,
+) -> tuple[Limit, str]:
+    """Return what limits a model, the heading aside; the nearest sample is `apart` from there."""
+    directed, what = model.space.directed, "shape" if shape else "level"
+    place = f"the nearest sample ({_text(sample, directed=directed)})"
+    far = f"{apart:.2f} of the {'space' if directed else 'plane'} away"
+    if not shape and model.method == "field" and model.level_field is not None:
+        deviation_db = float(model.level_db(*stroke.inputs(model.space).T)[1][0])
+        return "field", (
+            f"the level follows from all strokes, and is expected to be right to "
+            f"{deviation_db:.1f} dB here (standard deviation); {place} is {far}"
+        )
+    if boundary >= _MUCH:
+        beyond = f"boundary points weigh {boundary:.0%} here"
+        if model.interpolant.is_network:
+            beyond = "the network goes beyond its samples here"
+        return "beyond the samples", f"{beyond}; {place} is {far}"
+    there = own(sample)
+    value = there.text(shape=shape)
+    if there.explains(error, shape=shape):
+        return "fit", f"the model's {what} at {place} itself has {value}"
+    if apart > _SPARSE:
+        return "sparse", f"{place} is {far}, and the {what} changes in between"
+    return "interpolation", f"the {what} changes between samples; {place}, {far}, has {value}"
 
 
 def _stroke_of(model: TextureModel, sample: int, stroke: Strokes) -> Strokes:

@@ -20,7 +20,7 @@ _MARKERS: Final = "osD^vP"
 _DOTS_PER_INCH: Final = 130
 _NARROW_INCHES: Final = 4.2
 _GREY: Final = LIGHT["faint"]
-_LARGEST_ERROR_DB: Final = 6.0
+_MOST_DB: Final = 6.0
 
 
 def to_png(figure: Figure) -> bytes:
@@ -168,49 +168,35 @@ def power_error_map(evaluation: Evaluation) -> Figure:
         message = "a map needs a known texture and a model"
         raise ValueError(message)
     figure = Figure(figsize=(9.6, 3.9), layout="constrained")
-    level, shape = figure.subplots(1, 2, sharey=True)
-    power = level.pcolormesh(
-        errors.speed_mm_s,
-        errors.force_n,
-        errors.power_error_db,
-        cmap=SIGNED,
-        vmin=-_LARGEST_ERROR_DB,
-        vmax=_LARGEST_ERROR_DB,
-        shading="nearest",
-    )
-    figure.colorbar(power, ax=level, extend="both")
     over = " rms over headings" if evaluation.by_heading else ""
-    level.set_title(f"power error (dB{over})", fontsize=10)
-    fit = shape.pcolormesh(
-        errors.speed_mm_s,
-        errors.force_n,
-        errors.gfc,
-        cmap=readiness(),
-        vmin=min(0.9, float(errors.gfc.min())),
-        vmax=1.0,
-        shading="nearest",
+    worst_gfc = min(0.9, float(errors.gfc.min()))
+    panels = (
+        (f"power error (dB{over})", errors.power_error_db, SIGNED, -_MOST_DB, _MOST_DB, "both"),
+        ("GFC", errors.gfc, readiness(), worst_gfc, 1.0, "neither"),
     )
-    figure.colorbar(fit, ax=shape)
-    shape.set_title("GFC", fontsize=10)
+    axes = figure.subplots(1, 2, sharey=True)
     model = evaluation.model_at(evaluation.final.time_s)
-    for axis in (level, shape):
+    for axis, panel, worst in zip(axes, panels, evaluation.worst, strict=True):
+        title, values, colours, least, most, extend = panel
+        drawn = axis.pcolormesh(
+            errors.speed_mm_s,
+            errors.force_n,
+            values,
+            cmap=colours,
+            vmin=least,
+            vmax=most,
+            shading="nearest",
+        )
+        figure.colorbar(drawn, ax=axis, extend=extend)
+        axis.set_title(title, fontsize=10)
         if model is not None:
-            samples = model.samples
-            axis.scatter(
-                samples.speed_mm_s,
-                samples.force_n,
-                s=11,
-                c=LIGHT["measured"],
-                edgecolors=LIGHT["panel"],
-                lw=0.5,
-            )
+            places = model.samples.speed_mm_s, model.samples.force_n
+            axis.scatter(*places, s=11, c=LIGHT["measured"], edgecolors=LIGHT["panel"], lw=0.5)
+        place = worst.speed_mm_s, worst.force_n
+        axis.plot(*place, "o", ms=15, mfc="none", mec=LIGHT["ink"], mew=1.2)
         axis.set(xlim=(0, MAXIMUM_SPEED_MM_S), ylim=(0, MAXIMUM_FORCE_N))
         axis.set_xlabel("speed (mm/s)")
-    level.set_ylabel("normal force (N)")
-    for worst, axis in zip(evaluation.worst, (level, shape), strict=True):
-        axis.plot(
-            worst.speed_mm_s, worst.force_n, "o", ms=15, mfc="none", mec=LIGHT["ink"], mew=1.2
-        )
+    axes[0].set_ylabel("normal force (N)")
     return figure
 
 
