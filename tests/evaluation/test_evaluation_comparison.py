@@ -3,9 +3,8 @@
 import json
 
 import pytest
-from typer.testing import CliRunner
+from command_runs import output_of, run_json
 
-from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.evaluation.reports.comparison import compare_reports, figures
 from mmt.evaluation.reports.comparison_report import write_comparison
@@ -21,6 +20,10 @@ def report(folder, data, *pictures, name="summary.json"):
     return folder
 
 
+def compared(tmp_path, one, other):
+    return compare_reports(report(tmp_path / "a", one), report(tmp_path / "b", other))
+
+
 def evaluation(**changes):
     session = {
         "session": "wood",
@@ -33,9 +36,7 @@ def evaluation(**changes):
 
 def test_what_differs_is_said_once_with_its_place_and_size(tmp_path):
     other = [{"time_s": 2.5, "gfc": 0.9}, {"time_s": 5.0, "gfc": 0.855}]
-    found = compare_reports(
-        report(tmp_path / "a", evaluation()), report(tmp_path / "b", evaluation(steps=other))
-    )
+    found = compared(tmp_path, evaluation(), evaluation(steps=other))
     (only,) = found.differences
     assert (only.section, only.name) == ("session / steps 5", "gfc")
     assert only.row == ("gfc", "0.95", "0.855", "-0.095", "0.9")
@@ -45,26 +46,22 @@ def test_what_differs_is_said_once_with_its_place_and_size(tmp_path):
 
 def test_equal_reports_have_no_difference(tmp_path):
     nan = {"value": float("nan"), "list": [1, 2], "none": None}
-    found = compare_reports(report(tmp_path / "a", nan), report(tmp_path / "b", nan))
+    found = compared(tmp_path, nan, nan)
     assert found.differences == ()
     assert found.equal == 3
 
 
 def test_items_are_told_apart_by_their_names_wherever_they_stand(tmp_path):
     rows = [{"case": "stiff", "held": True}, {"case": "soft", "held": True}]
-    found = compare_reports(
-        report(tmp_path / "a", {"rows": rows}),
-        report(tmp_path / "b", {"rows": [{"case": "soft", "held": False}, rows[0]]}),
-    )
+    turned = [{"case": "soft", "held": False}, rows[0]]
+    found = compared(tmp_path, {"rows": rows}, {"rows": turned})
     (only,) = found.differences
     assert (only.section, only.left, only.right) == ("rows soft", True, False)
     assert only.row[3:] == ("", "")
 
 
 def test_what_only_one_has_is_shown(tmp_path):
-    found = compare_reports(
-        report(tmp_path / "a", {"x": 0.0, "old": 1}), report(tmp_path / "b", {"x": 2.0, "new": "y"})
-    )
+    found = compared(tmp_path, {"x": 0.0, "old": 1}, {"x": 2.0, "new": "y"})
     assert [d.row for d in found.differences] == [
         ("x", "0", "2", "+2", ""),
         ("old", "1", "-", "", ""),
@@ -84,9 +81,9 @@ def test_a_part_that_only_one_has_is_a_sentence(tmp_path):
     ]
     assert list(found.sections) == ["run / leader / ticks"]
     assert found.verdict == "10 figures and settings differ, 0 are equal."
-    result = CliRunner().invoke(app, ["report", "compare", str(a), str(b)])
-    assert result.output.count("What differs most") == 1
-    assert " ".join(result.output.split()).count("Only ") == 2
+    output = output_of("report", "compare", a, b)
+    assert output.count("What differs most") == 1
+    assert " ".join(output.split()).count("Only ") == 2
     assert "<h2>run / leader / link" not in write_comparison(found, tmp_path / "both").read_text()
     assert {"section": "run / leader / link", "name": "frames", "a": 9, "b": None} in (
         found.as_dict()["differences"]
@@ -96,28 +93,22 @@ def test_a_part_that_only_one_has_is_a_sentence(tmp_path):
 @pytest.mark.parametrize("about", ["environment", "machine"])
 def test_what_was_found_stands_before_what_it_was_found_with(tmp_path, about):
     a, b = (
-        report(tmp_path / name, {about: {"numpy": version}, "order": {"time_ms": time_ms}})
-        for name, version, time_ms in (("a", "2.1", 1.0), ("b", "2.2", 1.1))
+        {about: {"numpy": version}, "order": {"time_ms": time_ms}}
+        for version, time_ms in (("2.1", 1.0), ("2.2", 1.1))
     )
-    found, settings = compare_reports(a, b).answers
+    found, settings = compared(tmp_path, a, b).answers
     assert [row[:2] for row in found.rows] == [("order", "time ms")]
     assert settings.rows == [(about, "numpy", "2.1", "2.2")]
 
 
 def test_headlines_say_which_is_better_and_settings_stand_apart(tmp_path):
-    def one(name, start_s, right, order):
+    def one(start_s, right, order):
         data = evaluation(start_s=start_s, at_end={"within_jnd": right}, settings={"order": order})
-        late = {"leader": {"ticks": {"late_share_1ms": 0.01}}}
-        return report(tmp_path / name, {**data, "run": late})
+        return {**data, "run": {"leader": {"ticks": {"late_share_1ms": 0.01}}}}
 
-    found = compare_reports(one("a", None, 0.9, 8), one("b", 3.0, 0.8, 16))
-    assert [headline.row for headline in found.headlines] == [
-        (
-            "verdict",
-            "completed; the model was never ready",
-            "model ready since 3.0 s",
-            "",
-        ),
+    found = compared(tmp_path, one(None, 0.9, 8), one(3.0, 0.8, 16))
+    assert list(found.headlines) == [
+        ("verdict", "completed; the model was never ready", "model ready since 3.0 s", ""),
         ("from the model since (s)", "never", "3.0", "better"),
         ("within JND, strokes made", "90 %", "80 %", "worse"),
         ("ticks over 1 ms late", "1 %", "1 %", "equal"),
@@ -154,12 +145,9 @@ def test_the_page_shows_both_figures_side_by_side(tmp_path):
 def test_the_command_prints_writes_and_explains(tmp_path):
     a, b = report(tmp_path / "a", {"x": 1.0}), report(tmp_path / "b", {"x": 2.0})
     bench = report(tmp_path / "c", {"x": 2.0}, name="bench.json")
-    run = CliRunner()
-    json_file = tmp_path / "d.json"
-    result = run.invoke(app, ["report", "compare", str(a), str(b), "--json", str(json_file)])
-    assert result.exit_code == 0, result.output
+    figures, result = run_json(tmp_path, "report", "compare", a, b)
     assert "1 figures and settings differ" in result.output
-    assert json.loads(json_file.read_text())["equal"] == 0
+    assert figures["equal"] == 0
     for other, message in ((bench, "bench.json"), (tmp_path / "none", "--report")):
         with pytest.raises(InputError, match=message):
             compare_reports(a, other)

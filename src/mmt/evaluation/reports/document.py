@@ -4,7 +4,7 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from rich.console import Group, RenderableType
@@ -72,37 +72,21 @@ class Picture:
 
 @dataclass(frozen=True)
 class SideBySide:
-    """Pictures to be compared; one above the other if they are wide or the page is narrow."""
+    """Small tables, or pictures to be compared, beside each other if there is room."""
 
-    pictures: Sequence[Picture]
-
-    @property
-    def inner(self) -> Sequence[Picture]:
-        """Return the items that are shown side by side."""
-        return self.pictures
+    blocks: Sequence[ReportTable] | Sequence[Picture]
 
     @property
     def kind(self) -> str:
         """Return the class in HTML: a picture may be too wide to be read on half a page."""
-        sizes = [(each.png[16:20], each.png[20:24]) for each in self.pictures]  # as PNG has them
+        pictures = [each.png for each in self.blocks if isinstance(each, Picture)]
+        if not pictures:
+            return "tables"
         wide = any(
-            int.from_bytes(width, "big") > _WIDE * int.from_bytes(height, "big")
-            for width, height in sizes
+            int.from_bytes(png[16:20], "big") > _WIDE * int.from_bytes(png[20:24], "big")
+            for png in pictures  # width and height, as PNG has them
         )
         return "beside wide" if wide else "beside"
-
-
-@dataclass(frozen=True)
-class SmallTables:
-    """Tables that are shown side by side if there is room."""
-
-    tables: Sequence[ReportTable]
-    kind: ClassVar = "tables"
-
-    @property
-    def inner(self) -> Sequence[ReportTable]:
-        """Return the items that are shown side by side."""
-        return self.tables
 
 
 @dataclass(frozen=True)
@@ -121,17 +105,7 @@ class Folded:
     blocks: Sequence["Block"]
 
 
-Block = (
-    Heading
-    | Paragraph
-    | ReportTable
-    | Tiles
-    | Picture
-    | SideBySide
-    | SmallTables
-    | Listing
-    | Folded
-)
+Block = Heading | Paragraph | ReportTable | Tiles | Picture | SideBySide | Listing | Folded
 
 _WIDE: Final = 2.6
 
@@ -162,8 +136,8 @@ def _markdown(block: Block) -> str:
         case Picture():
             caption = _plain(block.caption)
             text = f"![{caption}]({block.source})\n\n*{caption}*\n"
-        case SideBySide() | SmallTables():
-            text = to_markdown(block.inner)
+        case SideBySide():
+            text = to_markdown(block.blocks)
         case Folded():
             text = f"## {_plain(block.title)}\n\n{to_markdown(block.blocks)}"
         case Listing():

@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from mmt.evaluation.reports.document import ReportTable
 from mmt.evaluation.run_verdict import final_of, median_of_most, run_verdict
@@ -31,19 +30,13 @@ _RUN: Final = (
 """Title, table and key in the leader's summary, and format; less is better."""
 
 
-@dataclass(frozen=True)
-class Headline:
+class Headline(NamedTuple):
     """One figure of two reports, as text, and whether B is better; empty if that is not known."""
 
     title: str
     left: str
     right: str
     verdict: str
-
-    @property
-    def row(self) -> tuple[str, ...]:
-        """Return a row of `headline_table`."""
-        return self.title, self.left, self.right, self.verdict
 
 
 def headlines(left: Mapping[str, Any], right: Mapping[str, Any]) -> list[Headline]:
@@ -66,7 +59,7 @@ def headlines(left: Mapping[str, Any], right: Mapping[str, Any]) -> list[Headlin
 
 def headline_table(found: Sequence[Headline]) -> ReportTable:
     """Return the figures as a table."""
-    return ReportTable(("figure", "A", "B", "B is"), [each.row for each in found])
+    return ReportTable(("figure", "A", "B", "B is"), found)
 
 
 def _verdict(data: Mapping[str, Any]) -> str:

@@ -18,7 +18,6 @@ from mmt.evaluation.reports.document import (
     Picture,
     ReportTable,
     SideBySide,
-    SmallTables,
     Tile,
     Tiles,
     numeric_columns,
@@ -144,9 +143,7 @@ def _pictures(blocks: Sequence[Block]) -> Iterator[Picture]:
     for block in blocks:
         if isinstance(block, Picture):
             yield block
-        elif isinstance(block, SideBySide):
-            yield from block.pictures
-        elif isinstance(block, Folded):
+        elif isinstance(block, SideBySide | Folded):
             yield from _pictures(block.blocks)
 
 
@@ -170,8 +167,8 @@ def _html(block: Block) -> str:
             text = f'<ul class="tiles">{"".join(map(_html_tile, block.tiles))}</ul>'
         case Picture():
             text = _html_picture(block)
-        case SideBySide() | SmallTables():
-            text = f'<div class="{block.kind}">{_html_all(block.inner)}</div>'
+        case SideBySide():
+            text = f'<div class="{block.kind}">{_html_all(block.blocks)}</div>'
         case Folded():
             text = _folded(block.title, _html_all(block.blocks))
         case Listing():

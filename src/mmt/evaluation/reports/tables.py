@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from mmt.core.output.tables import as_text, flatten, label
 from mmt.evaluation.model_errors import SECTOR_DEG, WORST, SectorErrors, across
-from mmt.evaluation.reports.document import Block, Heading, ReportTable, SmallTables, table_of
+from mmt.evaluation.reports.document import Block, Heading, ReportTable, SideBySide, table_of
 from mmt.evaluation.results import Evaluation, Levels, Score
 from mmt.evaluation.texts import number, seconds, share
 
@@ -133,11 +133,7 @@ def control(evaluation: Evaluation) -> ReportTable:
 
 def moments(evaluation: Evaluation) -> ReportTable:
     """Return the figures at the start criterion, at the stop criterion and at the end."""
-    scores = {
-        "start": evaluation.at_start,
-        "stop": evaluation.at_stop,
-        "end": evaluation.at_end,
-    }
+    scores = {"start": evaluation.at_start, "stop": evaluation.at_stop, "end": evaluation.at_end}
     rows = [{"at": name, **_cells(score)} for name, score in scores.items() if score is not None]
     return table_of(rows)
 
@@ -255,7 +251,7 @@ def run_blocks(run: Mapping[str, object]) -> list[Block]:
         for inner, table in content.items():
             if isinstance(table, Mapping):
                 found += _group(label(inner), table)
-        blocks.append(SmallTables(found))
+        blocks.append(SideBySide(found))
     return blocks
 
 
