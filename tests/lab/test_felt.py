@@ -10,15 +10,13 @@ from mmt.core.errors import InputError
 from mmt.scene import Network
 from mmt.testing.simulation.surfaces.textures import SURFACES
 from mmt_lab.experiments import felt
-from mmt_lab.experiments.felt import Trial, by_second, rows, run_trial
+from mmt_lab.experiments.felt import by_second, rows, run_trial
 from mmt_lab.felt.judging import Reference
 from mmt_lab.felt.passing import (
     NEVER_TICK,
     leader_vibration,
-    local_updates,
-    settings_over,
+    local_models,
     stroke_over_network,
-    taking_over,
     undelayed_vibration,
 )
 
@@ -29,6 +27,16 @@ PLASTIC = SURFACES["plastic"]
 def far():
     """Six seconds over 50 ms each way."""
     return stroke_over_network(PLASTIC, Network(delay_ms=50.0), 6000, 4)
+
+
+@pytest.fixture(scope="module")
+def own(far):
+    return undelayed_vibration(far, 1)
+
+
+@pytest.fixture(scope="module")
+def reference(far, own):
+    return Reference(far, own)
 
 
 def test_a_delay_counts_both_ways(far):
@@ -46,10 +54,8 @@ def test_lost_frames_never_arrive_and_others_do():
     assert (passage.arrival_tick[~lost] == np.flatnonzero(~lost)).all()
 
 
-def test_the_texture_itself_has_no_bias_and_no_delay(far):
-    own = undelayed_vibration(far, 1).vibration_m_s2
-    reference = Reference(far, own)
-    other = reference.judge(undelayed_vibration(far, 2).vibration_m_s2)
+def test_the_texture_itself_has_no_bias_and_no_delay(far, reference):
+    other = reference.judge(undelayed_vibration(far, 2))
     # the mean of a logarithm is below the logarithm of the mean, by a quarter dB here
     assert abs(other.level_db.mean()) < 0.7
     assert np.sqrt(np.mean(np.square(other.level_db))) < 1.5
@@ -57,9 +63,7 @@ def test_the_texture_itself_has_no_bias_and_no_delay(far):
     assert np.abs(np.median(other.onset_ms)) < 20
 
 
-def test_a_gain_is_found_as_a_level_in_every_band(far):
-    own = undelayed_vibration(far, 1).vibration_m_s2
-    reference = Reference(far, own)
+def test_a_gain_is_found_as_a_level_in_every_band(own, reference):
     once, twice = reference.judge(own), reference.judge(2.0 * own)
     loud = np.isin(twice.time_s, once.time_s)
     assert np.median(twice.level_db[loud] - once.level_db) == pytest.approx(6.02, abs=0.05)
@@ -73,37 +77,30 @@ def test_what_the_actuator_does_not_play_is_lost_at_the_skin(far, tone_hz, lost_
     assert lost == pytest.approx(lost_db, abs=0.5)
 
 
-def test_a_shift_is_found_as_onset_and_offset(far):
-    own = undelayed_vibration(far, 1).vibration_m_s2
-    shifted = np.concatenate([np.zeros(80), own[:-80]])
-    found = Reference(far, own).judge(shifted)
+def test_a_shift_is_found_as_onset_and_offset(own, reference):
+    found = reference.judge(np.concatenate([np.zeros(80), own[:-80]]))
     assert np.median(found.onset_ms) == pytest.approx(80, abs=1)
     assert np.median(found.offset_ms) == pytest.approx(80, abs=1)
 
 
-def test_silence_is_an_error_as_large_as_what_is_missing(far):
-    reference = Reference(far, undelayed_vibration(far, 1).vibration_m_s2)
+def test_silence_is_an_error_as_large_as_what_is_missing(reference):
     silent = reference.judge(np.zeros(6000))
     assert (silent.level_db < 0).all()
     assert np.median(silent.level_db) < -15.0
     assert len(silent.onset_ms) == 0
 
 
-def test_a_stream_is_as_late_as_both_ways_and_a_model_is_not(far):
-    reference = Reference(far, undelayed_vibration(far, 1).vibration_m_s2)
-    streamed = leader_vibration(far, None, 1)
-    assert streamed.start_s is None
-    late = reference.judge(streamed.vibration_m_s2)
+def test_a_stream_is_as_late_as_both_ways_and_a_model_is_not(far, reference):
+    streamed, never_s = leader_vibration(far, None, 1)
+    assert never_s is None
+    late = reference.judge(streamed)
     assert np.median(late.onset_ms) == pytest.approx(110, abs=25)
-    updates = local_updates(
-        far, settings_over(far, {"method": "published", "start_distance": 100.0})
-    )
-    modelled = leader_vibration(far, taking_over(updates), 1)
-    assert modelled.start_s < 5.0
-    course = reference.judge(modelled.vibration_m_s2)
+    models = local_models(far, {"method": "published", "start_distance": 100.0})
+    modelled, start_s = leader_vibration(far, models, 1)
+    assert start_s < 5.0
     errors = [
-        np.sqrt(np.mean(np.square(c.level_db[c.time_s > modelled.start_s + 0.2])))
-        for c in (course, late)
+        np.sqrt(np.mean(np.square(c.level_db[c.time_s > start_s + 0.2])))
+        for c in (reference.judge(modelled), late)
     ]
     assert errors[0] < 0.7 * errors[1]
 
@@ -116,7 +113,7 @@ def test_headings_are_unit_vectors_even_at_rest(far):
 
 def test_outcomes_are_gathered_by_network_and_method(monkeypatch):
     monkeypatch.setattr("mmt_lab.experiments.felt.DURATION_S", 3.0)
-    found = [one for network in ("lan", "wan") for one in run_trial(Trial("fabric", network, 5))]
+    found = [one for network in ("lan", "wan") for one in run_trial("fabric", network, 5)]
     table = rows(found)
     assert [row["network"] for row in table] == ["lan"] * 4 + ["wan"] * 4
     assert {row["sessions"] for row in table} == {1}
@@ -126,7 +123,7 @@ def test_outcomes_are_gathered_by_network_and_method(monkeypatch):
 
 def test_the_command_prints_every_method_and_writes_a_report(monkeypatch, tmp_path):
     monkeypatch.setattr("mmt_lab.experiments.felt.DURATION_S", 2.0)
-    outcomes = run_trial(Trial("fabric", "wan", 5))
+    outcomes = run_trial("fabric", "wan", 5)
     monkeypatch.setattr(felt, "map_in_processes", lambda *_, **__: [outcomes])
     options = ("--textures", "fabric", "--seeds", "1", "--report", str(tmp_path / "report"))
     written, output = run_lab(tmp_path, "felt", *options)

@@ -31,10 +31,8 @@ from mmt_lab.compare.judging import METHODS as METHODS_OF_MODELLING
 from mmt_lab.felt.judging import HOP, LEAST_RMS_M_S2, WINDOW, FeltErrors, Reference
 from mmt_lab.felt.passing import (
     leader_vibration,
-    local_updates,
-    settings_over,
+    local_models,
     stroke_over_network,
-    taking_over,
     undelayed_vibration,
 )
 from mmt_lab.harness.experiment import (
@@ -72,48 +70,30 @@ SPANS_S: Final = ((0.0, 5.0), (5.0, 10.0), (10.0, 1000.0))
 
 
 @dataclass(frozen=True)
-class Trial:
-    """One session: a texture, a network's profile, a seed, a kind of hand."""
-
-    texture: str
-    network: str
-    seed: int
-    hand: str = "strokes"
-
-
-@dataclass(frozen=True)
 class TrialResult:
     """Errors of one method in one session, and the time when its model took over."""
 
-    case: Trial
+    network: str
     method: str
     start_s: float | None
     course: FeltErrors
 
 
-def run_trial(case: Trial) -> list[TrialResult]:
-    """Run one session, render it by each method, and judge the results."""
-    surface = get_surface(case.texture)
+def run_trial(texture: str, network: str, seed: int, hand: str = "strokes") -> list[TrialResult]:
+    """Run one session over a profile's network, render it by each method, and judge the results."""
+    surface = get_surface(texture)
+    emulated = Network.model_validate({"profile": network})
+    stroking = hand_of(hand, isotropic=surface.isotropic)
     ticks = round(DURATION_S * RATE_HZ)
-    passage = stroke_over_network(
-        surface,
-        Network.model_validate({"profile": case.network}),
-        ticks,
-        case.seed,
-        hand_of(case.hand, isotropic=surface.isotropic),
-    )
-    bound = undelayed_vibration(passage, case.seed)
-    reference = Reference(passage, bound.vibration_m_s2)
-    felt = {AT_ONCE: bound}
+    passage = stroke_over_network(surface, emulated, ticks, seed, stroking)
+    bound_m_s2 = undelayed_vibration(passage, seed)
+    reference = Reference(passage, bound_m_s2)
+    results = [TrialResult(network, AT_ONCE, 0.0, reference.judge(bound_m_s2))]
     for name, keys in METHODS.items():
-        models = None
-        if keys is not None:
-            models = taking_over(local_updates(passage, settings_over(passage, keys)))
-        felt[name] = leader_vibration(passage, models, case.seed)
-    return [
-        TrialResult(case, name, own.start_s, reference.judge(own.vibration_m_s2))
-        for name, own in felt.items()
-    ]
+        models = None if keys is None else local_models(passage, keys)
+        felt_m_s2, start_s = leader_vibration(passage, models, seed)
+        results.append(TrialResult(network, name, start_s, reference.judge(felt_m_s2)))
+    return results
 
 
 def rows(outcomes: Sequence[TrialResult]) -> list[dict[str, Any]]:
@@ -159,7 +139,7 @@ def by_second(outcomes: Sequence[TrialResult], network: str, method: str) -> Flo
 
 
 def _of(outcomes: Sequence[TrialResult], network: str, method: str) -> list[TrialResult]:
-    return [one for one in outcomes if one.case.network == network and one.method == method]
+    return [one for one in outcomes if (one.network, one.method) == (network, method)]
 
 
 def _by_span(errors: Sequence[tuple[FeltErrors, FloatArray]]) -> list[float | None]:
@@ -217,14 +197,13 @@ def felt_table(outcomes: Sequence[TrialResult]) -> ReportTable:
     return ReportTable(columns, body, "Errors in dB of what the hand feels, by session time.")
 
 
-def felt_figure(outcomes: Sequence[TrialResult]) -> Figure:
-    """Draw the level's error against session time, a panel for each network."""
-    shown = [n for n in NETWORKS if any(one.case.network == n for one in outcomes)]
+def felt_figure(curves: Mapping[str, Mapping[str, FloatArray]]) -> Figure:
+    """Draw the level's error in each second by network and method, a panel for each network."""
+    shown = [network for network, errors in curves.items() if errors]
     figure = Figure(figsize=(2.55 * len(shown) + 0.6, 3.2), layout="constrained")
     panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
     for axis, network in zip(panels, shown, strict=True):
-        for method in SHOWN:
-            error_db = by_second(outcomes, network, method)
+        for method, error_db in curves[network].items():
             axis.plot(
                 np.arange(len(error_db)) + 0.5,
                 error_db,
@@ -260,7 +239,7 @@ def run(
     """Measure what the hand feels over each network, by method."""
     kind = hand_of(hand).kind
     calls = [
-        (Trial(texture, network, FIRST_SEED + seed, kind),)
+        (texture, network, FIRST_SEED + seed, kind)
         for network in NETWORKS
         for texture in chosen_textures(textures)
         for seed in range(seeds)
@@ -284,7 +263,7 @@ def run(
         "At each moment: vibration at the leader against what the surface would give.",
         tables=[table],
         blocks=lambda: [
-            picture("felt", "Level of what is felt, by session time.", felt_figure(outcomes)),
+            picture("felt", "Level of what is felt, by session time.", felt_figure(curves)),
             table,
         ],
         definitions=DEFINITIONS,

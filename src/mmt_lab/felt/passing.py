@@ -37,7 +37,6 @@ from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface, vibrati
 from mmt.testing.simulation.surfaces.vibration import Stroke
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.updates import ModelUpdate
 from mmt.texture.settings import Inputs, ModellingSettings
 
 COMMAND_BYTES: Final = 60
@@ -125,20 +124,8 @@ UPDATE_TICKS: Final = 50
 """Ticks from a model's last frame until it is in use."""
 
 
-@dataclass(frozen=True)
-class FeltVibration:
-    """Vibration that a method gives the hand.
-
-    ``vibration_m_s2`` has shape (n,); ``start_s`` is when the model took over, or None if it did
-    not.
-    """
-
-    vibration_m_s2: FloatArray
-    start_s: float | None
-
-
-def undelayed_vibration(passage: Passage, seed: int) -> FeltVibration:
-    """Return the surface's vibration at the hand's own speed and force, without a delay.
+def undelayed_vibration(passage: Passage, seed: int) -> FloatArray:
+    """Return the surface's vibration (n,) at the hand's own speed and force, without a delay.
 
     It is a separate realisation: no rendering from a model can come nearer to the texture.
     """
@@ -150,17 +137,18 @@ def undelayed_vibration(passage: Passage, seed: int) -> FeltVibration:
         np.cumsum(passage.velocity_mm_s / RATE_HZ, axis=0).tolist(),
         strict=True,
     )
-    values = [
-        surface.step(Stroke(speed, force, (u, v), (x, y)))[0]
-        for speed, force, (u, v), (x, y) in motion
-    ]
-    return FeltVibration(np.array(values), 0.0)
+    return np.array(
+        [
+            surface.step(Stroke(speed, force, (u, v), (x, y)))[0]
+            for speed, force, (u, v), (x, y) in motion
+        ]
+    )
 
 
 def leader_vibration(
     passage: Passage, models: Mapping[int, TextureModel] | None, seed: int
-) -> FeltVibration:
-    """Return the vibration that a leader plays from the frames of a passage.
+) -> tuple[FloatArray, float | None]:
+    """Return the vibration (n,) that a leader plays from a passage, and when a model took over.
 
     Parameters
     ----------
@@ -192,7 +180,7 @@ def leader_vibration(
             stream.on_frames(passage.frames[index : index + 1], tick * PERIOD_NS)
         taken = arrived[tick]
         output[tick] = switch.render(tick * PERIOD_NS, *inputs[:, tick : tick + 1])[0]
-    return FeltVibration(output, start_s)
+    return output, start_s
 
 
 def _leader(seed: int, *, renders: bool) -> LeaderParts:
@@ -210,36 +198,23 @@ def _leader(seed: int, *, renders: bool) -> LeaderParts:
     return build_parts(Session(scene), ("playout", "synthesizing", "vibration"))
 
 
-def settings_over(passage: Passage, texture: Mapping[str, Any]) -> ModellingSettings:
-    """Return keys of ``[texture]`` as settings, with the inputs that the surface needs."""
-    inputs: Inputs = "isotropic" if passage.surface.isotropic else "anisotropic"
-    return ModellingSettings(inputs=inputs, **texture)
-
-
-def taking_over(updates: Mapping[int, ModelUpdate]) -> dict[int, TextureModel]:
-    """Return the models of the updates from the start criterion on, by their ticks."""
-    return {
-        tick: update.model
-        for tick, update in updates.items()
-        if update.started and update.model is not None
-    }
-
-
-def local_updates(passage: Passage, settings: ModellingSettings) -> dict[int, ModelUpdate]:
-    """Return the updates of the local model, by the tick from which each is in use.
+def local_models(passage: Passage, texture: Mapping[str, Any]) -> dict[int, TextureModel]:
+    """Return the local models from the start criterion on, by the tick from which each is in use.
 
     An update takes the frames of one second, delimited by sequence numbers. As in the leader's
-    modelling, it waits until lost frames are filled in.
+    modelling, it waits until lost frames are filled in. ``texture`` has keys of that table.
     """
-    modeller, updates = OnlineModeller(settings), {}
+    inputs: Inputs = "isotropic" if passage.surface.isotropic else "anisotropic"
+    modeller, models = OnlineModeller(ModellingSettings(inputs=inputs, **texture)), {}
     period = round(RATE_HZ)
     come = _filled_in(passage.arrival_tick)
     for first in range(0, len(passage.frames) - period + 1, period):
         update = modeller.update(passage.frames[first : first + period])
-        updates[int(come[: first + period].max()) + UPDATE_TICKS] = update
+        if update.started and (model := update.model) is not None:
+            models[int(come[: first + period].max()) + UPDATE_TICKS] = model
         if update.stopped:
             break
-    return updates
+    return models
 
 
 def _filled_in(arrival_tick: IntArray) -> IntArray:
