@@ -67,13 +67,10 @@ class TurnFigures:
     p50_ms: float
     """One-way latency of the messages received; NaN if there were none."""
     p99_ms: float
-    worst_ms: float
     rate_hz: float
     """Messages received per second."""
     cores: float
     """Processor time over elapsed time."""
-    sent: int
-    received: int
     lost: int
     """Sequence numbers that are missing between the messages received."""
     out_of_order: int
@@ -91,16 +88,10 @@ class Side:
     layout: np.dtype[np.void]
     leads: bool = False
     sent: int = 0
-    received: int = 0
     lost: int = 0
     out_of_order: int = 0
     newest: int = -1
     latency: TimeHistogram = field(default_factory=TimeHistogram)
-
-    @property
-    def counts(self) -> tuple[int, int, int, int]:
-        """Sent, received, lost, out of order."""
-        return self.sent, self.received, self.lost, self.out_of_order
 
     def next_record(self) -> RecordArray:
         """Return the next record, shape (1,)."""
@@ -114,7 +105,6 @@ class Side:
         """Count and time one record that arrived."""
         sequence, time_ns = _HEAD.unpack_from(data, offset)
         self.latency.add(time.monotonic_ns() - time_ns)
-        self.received += 1
         if sequence <= self.newest:
             self.out_of_order += 1
             return
@@ -133,7 +123,7 @@ Send = Callable[[RecordArray], None]
 
 async def run_turn(turn: Turn, side: Side, send: Send) -> TurnFigures:
     """Run a turn over its link, and return its figures."""
-    before = side.counts
+    lost, out_of_order = side.lost, side.out_of_order
 
     def tick(elapsed: int) -> None:
         for _ in range(elapsed):
@@ -155,18 +145,11 @@ async def run_turn(turn: Turn, side: Side, send: Send) -> TurnFigures:
     ticker.stop()
     await ticker.wait()
     await _sleep_until(turn.end_ns)
-    quantiles_ms = (latency.quantile_ms(part) for part in (0.5, 0.99, 1.0))
-    p50_ms, p99_ms, worst_ms = (math.nan if each is None else each for each in quantiles_ms)
-    counts = (new - old for new, old in zip(side.counts, before, strict=True))
-    return TurnFigures(
-        turn.kind,
-        p50_ms,
-        p99_ms,
-        worst_ms,
-        latency.count / wall_s,
-        busy_s / wall_s,
-        *counts,
-    )
+    quantiles_ms = (latency.quantile_ms(part) for part in (0.5, 0.99))
+    p50_ms, p99_ms = (math.nan if each is None else each for each in quantiles_ms)
+    rate_hz, cores = latency.count / wall_s, busy_s / wall_s
+    counts = side.lost - lost, side.out_of_order - out_of_order
+    return TurnFigures(turn.kind, p50_ms, p99_ms, rate_hz, cores, *counts)
 
 
 async def _sleep_until(time_ns: int) -> None:

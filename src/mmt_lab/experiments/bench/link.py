@@ -149,9 +149,6 @@ def _direction(turns: list[TurnFigures], missing: int) -> TurnFigures:
     return TurnFigures(
         turns[0].kind,
         **medians,
-        worst_ms=max(turn.worst_ms for turn in turns),
-        sent=sum(turn.sent for turn in turns),
-        received=sum(turn.received for turn in turns),
         lost=sum(turn.lost for turn in turns) + missing,
         out_of_order=sum(turn.out_of_order for turn in turns),
     )
