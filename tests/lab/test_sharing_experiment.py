@@ -26,8 +26,8 @@ def sessions(monkeypatch, crowd, ticks_ms):
     """Let sessions end with these ticks, in turn with one listener and with the crowd."""
     waiting_ms = iter(ticks_ms)
 
-    async def session(_, command, first):
-        return leader(next(waiting_ms)), crowd[: command[1]]
+    async def session(_, join, listeners):
+        return leader(next(waiting_ms)), crowd[:listeners]
 
     monkeypatch.setattr(sharing, "run_with_listeners", session)
 

@@ -7,8 +7,9 @@ Ticks are compared within a pair of sessions; the median over several pairs coun
 """
 
 import asyncio
+from collections.abc import Mapping, Sequence
 from statistics import median
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 import typer
@@ -17,12 +18,16 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import require
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.findings import Findings
+from mmt_lab.sharing.counting import ListenerCounts
 from mmt_lab.sharing.crowd import join_apart
 from mmt_lab.sharing.hubs import findings
 from mmt_lab.sharing.session import run_with_listeners
 
 SHOWS: Final = "what it costs to share a model, and how soon a hundred listeners have it"
 TAKES: Final = "3 min"
+
+CHANGES: Final = "changes to each while modelling (bytes/s)"
+LAG: Final = "from the leader's state to the listener's, p50 (ms)"
 
 
 def run(
@@ -46,49 +51,15 @@ def run(
     ratios: list[float] = []
     pairs = 3 if pairs is None else pairs
     for _ in range(pairs):
-        one, _ = asyncio.run(run_with_listeners(duration, (join_apart, 1), 1))
-        crowd = (join_apart, listeners)
-        leader, found = asyncio.run(run_with_listeners(duration, crowd, 1))
+        one, _ = asyncio.run(run_with_listeners(duration, join_apart, 1))
+        leader, found = asyncio.run(run_with_listeners(duration, join_apart, listeners))
         ratios.append(leader["ticks"]["period_p99_ms"] / one["ticks"]["period_p99_ms"])
-    sent, texture = leader["sharing"]["sent"], leader["texture"]
-    firsts = [each.first_s for each in found if each.first_s is not None]
-    lags = [lag for each in found for lag in each.lags_ms]
-    if not firsts or not lags or not sent["changes"]:
-        problems = {each.problem for each in found} - {""}
-        raise MmtError(f"no listener had a model and a change of it: {' '.join(problems)}")
-    behind = sum(each.number != leader["sharing"]["models"] for each in found)
-    change_bytes = sent["changes_bytes"] / sent["changes"]
-    a_second = leader["sharing"]["models"] / (texture["stop_s"] or duration)
-    first_50, first_99 = np.percentile(firsts, [50, 99]).tolist()
-    lag_50, lag_99 = np.percentile(lags, [50, 99]).tolist()
+    ticks = "leader's tick, p99, over that with one listener"
     rows: dict[str, Figure] = {
-        "tick_p99_ratio": (
-            "leader's tick, p99, over that with one listener",
-            median(ratios),
-            "at most",
-            1.1,
-        ),
+        "tick_p99_ratio": (ticks, median(ratios), "at most", 1.1),
         "tick_p99_ratio_least": ("the same of the pair with the least", min(ratios)),
         "tick_p99_ratio_most": ("the same of the pair with the most", max(ratios)),
-        "joined": ("listeners who had the model", len(firsts), "at least", listeners),
-        "behind": ("listeners without the last state", behind, "at most", 0),
-        "rejected": ("messages that did not fit", sum(e.rejected for e in found), "at most", 0),
-        "model_bytes": ("whole model, on joining (bytes)", sent["wholes_bytes"] / sent["wholes"]),
-        "change_bytes_a_second": (
-            "changes to each while modelling (bytes/s)",
-            change_bytes * a_second,
-            "at most",
-            2000,
-        ),
-        "first_p50_s": ("from connecting to a built model, p50 (s)", first_50, "at most", 0.3),
-        "first_p99_s": ("from connecting to a built model, p99 (s)", first_99, "at most", 1.0),
-        "lag_p50_ms": (
-            "from the leader's state to the listener's, p50 (ms)",
-            lag_50,
-            "at most",
-            50,
-        ),
-        "lag_p99_ms": ("the same, p99 (ms)", lag_99, "at most", 200),
+        **_of_the_crowd(leader, found, duration),
     }
     about = (
         f"A rough texture for {duration:g} s, one listener and then {listeners}; pairs: {pairs}, "
@@ -96,3 +67,33 @@ def run(
         "it is sent."
     )
     return single_figures("Sharing", about, rows)
+
+
+def _of_the_crowd(
+    leader: Mapping[str, Any], found: Sequence[ListenerCounts], duration_s: float
+) -> dict[str, Figure]:
+    """Return what many listeners received in a session of the leader, and how late."""
+    sent, models = leader["sharing"]["sent"], leader["sharing"]["models"]
+    firsts = [each.first_s for each in found if each.first_s is not None]
+    lags = [lag for each in found for lag in each.lags_ms]
+    if not firsts or not lags or not sent["changes"]:
+        problems = {each.problem for each in found} - {""}
+        raise MmtError(f"no listener had a model and a change of it: {' '.join(problems)}")
+    behind = sum(each.number != models for each in found)
+    rejected = sum(each.rejected for each in found)
+    whole = sent["wholes_bytes"] / sent["wholes"]
+    changes = sent["changes_bytes"] / sent["changes"]
+    changes *= models / (leader["texture"]["stop_s"] or duration_s)
+    first_50, first_99 = np.percentile(firsts, [50, 99]).tolist()
+    lag_50, lag_99 = np.percentile(lags, [50, 99]).tolist()
+    return {
+        "joined": ("listeners who had the model", len(firsts), "at least", len(found)),
+        "behind": ("listeners without the last state", behind, "at most", 0),
+        "rejected": ("messages that did not fit", rejected, "at most", 0),
+        "model_bytes": ("whole model, on joining (bytes)", whole),
+        "change_bytes_a_second": (CHANGES, changes, "at most", 2000),
+        "first_p50_s": ("from connecting to a built model, p50 (s)", first_50, "at most", 0.3),
+        "first_p99_s": ("from connecting to a built model, p99 (s)", first_99, "at most", 1.0),
+        "lag_p50_ms": (LAG, lag_50, "at most", 50),
+        "lag_p99_ms": ("the same, p99 (ms)", lag_99, "at most", 200),
+    }

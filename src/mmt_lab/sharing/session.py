@@ -3,7 +3,7 @@
 import asyncio
 import os
 import re
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -93,17 +93,16 @@ async def shared_session(duration_s: float) -> AsyncIterator[ListenedSession]:
 
 
 async def run_with_listeners(
-    duration_s: float, listeners: tuple[Any, ...], first: int
+    duration_s: float, join: Callable[..., object], listeners: int
 ) -> tuple[dict[str, Any], Any]:
     """Run one session with listeners; return the leader's summary and the listeners' results.
 
-    ``listeners`` is a function for a process of its own, and its arguments after pipe, URL and
-    longest time.
+    ``join`` runs them in a process of its own, given a pipe, the URL, the longest time and their
+    number.
     """
-    function, *arguments = listeners
     async with shared_session(duration_s) as session:
-        (pipe,) = session.listen((function, session.url, duration_s + LAST_S, *arguments))
-        await session.leader.line("event", f", {first} listening")
+        (pipe,) = session.listen((join, session.url, duration_s + LAST_S, listeners))
+        await session.leader.line("event", ", 1 listening")
         await session.start_follower()
         summary = await session.leader.line("summary")
         return summary, await asyncio.to_thread(received, pipe, LAST_S)
