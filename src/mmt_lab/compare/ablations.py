@@ -23,10 +23,11 @@ Replace = Callable[[Any], Any]
 
 
 class Ingredient(NamedTuple):
-    """Ingredient in words, and its replacement: the target, ``module:name``, and by what."""
+    """Ingredient in words, what is replaced, ``module:name``, and by what."""
 
     what: str
-    replacement: tuple[str, Replace]
+    target: str
+    replace: Replace
 
 
 def _medians_alone(settings: Callable[..., Any]) -> Callable[..., Any]:
@@ -66,54 +67,63 @@ INGREDIENTS: Final[Mapping[str, Ingredient]] = MappingProxyType(
     {
         "rough": Ingredient(
             "the rough departure, as wide as a cell",
-            (f"{_FIELD}.posterior:settings", lambda settings: partial(settings, rough=False)),
+            f"{_FIELD}.posterior:settings",
+            lambda settings: partial(settings, rough=False),
         ),
         "mixture": Ingredient(
             "the mixture of settings: the median setting alone",
-            (f"{_FIELD}.posterior:settings", _medians_alone),
+            f"{_FIELD}.posterior:settings",
+            _medians_alone,
         ),
         "trust": Ingredient(
             "the heavy tail of a moment's error: every moment is believed",
-            (f"{_FIELD}.observations:_believed", _constantly(lambda off, _: np.ones(len(off)))),
+            f"{_FIELD}.observations:_believed",
+            _constantly(lambda off, _: np.ones(len(off))),
         ),
         "moments": Ingredient(
             "the scatter between moments, beyond the least",
-            (f"{_FIELD}.observations:_moment_variance", _constantly(lambda *_: MOMENT_VARIANCE)),
+            f"{_FIELD}.observations:_moment_variance",
+            _constantly(lambda *_: MOMENT_VARIANCE),
         ),
         "slopes": Ingredient(
             "the prior of the slopes: 0 +- 2 for both",
-            (f"{_FIELD}.covariance:SLOPES", _constantly(((0.0, 2.0), (0.0, 2.0)))),
+            f"{_FIELD}.covariance:SLOPES",
+            _constantly(((0.0, 2.0), (0.0, 2.0))),
         ),
         "blocks": Ingredient(
             "the scatter between blocks as it was met: that of a homogeneous surface",
-            (f"{_FIELD}.observations:_block_variance", _constantly(lambda _: BLOCK_VARIANCE)),
+            f"{_FIELD}.observations:_block_variance",
+            _constantly(lambda _: BLOCK_VARIANCE),
         ),
         "steady": Ingredient(
             "that speed and force change by a factor of two at most within a block",
-            (f"{_FIELD}.blocks:_LARGEST_CHANGE", _constantly(1e9)),
+            f"{_FIELD}.blocks:_LARGEST_CHANGE",
+            _constantly(1e9),
         ),
         "ridges": Ingredient(
             "the departure that is the same for a stroke and its return",
-            (f"{_FIELD}.posterior:settings", _without_column(4)),
+            f"{_FIELD}.posterior:settings",
+            _without_column(4),
         ),
         "nap": Ingredient(
             "the departure that is not",
-            (f"{_FIELD}.posterior:settings", _without_column(6)),
+            f"{_FIELD}.posterior:settings",
+            _without_column(6),
         ),
         "lengths": Ingredient(
             "the choice of the shapes' lengths by their evidence: 0.5 and 0.7",
-            (f"{_FIELD}.shape_smoothing:_SCALES", _constantly(((0.5,), (0.7,)))),
+            f"{_FIELD}.shape_smoothing:_SCALES",
+            _constantly(((0.5,), (0.7,))),
         ),
         "smoothing": Ingredient(
             "the smoothing of the spectra's shapes",
-            (f"{_FIELD}.shape_smoothing:smoothed", _constantly(_nearest)),
+            f"{_FIELD}.shape_smoothing:smoothed",
+            _constantly(_nearest),
         ),
         "high-pass": Ingredient(
             "giving back what the high-pass takes",
-            (
-                "mmt.texture.model.fits:_given_back",
-                lambda own: lambda rate_hz: np.ones_like(own(rate_hz)),
-            ),
+            "mmt.texture.model.fits:_given_back",
+            lambda own: lambda rate_hz: np.ones_like(own(rate_hz)),
         ),
     }
 )
@@ -127,5 +137,5 @@ def without(name: str) -> AbstractContextManager[object]:
     """
     if not name:
         return nullcontext()
-    target, replace = INGREDIENTS[name].replacement
+    _, target, replace = INGREDIENTS[name]
     return patch(target.replace(":", "."), replace(pkgutil.resolve_name(target)))

@@ -13,10 +13,16 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.evaluation.model_errors import LOWEST_HZ, Strokes, band_errors_db, bounded_error_db
+from mmt.evaluation.model_errors import (
+    LOWEST_HZ,
+    Strokes,
+    band_errors_db,
+    bounded_error_db,
+    root_mean_square,
+)
 from mmt.evaluation.truth import KnownTexture
 from mmt.texture.signals.metrics import amplitude_spectra, expected_amplitude, within_jnd
-from mmt.texture.space import ANISOTROPIC
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC
 from mmt_lab.compare.time_limit import time_limit
 from mmt_methods.generators.guarded import GuardedGenerator
 
@@ -62,18 +68,11 @@ class RenderedErrors(NamedTuple):
     scatter_db: float
 
 
-def motion_of(strokes: Strokes, *, directed: bool) -> FloatArray:
-    """Return the inputs of a generator at k strokes, shape (d, k), d 2 or 3."""
-    if not directed:
-        return np.array([strokes.speed_mm_s, strokes.force_n])
-    return strokes.inputs(ANISOTROPIC).T
-
-
 def render_strokes(
     source: GuardedGenerator, strokes: Strokes, seed: int, run_s: float = RUN_S
 ) -> tuple[FloatArray, FloatArray]:
     """Return two runs of vibration at each of k strokes, (2, k, n), and each block's time (us)."""
-    motion = motion_of(strokes, directed=source.directed)
+    motion = strokes.inputs(ANISOTROPIC if source.directed else ISOTROPIC).T
     settling = round(SETTLING_S * RATE_HZ / BLOCK_SAMPLES)
     blocks = settling + round(run_s * RATE_HZ / BLOCK_SAMPLES)
     lasts_s = blocks * BLOCK_SAMPLES / RATE_HZ
@@ -129,7 +128,7 @@ def rendered_errors(rendered: WindowedSpectra, truth: WindowedSpectra) -> Render
             "log_spectral_db": float(spectrum_db.mean()),
             "band_error_db": float(_root(bands.mean())),
         },
-        scatter_db=float(np.sqrt(np.mean(np.square(0.5 * (level_db[0] - level_db[1]))))),
+        scatter_db=root_mean_square(0.5 * (level_db[0] - level_db[1])),
     )
 
 

@@ -17,11 +17,9 @@ from mmt.core.errors import InputError
 from mmt.evaluation.model_errors import BAND_EDGES_HZ, WORST
 from mmt.evaluation.reports.document import Block, Heading, ReportTable
 from mmt.evaluation.reports.report_files import picture
-from mmt_lab.compare.cases import INHOMOGENEOUS, simulated_cases
+from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, simulated_cases
 from mmt_lab.compare.generators import DEFINITIONS as OF_GENERATORS
 from mmt_lab.compare.generators import (
-    Fault,
-    GeneratorScore,
     check_generators,
     failures,
     generator_sentences,
@@ -186,19 +184,23 @@ def run(
     if others and rates != [1000]:
         raise InputError("--generators: they render at 1 kHz; leave --acceleration-rate out")
     cases = [replace(case, acceleration_rate_hz=rate_hz) for rate_hz in rates for case in made]
-    passes = [(case, tuple(names), tuple(spoils)) for case in cases]
+    found = _judged(cases, names, spoils, workers)
+    return _with_generators(found, cases, others, workers) if others else findings(found)
+
+
+def _judged(
+    cases: Sequence[ComparisonCase],
+    methods: Sequence[str],
+    spoils: Sequence[str],
+    workers: int | None,
+) -> MethodComparison:
+    passes = [(case, methods, spoils) for case in cases]
     judged = map_in_processes(judge, passes, workers=workers, what="comparing")
-    found = MethodComparison(
-        tuple(names),
+    return MethodComparison(
+        tuple(methods),
         tuple(one for by_method, _ in judged for one in by_method),
         tuple(one for _, sure in judged for one in sure),
     )
-    if not others:
-        return findings(found)
-    calls = [(case, tuple(others)) for case in cases]
-    every = map_in_processes(judge_generators, calls, workers=workers, what="rendering")
-    rendered = [one for by_session, _ in every for one in by_session]
-    return _with_generators(found, others, rendered, [one for _, of in every for one in of])
 
 
 def _names(listed: str | None) -> list[str]:
@@ -225,11 +227,15 @@ def findings(comparison: MethodComparison) -> Findings:
 
 def _with_generators(
     comparison: MethodComparison,
+    cases: Sequence[ComparisonCase],
     names: Sequence[str],
-    rendered: Sequence[GeneratorScore],
-    faults: Sequence[Fault],
+    workers: int | None,
 ) -> Findings:
-    """Return the findings on methods and generators beside each other."""
+    """Judge generators on the same cases; return the findings on them beside the methods."""
+    calls = [(case, names) for case in cases]
+    every = map_in_processes(judge_generators, calls, workers=workers, what="rendering")
+    rendered = [one for by_session, _ in every for one in by_session]
+    faults = [one for _, of in every for one in of]
     judged = (*comparison.judged, *(one.judged for one in rendered))
     methods = (*comparison.methods, *names)
     found = findings(replace(comparison, methods=methods, judged=judged))

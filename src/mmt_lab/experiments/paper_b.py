@@ -47,6 +47,9 @@ TEXTURES: Final = tuple(surface.name for surface in GRAINED)
 _THREADS_WHY: Final = (
     "the test renders offline; what runs side by side in the leader says `mmt scene explain`"
 )
+_COUNTED: Final = (
+    "the paper counts them too, but gives no count, and refers to earlier work for its spectra"
+)
 _PEN_WHY: Final = "there is no pen: the normal force comes from the force sensor"
 
 
@@ -58,26 +61,21 @@ def run(seed: Seed = 1, spectra: SpectraOption = Spectra.WELCH) -> Findings:
         one.name: {of.name: compare_pair(one, of.model, seed, spectra) for of in virtual}
         for one in real
     }
-    of_speed = {
-        one.name: compare_pair(one, of.of_speed, seed, spectra)
-        for one, of in zip(real, virtual, strict=True)
-    }
+    own = list(zip(real, virtual, strict=True))
+    of_speed = {one.name: compare_pair(one, of.of_speed, seed, spectra) for one, of in own}
     least = {  # two renderings of one model, which gives the error of a perfect model
         one.name: compare_pair(one, of.model, seed, spectra, one.rendered(of.model, seed + 1))
-        for one, of in zip(real, virtual, strict=True)
+        for one, of in own
     }
     matched = sum(_nearest(pairs[name]) == name for name in TEXTURES)
-    speed = _estimates_a_second(real[0], virtual[0], seed)
+
     tables = [_matching(pairs, of_speed, least), _sizes(virtual)]
     return Findings(
         title="Paper B: matching test and models",
         about=f"{RECORDED_S:g} s on each texture for its model, {STROKED_S:g} s in the test.",
-        sentences=[
-            f"{matched} of {len(TEXTURES)} pairs match; the paper counts them too, but gives no "
-            "count, and refers to earlier work for its spectra",
-        ],
+        sentences=[f"{matched} of {len(TEXTURES)} pairs match; {_COUNTED}"],
         tables=tables,
-        targets=_targets(matched, speed),
+        targets=_targets(matched, _estimates_a_second(real[0], virtual[0], seed)),
         blocks=lambda: _blocks(tables, pairs, virtual, real, seed),
         definitions={
             "error": "relative root mean square difference of amplitude spectra, mean over the "

@@ -10,9 +10,8 @@ detection, false alarms and compression for other readings of the paper and othe
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from statistics import fmean
 from typing import Final
-
-import numpy as np
 
 from mmt.evaluation.reports.document import ReportTable, table_of
 from mmt.texture.signals.biquad import VIBRATION_CUTOFF_HZ
@@ -98,17 +97,13 @@ def run(
     )
 
 
-def _mean(values: Sequence[float]) -> float:
-    return float(np.mean(values))
-
-
 def _removals(ones: Sequence[Selected], variation: str | None = AS_PUBLISHED) -> Removed:
     """Return the means over the seeds of a variation, or of the product's own selection."""
     found = [one.ours if variation is None else one.variations[variation] for one in ones]
     return Removed(
-        _mean([each.detected for each in found]),
-        _mean([each.false_alarms for each in found]),
-        _mean([each.compression for each in found]),
+        fmean(each.detected for each in found),
+        fmean(each.false_alarms for each in found),
+        fmean(each.compression for each in found),
     )
 
 
@@ -117,13 +112,13 @@ def _sets(found: Mapping[str, Sequence[Selected]]) -> ReportTable:
     for row in ROWS:
         kind = "anisotropic" if row.directed else "isotropic"
         ones = found[row.name]
-        minimal = _mean([one.minimal for one in ones])
+        minimal = fmean(one.minimal for one in ones)
         points, knocked = str(row.points), str(row.outliers)
         rows += [
             [f"paper, {row.name}", str(row.trials), points, str(row.minimal), knocked, kind],
             [
                 row.surface,
-                f"{_mean([one.trials for one in ones]):.0f}",
+                f"{fmean(one.trials for one in ones):.0f}",
                 str(ones[0].points),
                 f"{minimal:.1f}",
                 str(ones[0].outliers),
@@ -141,7 +136,7 @@ def _results(found: Mapping[str, Sequence[Selected]]) -> ReportTable:
         detected, compression = row.detected / row.outliers, row.points / row.kept
         cells = [f"{detected:.2f}", "-", f"{compression:.2f}", f"{row.gain:+.4f}"]
         rows.append([f"paper, {row.name}", *cells])
-        gain = f"{_mean([one.gain for one in ones]):+.4f}"
+        gain = f"{fmean(one.gain for one in ones):+.4f}"
         for name, variation, cell in (("published", AS_PUBLISHED, gain), ("ours", None, "-")):
             mean = _removals(ones, variation)
             cells = [f"{mean.detected:.2f}", f"{mean.false_alarms:.1%}", f"{mean.compression:.2f}"]
@@ -155,11 +150,11 @@ def _goodness(found: Mapping[str, Sequence[Selected]]) -> ReportTable:
     for row in ROWS:
         ones = found[row.name]
         cells = [
-            f"{_mean([one.gfc[k] for one in ones]):.3f} ± "
-            f"{_mean([one.deviation[k] for one in ones]):.3f}"
+            f"{fmean(one.gfc[k] for one in ones):.3f} ± "
+            f"{fmean(one.deviation[k] for one in ones):.3f}"
             for k in (0, 1)
         ]
-        rows.append([row.surface, *cells, f"{_mean([one.ceiling for one in ones]):.3f}"])
+        rows.append([row.surface, *cells, f"{fmean(one.ceiling for one in ones):.3f}"])
     columns = ["texture", "all points", "selected points", "ceiling"]
     return ReportTable(columns, rows, caption="Fig. 4: mean GFC, with the deviation over segments.")
 
@@ -220,8 +215,8 @@ def _targets(row: PaperRow, ones: Sequence[Selected]) -> list[Target]:
     name = row.name
     as_published, ours = _removals(ones), _removals(ones, None)
     compression, minimal = row.points / row.kept, float(row.minimal)
-    trials, corners = _mean([one.trials for one in ones]), _mean([one.minimal for one in ones])
-    gain = _mean([one.gain for one in ones])
+    trials, corners = fmean(one.trials for one in ones), fmean(one.minimal for one in ones)
+    gain = fmean(one.gain for one in ones)
     good = min(gfc for one in ones for gfc in one.gfc)
     width = _TOLERANCE
     return [

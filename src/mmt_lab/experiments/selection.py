@@ -17,10 +17,10 @@ import typer
 from scipy.spatial import cKDTree
 
 from mmt.core.arrays import BoolArray
+from mmt.evaluation.model_errors import Strokes, root_mean_square
 from mmt.evaluation.reports.document import ReportTable, table_of
 from mmt.texture.autoregression.forms import lsf_spectrum
 from mmt.texture.signals.metrics import expected_amplitude, gfc_of_rows
-from mmt.texture.space import InputSpace
 from mmt_lab.harness.experiment import (
     HandKind,
     Seed,
@@ -126,11 +126,9 @@ class _Probes:
         self._data = trials.data
         speed = generator.uniform(40.0, 270.0, _PROBES)
         force = generator.uniform(0.4, 2.6, _PROBES)
-        heading = generator.uniform(0.0, 2.0 * np.pi, _PROBES) * float(trials.directed)
-        along, across = speed * np.cos(heading), speed * np.sin(heading)
-        inputs = (along, across, force) if trials.directed else (speed, force)
-        space = InputSpace("anisotropic" if trials.directed else "isotropic")
-        self._places = space.normalise(np.column_stack(inputs))
+        heading = generator.uniform(0.0, 2.0 * np.pi, _PROBES) * float(trials.space.directed)
+        inputs = Strokes(speed, force, heading).inputs(trials.space)
+        self._places = trials.space.normalise(inputs)
         truth = trials.surface.spectrum(speed, force, _DENSITY_HZ, heading)
         self._amplitude = expected_amplitude(truth)[:, _BINS]
         self._power = truth.sum(axis=1)
@@ -149,7 +147,7 @@ class _Probes:
         gfc = gfc_of_rows(expected_amplitude(density)[:, _BINS], self._amplitude)
         modelled = np.maximum(density.sum(axis=1), _FLOOR)
         error_db = 10.0 * np.log10(modelled / np.maximum(self._power, _FLOOR))
-        return float(gfc.mean()), float(np.sqrt(np.mean(error_db**2)))
+        return float(gfc.mean()), root_mean_square(error_db)
 
 
 SHOWS: Final = "how well sample selection finds knocks and keeps the model, published and ours"

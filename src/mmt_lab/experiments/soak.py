@@ -103,14 +103,12 @@ async def _run(
             status=f"{text}  {status['phase']:9}  lost {status['frames_lost']}",
         )
 
-    def say(text: str) -> None:
-        progress.console.print(text)
-
     services = SoakServices(recording, seed, show)
     with progress:
         async with services:
             start_s = time.monotonic()
             stop_on_signals(services.ended.set)
+            say = progress.console.print
             harming = asyncio.create_task(_harm(services, faults, start_s, happened, say))
             with suppress(TimeoutError):
                 async with asyncio.timeout(duration_s):

@@ -193,6 +193,11 @@ def run(
             stay_s=stay,
             workers=workers,
         )
+    return _findings(results, tables)
+
+
+def _findings(results: Sequence[SurfaceResult], tables: Sequence[ReportTable]) -> Findings:
+    """Return the scores of sessions as findings, with further tables."""
     found = groups(results)
     overall = [rows[-1] for rows in found.values()]
     return Findings(

@@ -4,7 +4,7 @@ Results are appended to a file, so that an interrupted sweep can be resumed. Job
 processes or on a Dask cluster, with the same figures.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -61,31 +61,40 @@ def run(
     if workers is not None and dask is not None:
         raise InputError("--workers and --dask: give one, a cluster has its own workers")
     settings = combinations(choices or [])
-    read: dict[str, RecordedSession] = {}
+    read = {str(path): _read(path) for path in dict.fromkeys(sessions)}
     jobs: list[Job] = []
-    for path in dict.fromkeys(sessions):
-        # without the parts that no evaluation needs, since a worker may get it
-        session = replace(read_session(path), models=(), events=(), outputs=())
-        read[str(path)] = session
+    for session in read.values():
         base = scene_of(session, scene_file).texture or Texture()
         jobs += make_jobs(session, base, settings, step_s=step, seed=seed)
     results = SweepResults(out)
     missing = results.missing(jobs)
-    needed = {job.path: read[job.path] for job in missing}
-    if dask is not None and missing:
-        outcomes = run_on_dask(missing, needed, dask)
-    else:
-        wanted = processes(workers, len(missing))
-        outcomes = run_locally(missing, needed, wanted) if missing else iter(())
+    outcomes = _outcomes(missing, read, workers, dask)
     failed = _collect(outcomes, results, len(missing), len(jobs))
     summary = _summary(jobs, settings, results)
+    lines = [results.lines[key] for key in _done(jobs, results)]
     return Findings(
         "Sessions by settings",
         tables=[_table(summary)],
         sentences=[f"results: {results.path}"],
-        data={"settings": summary, "results": [results.lines[k] for k in _done(jobs, results)]},
+        data={"settings": summary, "results": lines},
         failures=[f"{each.job.path} {each.job.settings}: {each.error}" for each in failed],
     )
+
+
+def _read(path: Path) -> RecordedSession:
+    """Read a session without the parts that no evaluation needs, since a worker may get it."""
+    return replace(read_session(path), models=(), events=(), outputs=())
+
+
+def _outcomes(
+    jobs: Sequence[Job], read: Mapping[str, RecordedSession], workers: int | None, dask: str | None
+) -> Iterator[JobOutcome]:
+    needed = {job.path: read[job.path] for job in jobs}
+    if not jobs:
+        return iter(())
+    if dask is not None:
+        return run_on_dask(jobs, needed, dask)
+    return run_locally(jobs, needed, processes(workers, len(jobs)))
 
 
 def _collect(

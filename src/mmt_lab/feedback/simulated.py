@@ -141,13 +141,12 @@ def _run(
     robot = SimulatedRobot(Simulated(surface_stiffness_n_mm=wall_n_mm), 0.0)
     jitter = round(JITTER * delay_ms)
     commands: DelayLine[Vector] = DelayLine(delay_ms, jitter, 4 * seed)
-    frames: DelayLine[RecordArray] = DelayLine(delay_ms, jitter, 4 * seed + 1)
-    down: DelayLine[RecordArray] = DelayLine(delay_ms, jitter, 4 * seed + 2)
-    up: DelayLine[RecordArray] = DelayLine(delay_ms, jitter, 4 * seed + 3)
+    frames, down, up = (
+        DelayLine[RecordArray](delay_ms, jitter, 4 * seed + number) for number in (1, 2, 3)
+    )
     wanted: Vector | None = None
-    ticks = round(DURATION_S / PERIOD_S)
-    log = np.zeros((ticks, 5))
-    for tick in range(ticks):
+    log = np.zeros((round(DURATION_S / PERIOD_S), 5))
+    for tick in range(len(log)):
         holder.move(_target_m(tick * PERIOD_S))
         state = handle_state(holder.height_m, holder.speed_m_s)
         commands.push(tick, state.position_mm)
@@ -172,13 +171,8 @@ def _run(
         reply = sides.follower.measured(frame) if sides.follower is not None else None
         if reply is not None:
             up.push(tick, reply)
-        log[tick] = (
-            holder.height_m,
-            holder.speed_m_s,
-            holder.force_n,
-            1e-3 * tip.position_mm[2],
-            tip.force_n[2],
-        )
+        tool = 1e-3 * tip.position_mm[2], tip.force_n[2]
+        log[tick] = (holder.height_m, holder.speed_m_s, holder.force_n, *tool)
     return log
 
 

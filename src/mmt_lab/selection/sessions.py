@@ -39,7 +39,7 @@ class Trials:
     without: ModelPoints
     knocked: BoolArray
     surface: KnownSurface
-    directed: bool
+    space: InputSpace
 
 
 def session_trials(
@@ -82,13 +82,7 @@ def session_trials(
         add_knock(part, knock(), generator) if hit else part
         for part, hit in zip(vibration, knocked.tolist(), strict=True)
     ]
-    return Trials(
-        fitted(points, struck),
-        fitted(points, vibration),
-        knocked,
-        surface,
-        directed=not surface.isotropic,
-    )
+    return Trials(fitted(points, struck), fitted(points, vibration), knocked, surface, space)
 
 
 def fitted(points: FloatArray, segments: Sequence[FloatArray], order: int = ORDER) -> ModelPoints:

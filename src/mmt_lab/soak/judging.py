@@ -212,34 +212,26 @@ def _drifts(observed: SoakLog, readback: Readback, recovery_s: float) -> list[Ch
     disturbed = [(-np.inf, warm_s), (observed.end_s - 0.5, np.inf)]
     disturbed += [(h.start_s - _BEFORE_S, h.end_s + recovery_s) for h in observed.faults]
 
-    def watched(seen: FloatArray, figure: Callable[[FloatArray], Any]) -> Drift:
-        times_s, values = seen
-        free = outside(times_s, disturbed)
-        times_s, values = times_s[free], values[free]
-        return drift(*by_window(times_s, values, _window_s(times_s), figure))
-
     leader = _series([(s.time_s, s.leader_mb) for s in observed.samples])
     modelling = _series([(s.time_s, s.modelling_mb) for s in observed.samples])
-    follower = _longest_life(observed)
+    follower, late = _longest_life(observed), _late(observed)
     hours = max(1.0, span_s / 3600.0)  # a recording's index grows with time
     latency = np.stack([readback.arrival_s, readback.latency_ms])
-    must = span_s >= _TELLING_S
-    return [
-        _flat("leader's memory (MB)", watched(leader, np.median), 5.0, 0.05, must, hours),
-        _flat("modelling's memory (MB)", watched(modelling, np.median), 5.0, 0.05, must, hours),
-        _flat("follower's memory (MB)", watched(follower, np.median), 5.0, 0.05, must, hours),
-        _flat("frames, one way, p50 (ms)", watched(latency, np.median), 0.2, 0.5, must),
-        _flat(
-            "frames, one way, p99 (ms)",
-            watched(latency, partial(np.quantile, q=0.99)),
-            2.0,
-            1.0,
-            must,
-        ),
-        _flat(
-            "leader's ticks over 1 ms late (%)", watched(_late(observed), np.mean), 2.0, 1.0, must
-        ),
-    ]
+    p99 = partial(np.quantile, q=0.99)
+    rows: tuple[tuple[str, FloatArray, Callable[[FloatArray], Any], float, float, float], ...] = (
+        ("leader's memory (MB)", leader, np.median, 5.0, 0.05, hours),
+        ("modelling's memory (MB)", modelling, np.median, 5.0, 0.05, hours),
+        ("follower's memory (MB)", follower, np.median, 5.0, 0.05, hours),
+        ("frames, one way, p50 (ms)", latency, np.median, 0.2, 0.5, 1.0),
+        ("frames, one way, p99 (ms)", latency, p99, 2.0, 1.0, 1.0),
+        ("leader's ticks over 1 ms late (%)", late, np.mean, 2.0, 1.0, 1.0),
+    )
+    checks = []
+    for what, seen, figure, allowed, share, times in rows:
+        times_s, values = seen[:, outside(seen[0], disturbed)]
+        found = drift(*by_window(times_s, values, _window_s(times_s), figure))
+        checks.append(_flat(what, found, allowed, share, span_s >= _TELLING_S, times))
+    return checks
 
 
 def _window_s(times_s: FloatArray) -> float:
@@ -249,7 +241,7 @@ def _window_s(times_s: FloatArray) -> float:
 
 
 def _flat(
-    what: str, found: Drift, allowed: float, share: float, must_tell: bool, times: float = 1.0
+    what: str, found: Drift, allowed: float, share: float, must_tell: bool, times: float
 ) -> Check:
     """Check a figure that may grow by `times` the sum of `allowed` and a share of its median."""
     if found.typical is None or found.growth is None:

@@ -126,15 +126,9 @@ def _by_order(methods: Sequence[BurgFit]) -> Panel:
         order: interleave({m.name: partial(m.fit, x, order) for m in methods}, ROUNDS)
         for order in ORDERS
     }
-    errors = _errors(methods, x, ORDERS)
-    return Panel(
-        "order",
-        f"One segment of {LENGTH} samples, by order",
-        "order",
-        TIME_US,
-        ERROR,
-        _curves(methods, times, errors),
-    )
+    curves = _curves(methods, times, _errors(methods, x, ORDERS))
+    title = f"One segment of {LENGTH} samples, by order"
+    return Panel("order", title, "order", TIME_US, ERROR, curves)
 
 
 def _by_batch(methods: Sequence[BurgFit]) -> Panel:
@@ -152,14 +146,9 @@ def _by_batch(methods: Sequence[BurgFit]) -> Panel:
         times[order] = {
             m.name: spent[m.name].times(1.0 / count if m.fit_batch else 1.0) for m in methods
         }
-    return Panel(
-        "batch",
-        f"Batches of {count} segments of {length} samples, time of one segment, by order",
-        "order",
-        TIME_US,
-        ERROR,
-        _curves(methods, times, _errors(methods, rows[0], ORDERS)),
-    )
+    curves = _curves(methods, times, _errors(methods, rows[0], ORDERS))
+    title = f"Batches of {count} segments of {length} samples, time of one segment, by order"
+    return Panel("batch", title, "order", TIME_US, ERROR, curves)
 
 
 def _by_offset(methods: Sequence[BurgFit]) -> Panel:

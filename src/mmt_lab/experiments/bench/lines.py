@@ -177,9 +177,8 @@ def _back(methods: Sequence[LsfMethod], cases: Mapping[int, Filters]) -> Panel:
         for name, call in backward.items():
             error = _ar_error(call(lsf), exact)
             curves.add(name, order, times[name].times(MICROSECONDS / len(lsf)), error)
-    return Panel(
-        "to_ar", "Back to coefficients, by order", "order", TIME_US, AR_ERROR, curves.build()
-    )
+    title = "Back to coefficients, by order"
+    return Panel("to_ar", title, "order", TIME_US, AR_ERROR, curves.build())
 
 
 def _ar_error(found: FloatArray, exact: Sequence[Sequence[Any]]) -> float:
@@ -212,16 +211,13 @@ def _targets(there: Panel, low_pass: Panel, largest: Filters) -> tuple[Target, .
     ratio = min(others) / own if own and others else None
     lsf = largest.rounded_lsf
     error = _ar_error(lsf_to_ar(lsf), [references.lsf_to_ar(row) for row in lsf])
+    speed = f"{PEER} over mmt, from coefficients, order {TARGET_ORDER}"
+    by_way = (
+        f"low-pass, order {LOW_PASS_ORDER}: least error by way of coefficients over that from"
+        " reflection coefficients"
+    )
     return (
-        Target(
-            f"{PEER} over mmt, from coefficients, order {TARGET_ORDER}", faster, "at least", 10.0
-        ),
-        Target(
-            f"low-pass, order {LOW_PASS_ORDER}: least error by way of coefficients over that from"
-            " reflection coefficients",
-            ratio,
-            "at least",
-            1000.0,
-        ),
+        Target(speed, faster, "at least", 10.0),
+        Target(by_way, ratio, "at least", 1000.0),
         Target(f"error back to coefficients at order {LARGEST}", error, "at most", 1e-12),
     )

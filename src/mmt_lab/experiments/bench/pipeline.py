@@ -57,18 +57,9 @@ def run() -> Findings:
     by_processing = {name: Curves() for name in MEASURES}
     rows = []
     for method, period_s in product(METHODS, PERIODS_S):
-        runs = [
-            ModelRun(one, ModellingSettings(method=method), period_s, ROUNDS) for one in sessions
-        ]
-        curve = f"{method}, every {period_s:g} s"
-        for moment in MOMENTS_S:
-            found = [run.at(moment) for run in runs]
-            time = spread(np.array([run.spent_ms(moment) for run in runs]))
-            for index, name in enumerate(MEASURES):
-                value = float(np.mean([errors[index] for errors in found]))
-                by_session[name].add(curve, moment, moment, value)
-                if time.median > 0.0:  # not before the first update
-                    by_processing[name].add(curve, moment, time, value)
+        settings = ModellingSettings(method=method)
+        runs = [ModelRun(one, settings, period_s, ROUNDS) for one in sessions]
+        _add_points(runs, by_session, by_processing)
         rows += [_row(run) for run in runs]
     rates = tuple(_rate_row(*one) for one in product(RATES_KHZ, METHODS))
     return Findings(
@@ -97,6 +88,20 @@ def run() -> Findings:
         ),
         targets=_targets(rates),
     )
+
+
+def _add_points(
+    runs: Sequence["ModelRun"], by_session: dict[str, Curves], by_processing: dict[str, Curves]
+) -> None:
+    """Add the errors at each moment, means over the textures, of a method and a period."""
+    curve = f"{runs[0].method}, every {runs[0].period_s:g} s"
+    for moment in MOMENTS_S:
+        found = np.mean([run.at(moment) for run in runs], axis=0).tolist()
+        time = spread(np.array([run.spent_ms(moment) for run in runs]))
+        for name, value in zip(MEASURES, found, strict=True):
+            by_session[name].add(curve, moment, moment, value)
+            if time.median > 0.0:  # not before the first update
+                by_processing[name].add(curve, moment, time, value)
 
 
 def _panels(kind: str, words: str, x: Axis, curves: dict[str, Curves]) -> list[Panel]:

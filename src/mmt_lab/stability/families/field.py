@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
+from mmt.evaluation.model_errors import root_mean_square
 from mmt.texture.field.cells import LARGEST, MOMENT_BLOCKS, FieldCells
 from mmt.texture.field.covariance import coordinates
 from mmt.texture.field.posterior import LevelField
@@ -73,7 +74,7 @@ def _many(many: int, directed: bool) -> CaseResult:
     asked = _points(_ASKED, directed, 3)
     mean, deviation = field.level_db(asked)
     error = mean - _decibel(_law(asked))
-    rms = float(np.sqrt(np.mean(np.square(error))))
+    rms = root_mean_square(error)
     return CaseResult(
         f"{len(cells)} rows, 20 more blocks {joining_ms:.1f} ms, posterior and table "
         f"{solving_ms:.0f} ms, error {rms:.2f} dB, stated {deviation.mean():.2f} dB",
