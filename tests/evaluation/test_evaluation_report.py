@@ -11,11 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_runs import output_of
 from rich.console import Console
-from typer.testing import CliRunner
 
 from mmt.cli.common import Terminal
-from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
 from mmt.evaluation.evaluate import evaluate_session
@@ -274,7 +273,6 @@ def test_surfaces_are_drawn_for_a_report_alone(
     monkeypatch.setattr("mmt.evaluation.evaluate.evaluate_surfaces", lambda *_, **__: found)
     monkeypatch.setattr("mmt.cli.reporting.surface_section", lambda parts: drawn.append(1) or [])
     write_session(tmp_path / "one.mcap", stroked_session.frames)
-    report = ["--report", str(tmp_path / "report")] if wanted else []
-    ended = CliRunner().invoke(app, ["evaluate", str(tmp_path / "one.mcap"), *report])
-    assert ended.exit_code == 0, ended.output
+    report = ("--report", tmp_path / "report") if wanted else ()
+    output_of("evaluate", tmp_path / "one.mcap", *report)
     assert len(drawn) == wanted

@@ -1,7 +1,6 @@
 """The strokes that were made, errors over them and over the plane, and figures across sessions."""
 
-from dataclasses import asdict, replace
-from pathlib import Path
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -14,9 +13,6 @@ from mmt.evaluation.model_errors import LEAST_POWER, across, over_plane
 from mmt.evaluation.reports import tables
 from mmt.evaluation.strokes_made import MOST, StrokesMade
 from mmt.evaluation.truth import KnownTexture
-from mmt.scene import Scene
-from mmt.session.data import RecordedSession
-from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.autoregression.forms import lsf_output_power
 from mmt.texture.completion.distance import middles
@@ -26,12 +22,6 @@ from mmt.texture.settings import JND_DB, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 
 SETTINGS = ModellingSettings()
-
-
-@pytest.fixture(scope="module")
-def simulated():
-    frames, annotations = simulate_session(Scene(), "plastic", 8.0, seed=4)
-    return RecordedSession(frames, annotations=annotations, path=Path("plastic.mcap"))
 
 
 def made_in(frames, size=1000):
@@ -68,9 +58,8 @@ def test_a_session_without_contact_has_no_strokes():
     assert len(StrokesMade(SETTINGS).strokes().force_n) == 0
 
 
-def test_errors_over_the_strokes_are_those_of_the_truth_at_each(simulated):
-    evaluation = evaluate_session(simulated)
-    model = evaluation.model_at(8.0)
+def test_errors_over_the_strokes_are_those_of_the_truth_at_each(simulated, known):
+    model = known.model_at(8.0)
     strokes = made_in(simulated.frames).strokes()
     surface = get_surface("plastic")
     band_hz = np.linspace(8.0, 500.0, 2000)
@@ -82,7 +71,7 @@ def test_errors_over_the_strokes_are_those_of_the_truth_at_each(simulated):
         )
     )
     error_db = 10.0 * np.log10(own / true)
-    end = evaluation.at_end
+    end = known.at_end
     assert end.power_error_db == pytest.approx(np.sqrt(np.mean(error_db**2)), abs=0.02)
     assert end.within_jnd == pytest.approx(np.mean(np.abs(error_db) <= JND_DB), abs=0.02)
     plane_db = KnownTexture(surface).plane.level_errors_db(model)
@@ -104,19 +93,17 @@ def test_middles_integrate_a_straight_line_exactly(low, width, count):
     assert len(found) == count
 
 
-def test_the_other_method_is_scored_as_if_it_were_the_scenes(simulated):
-    field = evaluate_session(simulated)
+def test_the_other_method_is_scored_as_if_it_were_the_scenes(simulated, known):
     published = evaluate_session(simulated, ModellingSettings(method="published"))
-    assert (field.beside, published.beside) == ("published", "field")
-    for one, other in ((field, published), (published, field)):
+    assert (known.beside, published.beside) == ("published", "field")
+    for one, other in ((known, published), (published, known)):
         for mine, its in zip(one.steps, other.steps, strict=True):
             for name, value in asdict(mine.beside).items():
                 assert value == getattr(its, name)
 
 
-def test_without_a_truth_the_other_method_is_scored_at_the_held_out_segments(simulated):
-    evaluation = evaluate_session(replace(simulated, annotations=b""))
-    taken = evaluation.held_out
+def test_without_a_truth_the_other_method_is_scored_at_the_held_out_segments(simulated, unknown):
+    taken = unknown.held_out
     settings = ModellingSettings(method="published")
 
     history = build(stream_blocks([simulated.frames], 1000), settings)
@@ -127,7 +114,7 @@ def test_without_a_truth_the_other_method_is_scored_at_the_held_out_segments(sim
     power = lsf_output_power(variance, lsf)
     true = np.array([part.power for part in taken])
     error_db = 10.0 * np.log10(np.maximum(power, LEAST_POWER) / np.maximum(true, LEAST_POWER))
-    beside = evaluation.at_end.beside
+    beside = unknown.at_end.beside
     assert beside.power_error_db == pytest.approx(np.sqrt(np.mean(error_db**2)))
     assert beside.within_jnd == np.mean(np.abs(error_db) <= JND_DB)
     assert beside.plane_within_jnd is None
@@ -143,9 +130,7 @@ def test_figures_across_sessions():
     assert across([0.2]) == (1, 0.2, 0.2, 0.2, 1)
 
 
-def test_the_table_of_levels_ends_with_what_holds_across_sessions(simulated):
-    known = evaluate_session(simulated)
-    unknown = evaluate_session(replace(simulated, annotations=b""))
+def test_the_table_of_levels_ends_with_what_holds_across_sessions(known, unknown):
     assert len(tables.levels([known]).rows) == 2
     rows = tables.levels([known, unknown]).rows
     assert len(rows) == 4 + 2 * 4

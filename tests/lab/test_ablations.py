@@ -38,7 +38,7 @@ def test_each_ingredient_changes_the_model_and_comes_back(texture, names):
 
 
 def test_what_is_no_longer_there_cannot_be_left_out(monkeypatch):
-    gone = Ingredient("gone", ("mmt.texture.field.posterior:no_such_thing", lambda old: old))
+    gone = Ingredient("gone", "mmt.texture.field.posterior:no_such_thing", lambda old: old)
     monkeypatch.setattr(ablations, "INGREDIENTS", {"gone": gone})
     with pytest.raises(AttributeError, match="no_such_thing"), without("gone"):
         pass

@@ -9,7 +9,6 @@ import numpy as np
 
 from mmt_lab.bench import peers
 from mmt_lab.bench.measuring import interleave, spread
-from mmt_lab.harness.experiment import listed, load
 from mmt_lab.harness.findings import (
     Axis,
     Curves,
@@ -93,9 +92,3 @@ def test_a_peer_that_is_not_installed_is_left_out_with_the_command(monkeypatch):
     assert list(modules) == ["mpmath"]
     assert left_out[0].name == "librosa"
     assert "pip install librosa" in left_out[0].remedy
-
-
-def test_stages_are_found_by_their_modules():
-    names = [each.name for each in listed("bench")]
-    assert {"burg", "lines", "link", "services", "evaluate", "devices"} <= set(names)
-    assert all(callable(load(name)) for name in names)

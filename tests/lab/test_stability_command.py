@@ -90,12 +90,6 @@ def test_a_report_holds_every_row_and_both_pictures(tmp_path):
     assert summary(rows[:1])["held"] is True
 
 
-def test_a_directory_that_cannot_be_written_is_said(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="report"):
-        write_report(tmp_path / "file", findings_of([row()]))
-
-
 def test_the_command_prints_families_and_says_by_its_code_whether_all_held(tmp_path, monkeypatch):
     few = model.cases(many=50, queries=10)[:3]
     monkeypatch.setattr(stability, "load_family", lambda _: Family("Few models", lambda: few))

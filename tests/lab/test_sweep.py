@@ -3,6 +3,7 @@
 import copy
 import dataclasses
 import json
+from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
 
@@ -32,6 +33,27 @@ CHOICES = ("texture.order=6,9", "texture.method=field")
 @pytest.fixture(scope="module")
 def session(stroked_session):
     return dataclasses.replace(stroked_session, frames=stroked_session.frames[:4000])
+
+
+@pytest.fixture
+def file(session, tmp_path):
+    write_session(tmp_path / "even.npz", session.frames)
+    return tmp_path / "even.npz"
+
+
+@contextmanager
+def dask_worker():
+    """A cluster of one worker in this process, or a skipped test without Dask."""
+    distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
+    with distributed.LocalCluster(
+        n_workers=1,
+        threads_per_worker=1,
+        processes=False,
+        dashboard_address=None,
+        host="127.0.0.1",
+        protocol="tcp",
+    ) as cluster:
+        yield cluster.scheduler_address
 
 
 def jobs_of(session, choices=CHOICES, **options):
@@ -176,34 +198,20 @@ def test_a_session_that_cannot_be_evaluated_fails_alone(session):
 
 
 def test_a_dask_cluster_gives_the_numbers_of_local_processes(session, by_processes):
-    distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
-    jobs, sessions = jobs_of(session), {str(session.path): session}
-    with distributed.LocalCluster(
-        n_workers=1,
-        threads_per_worker=1,
-        processes=False,
-        dashboard_address=None,
-        host="127.0.0.1",
-        protocol="tcp",
-    ) as cluster:
-        on_dask = figures(run_on_dask(jobs, sessions, cluster.scheduler_address))
+    with dask_worker() as address:
+        on_dask = figures(run_on_dask(jobs_of(session), {str(session.path): session}, address))
     assert on_dask == by_processes
 
 
 def test_a_worker_without_mmt_is_said(session, monkeypatch):
-    distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
-
     def nowhere(name):
         raise metadata.PackageNotFoundError(name)
 
-    with distributed.LocalCluster(
-        n_workers=1, processes=False, dashboard_address=None, host="127.0.0.1", protocol="tcp"
-    ) as cluster:
+    words = r"the worker tcp.* has no mmt: install mmt-haptics\[lab"
+    with dask_worker() as address:
         monkeypatch.setattr(metadata, "distribution", nowhere)
-        with pytest.raises(
-            MmtError, match=r"the worker tcp.* has no mmt: install mmt-haptics\[lab"
-        ):
-            list(run_on_dask(jobs_of(session), {}, cluster.scheduler_address))
+        with pytest.raises(MmtError, match=words):
+            list(run_on_dask(jobs_of(session), {}, address))
         monkeypatch.undo()
 
 
@@ -220,7 +228,7 @@ def test_without_distributed_the_extra_is_named(session, monkeypatch):
         list(run_on_dask(jobs_of(session), {}, "tcp://127.0.0.1:9"))
 
 
-def test_the_command_goes_on_where_it_stopped(session, tmp_path, monkeypatch):
+def test_the_command_goes_on_where_it_stopped(file, tmp_path, monkeypatch):
     here = []
 
     def run_here(jobs, sessions, workers):
@@ -229,8 +237,6 @@ def test_the_command_goes_on_where_it_stopped(session, tmp_path, monkeypatch):
             yield JobOutcome(job, evaluate_job(sessions[job.path], job))
 
     monkeypatch.setattr(sweep, "run_locally", run_here)
-    file = tmp_path / "even.npz"
-    write_session(file, session.frames)
     command = ("sweep", str(file), "--out", str(tmp_path / "out"))
     run_lab(tmp_path, *command, "--set", "texture.order=6")
     content, _ = run_lab(tmp_path, *command, "--set", "texture.order=6,9")
@@ -245,20 +251,16 @@ def test_the_command_goes_on_where_it_stopped(session, tmp_path, monkeypatch):
         assert row["power_error_db"] == pytest.approx(final["power_error_db"])
 
 
-def test_a_failed_job_is_named_and_ends_the_command_with_1(session, tmp_path, monkeypatch):
+def test_a_failed_job_is_named_and_ends_the_command_with_1(file, tmp_path, monkeypatch):
     def fail(jobs, sessions, workers):
         yield from (JobOutcome(job, None, "it broke") for job in jobs)
 
     monkeypatch.setattr(sweep, "run_locally", fail)
-    file = tmp_path / "even.npz"
-    write_session(file, session.frames)
     run_lab(tmp_path, "sweep", str(file), "--out", str(tmp_path / "out"), code=1)
     assert not (tmp_path / "out" / "results.jsonl").exists()
 
 
-def test_workers_and_a_cluster_exclude_each_other(session, tmp_path):
-    file = tmp_path / "even.npz"
-    write_session(file, session.frames)
+def test_workers_and_a_cluster_exclude_each_other(file):
     both = ("--workers", 2, "--dask", "tcp://x:1")
     assert "give one, a cluster has its own workers" in refusal("lab", "sweep", file, *both)
     assert run("lab", "sweep", file, "--workers", 0).exit_code == 2
