@@ -185,6 +185,17 @@ def test_an_unplugged_sensor_comes_back_when_it_can_be_connected(time):
     bench.source.close()
 
 
+@pytest.mark.parametrize("error", [AttributeError("it has no port"), OSError(9, "bad file")])
+def test_whatever_a_lost_sensor_raises_it_is_connected_again(bench, error):
+    bench.run(100)
+    bench.sensor.error = DeviceLost("the cable is out")
+    bench.run(1)
+    bench.sensor.error = error  # as a driver does that has let go of its port
+    bench.run_until_back()
+    assert bench.sensor.calls.count("connect") == 2
+    assert len(bench.run(100)) >= 90
+
+
 def test_a_lost_robot_comes_back_too(bench):
     bench.run(50)
     bench.arm.lost = True

@@ -101,13 +101,7 @@ class Slot(ABC):
         return self._reasons.new(self._reason)
 
     def reconnect(self, now_ns: int) -> bool:
-        """Continue the reconnection; return whether the device is back.
-
-        Raises
-        ------
-        Exception
-            Any exception of its driver except `DeviceLost`.
-        """
+        """Continue the reconnection, whatever its driver raises; return whether it is back."""
         if self._reconnection is not None:
             if not self._reconnection.done.is_set():
                 self._reason = self._reconnection.reason or self._reason
@@ -116,7 +110,7 @@ class Slot(ABC):
             self._listen(now_ns)
         try:
             there = self._answers(now_ns)
-        except DeviceLost as error:
+        except Exception as error:  # noqa: BLE001 - a driver may have let go of the device
             self._reason = str(error)
             self._connect()
             return False
