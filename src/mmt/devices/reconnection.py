@@ -23,12 +23,28 @@ _MOST_REASONS: Final = 5
 
 
 class Reconnection(threading.Thread):
-    """Close and connect a device until that works, in a thread, since it may take long."""
+    """Close and connect a device until that works, in a thread, since it may take long.
 
-    def __init__(self, device: Device, reason: str = "") -> None:
+    Parameters
+    ----------
+    device
+        The device.
+    reason
+        Why it was lost.
+    before
+        The reconnection before this one. If the device is lost as soon as that has connected it,
+        the first try waits too.
+    """
+
+    def __init__(
+        self, device: Device, reason: str = "", before: "Reconnection | None" = None
+    ) -> None:
         super().__init__(name=f"connect {type(device).__name__}", daemon=True)
         self._device = device
         self._given_up = threading.Event()
+        self.connected_s = 0.0
+        """Time at which the device was connected."""
+        self._waits = before is not None and time.monotonic() - before.connected_s < _RETRY_S
         self.done = threading.Event()
         self.reason = reason
         """Why the last try failed; before the first try, why the device was lost."""
@@ -37,6 +53,7 @@ class Reconnection(threading.Thread):
     def run(self) -> None:
         """Try until the device is connected or `give_up` is called."""
         pause_s = _RETRY_S
+        self._given_up.wait(_RETRY_S if self._waits else 0.0)
         while not self._given_up.is_set():
             try:
                 with suppress(Exception):
@@ -47,6 +64,7 @@ class Reconnection(threading.Thread):
                 self._given_up.wait(pause_s)
                 pause_s = min(_BACK_OFF * pause_s, _LONGEST_RETRY_S)
             else:
+                self.connected_s = time.monotonic()
                 self.done.set()
                 break
         if self._given_up.is_set():
@@ -121,6 +139,7 @@ class ReconnectingDevice(Generic[AnyDevice]):
         self._meanwhile = meanwhile
         self._tell: LossCallback = _ignore
         self._reconnection: Reconnection | None = None
+        self._earlier: Reconnection | None = None
         self._reason = ""
         self._reasons = Reasons("")
         self._lost_ns = 0
@@ -186,7 +205,7 @@ class ReconnectingDevice(Generic[AnyDevice]):
                         state="lost",
                     )
             return False
-        self._reconnection = None
+        self._earlier, self._reconnection = connecting, None
         away_ns = time.monotonic_ns() - self._lost_ns
         self._away_ns += away_ns
         self._tell(
@@ -208,7 +227,7 @@ class ReconnectingDevice(Generic[AnyDevice]):
             device=self.what,
             state="lost",
         )
-        self._reconnection = Reconnection(self.device, self._reason)
+        self._reconnection = Reconnection(self.device, self._reason, self._earlier)
 
 
 class ReconnectingHandle(ReconnectingDevice[LeaderInterface]):

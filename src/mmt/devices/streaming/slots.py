@@ -67,6 +67,7 @@ class Slot(ABC):
         self.lost_ns: int | None = None
         """Time of the loss by the host's clock, or None if the device is not lost."""
         self._reconnection: Reconnection | None = None
+        self._earlier: Reconnection | None = None
         self._reason = ""  # why it is not back yet
         self._reasons = Reasons("")
         self._listening_ns = 0
@@ -106,7 +107,7 @@ class Slot(ABC):
             if not self._reconnection.done.is_set():
                 self._reason = self._reconnection.reason or self._reason
                 return False
-            self._reconnection = None
+            self._earlier, self._reconnection = self._reconnection, None
             self._listen(now_ns)
         try:
             there = self._answers(now_ns)
@@ -139,7 +140,7 @@ class Slot(ABC):
         )
 
     def _connect(self) -> None:
-        self._reconnection = Reconnection(self.device)
+        self._reconnection = Reconnection(self.device, before=self._earlier)
 
     def _listen(self, now_ns: int) -> None:
         self._listening_ns, self._heard_ns = now_ns, None
