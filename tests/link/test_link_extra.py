@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from mmt.core.frames import ENERGY, ENERGY_DTYPE
-from mmt.link.endpoint import ExtraEvent
+from mmt.link.endpoint import Endpoint, ExtraEvent, LeaderEvents
+from mmt.link.incoming import BlockReader
 
 
 class Side:
@@ -69,6 +70,19 @@ def test_a_late_record_is_not_taken():
     side.read(records(2).tobytes())
     side.read(records(1).tobytes())
     assert [block["sequence"].tolist() for block in side.taken] == [[0], [2]]
+
+
+@pytest.mark.parametrize("count", [1, 100, 101, 250])
+def test_records_that_come_together_after_a_stall_are_all_taken(count, monkeypatch):
+    side, sent = Side(), []
+    endpoint = Endpoint(
+        BlockReader(ENERGY_DTYPE, "frames"), 10, 1000, LeaderEvents(print), print, extra=side.extra
+    )
+    monkeypatch.setattr(endpoint.outbox, "put", lambda _, message: sent.append(message))
+    endpoint.send_extra(records(*range(count)))
+    for message in sent:
+        side.read(msgpack.unpackb(message)["data"][1])
+    assert np.concatenate(side.taken)["sequence"].tolist() == list(range(count))
 
 
 def test_records_of_another_kind_are_not_encoded():

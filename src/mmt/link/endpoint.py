@@ -14,7 +14,12 @@ from mmt.core.running.ticking import TimeHistogram
 from mmt.core.sequence_numbers import Range
 from mmt.link.clock_offset import ClockJump
 from mmt.link.incoming import BlockReader, RateLimit
-from mmt.link.protocol import FollowerHello, LinkStatistics, encode_event
+from mmt.link.protocol import (
+    MAX_RECORDS_PER_MESSAGE,
+    FollowerHello,
+    LinkStatistics,
+    encode_event,
+)
 from mmt.link.queue import SendQueue
 from mmt.scene import Scene
 
@@ -222,7 +227,9 @@ class Endpoint:
     def send_extra(self, records: RecordArray) -> None:
         """Queue records (n,) of the further event, which are not counted."""
         if self.extra is not None:
-            self.outbox.put(0, self.extra.encode(records))
+            for start in range(0, len(records), MAX_RECORDS_PER_MESSAGE):
+                part = records[start : start + MAX_RECORDS_PER_MESSAGE]
+                self.outbox.put(0, self.extra.encode(part))
 
     def handle_extra(self, *arguments: object) -> None:
         """Handle a further event, whose arguments are not trusted."""
