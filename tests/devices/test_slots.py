@@ -67,7 +67,8 @@ class BufferedSensor:
     latency_ns = 0
     faults: dict[str, int] = {}  # noqa: RUF012 - of a driver
 
-    def __init__(self):
+    def __init__(self, nothing):
+        self._nothing = nothing
         self._reads = [self._batch(time.monotonic_ns() - (8 - k) * 100 * MS) for k in range(8)]
 
     def connect(self):
@@ -79,14 +80,15 @@ class BufferedSensor:
         return [SensorReading(begun_ns + k * MS, (float(k), 0.0, 0.0)) for k in range(100)]
 
     def read(self):
-        return self._reads.pop(0) if self._reads else ()
+        return self._reads.pop(0) if self._reads else self._nothing
 
     def measure(self):
         self._reads.append([SensorReading(time.monotonic_ns(), (1.0, 2.0, 3.0))])
 
 
-def test_what_has_waited_since_a_sensor_was_connected_moves_no_clock():
-    sensor = BufferedSensor()
+@pytest.mark.parametrize("nothing", [(), [], None])
+def test_what_has_waited_since_a_sensor_was_connected_moves_no_clock(nothing):
+    sensor = BufferedSensor(nothing)
     slot = SampledSlot("force sensor", sensor)
     assert not slot.poll()
     for _ in range(20):

@@ -269,7 +269,7 @@ class SampledSlot(Slot):
             for _ in range(_MOST_DISCARDED):
                 if not self.device.read():
                     break
-        readings = self.device.read()
+        readings = self.device.read() or ()  # a stranger's driver may return None for nothing
         stamping = self._stamping  # a time taken before the call might precede their arrival
         return self.lane.add(
             readings, time.monotonic_ns() if stamping is None else stamping.arrival_ns
