@@ -61,7 +61,7 @@ def _kinds(path: Path) -> dict[str, Any]:
     """Return the types of the arrays in an archive that have fields, without reading these."""
     form, kinds = np.lib.format, dict[str, Any]()
     readers = {(1, 0): form.read_array_header_1_0, (2, 0): form.read_array_header_2_0}
-    with zipfile.ZipFile(path) as archive:
+    with suppress(zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
         for name in archive.namelist():
             with suppress(ValueError, KeyError, RuntimeError), archive.open(name) as member:
                 kind = readers[form.read_magic(member)](member)[2]
