@@ -6,7 +6,13 @@ from itertools import product
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.devices.reading_checks import JUMP, NOT_FINITE, OUT_OF_REACH, PlausibilityCheck
+from mmt.devices.reading_checks import (
+    JUMP,
+    NOT_FINITE,
+    OUT_OF_REACH,
+    PlausibilityCheck,
+    StuckCheck,
+)
 
 STILL = (0.0, 0.0, 0.0)
 MS = 1_000_000
@@ -39,3 +45,26 @@ def test_a_first_measurement_is_finite_and_within_reach():
         assert PlausibilityCheck().problem((x, y, z), STILL, 0) == problem
         speed = None if math.isfinite(value) else NOT_FINITE
         assert PlausibilityCheck().problem(STILL, (x, y, z), 0) == speed
+
+
+values = st.sampled_from([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (math.nan, 0.0, 0.0)])
+
+
+@given(st.lists(st.tuples(values, st.integers(1, 40)), max_size=30), st.integers(0, 60))
+def test_a_value_is_stuck_once_it_has_stayed_the_same_for_the_time_given(steps, longest_ns):
+    check = StuckCheck(longest_ns)
+    now_ns, since_ns, last = 0, 0, None
+    for value, passed_ns in steps:
+        now_ns += passed_ns
+        if value != last:
+            last, since_ns = value, now_ns
+        assert check.add(value, now_ns) == (0 < longest_ns <= now_ns - since_ns)
+
+
+def test_a_stuck_value_stays_so_until_it_changes_whatever_the_clock_does():
+    check = StuckCheck(10)
+    assert [check.add((1.0,), time_ns) for time_ns in (0, 9, 10, 3, 4)] == [0, 0, 1, 1, 1]
+    assert not check.recovers([])
+    assert not check.recovers([(1.0,), (1.0,)])
+    assert check.recovers([(1.0,), (2.0,)])
+    assert [check.add((1.0,), time_ns) for time_ns in (5, 2, 11, 12)] == [0, 0, 0, 1]

@@ -3,7 +3,7 @@
 import logging
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 from mmt.core.arrays import Vector
@@ -33,6 +33,44 @@ def measured(value: Vector) -> Vector | None:
     """Return a reading, or None if it is not finite or larger than what a leader accepts."""
     x, y, z = value
     return (x, y, z) if math.hypot(x, y, z) <= LARGEST_QUANTITY else None
+
+
+class StuckCheck:
+    """Detect a sensor that repeats one value for longer than a working one can.
+
+    It stays stuck, also after it is connected again, until its value changes.
+
+    Parameters
+    ----------
+    longest_ns
+        Time after which a value that stays exactly the same is stuck; 0 for never.
+    """
+
+    def __init__(self, longest_ns: float) -> None:
+        self.is_stuck = False
+        self._longest_ns = longest_ns
+        self._last: tuple[float, ...] | None = None
+        self._since_ns = 0.0
+
+    def add(self, value: tuple[float, ...], time_ns: float) -> bool:
+        """Add a value and its time; return whether the sensor is stuck."""
+        if value != self._last:
+            self._last, self._since_ns, self.is_stuck = value, time_ns, False
+        elif time_ns < self._since_ns:  # its clock restarted
+            self._since_ns = time_ns
+        elif 0 < self._longest_ns <= time_ns - self._since_ns:
+            self.is_stuck = True
+        return self.is_stuck
+
+    def recovers(self, values: Iterable[tuple[float, ...]]) -> bool:
+        """Return whether a sensor that was connected again gives a value, and a new one if stuck.
+
+        The check then begins anew.
+        """
+        recovered = any(not self.is_stuck or value != self._last for value in values)
+        if recovered:
+            self.is_stuck, self._last = False, None
+        return recovered
 
 
 FASTEST_MM_S: Final = 5000.0

@@ -11,7 +11,7 @@ from typing import Final
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.protocols import SensorReading
-from mmt.devices.reading_checks import RareWarning
+from mmt.devices.reading_checks import RareWarning, StuckCheck
 from mmt.devices.wrench import Matrix, Six, WrenchConverter, WrenchOptions
 
 Stamped = tuple[int, Six]
@@ -48,11 +48,8 @@ class WrenchSensor(ABC):
         self._notice = RareWarning()
         self._arrival_ns = 0
         self._useless_ns = 0  # when data came last that gave no record, noted by the subclass
-        self._last: Six | None = None
-        self._same_since_ns = 0
-        self._is_stuck = False
+        self._stuck = StuckCheck(1e6 * options.stuck_ms)
         self._silence_ns = round(options.silence_ms * 1e6)
-        self._stuck_ns = round(options.stuck_ms * 1e6)
 
     @abstractmethod
     def close(self) -> None:
@@ -101,13 +98,8 @@ class WrenchSensor(ABC):
         readings = []
         force, overloads = converter.force, converter.overloads
         for time_ns, raw in records:
-            if raw != self._last:
-                self._last, self._same_since_ns, self._is_stuck = raw, time_ns, False
-            elif self._is_stuck or 0 < self._stuck_ns <= time_ns - self._same_since_ns:
-                self._is_stuck = True  # also after it is connected again, until the values change
+            if self._stuck.add(raw, time_ns):
                 raise DeviceLost(self._explain_stuck())
-            elif time_ns < self._same_since_ns:  # its clock restarted
-                self._same_since_ns = time_ns
             value = force(raw)
             if value is not None:
                 readings.append(SensorReading(time_ns, value))
@@ -209,8 +201,7 @@ class WrenchSensor(ABC):
             failed.callback(self.close)
             while time.monotonic() - start < patience_s:
                 records = self._receive(time.monotonic_ns())
-                if any(not self._is_stuck or raw != self._last for _, raw in records):
-                    self._is_stuck, self._last = False, None
+                if self._stuck.recovers(raw for _, raw in records):
                     self._arrival_ns = time.monotonic_ns()
                     failed.pop_all()
                     return
@@ -220,6 +211,6 @@ class WrenchSensor(ABC):
 
     def _explain_stuck(self) -> str:
         return (
-            f"{self.name}: the very same values for {self._stuck_ns / 1e6:.0f} ms or more, which "
-            "no gauge gives: check the transducer's cable, and switch the device off and on"
+            f"{self.name}: the very same values for {self._mounting.stuck_ms:.0f} ms or more, "
+            "which no gauge gives: check the transducer's cable, and switch the device off and on"
         )

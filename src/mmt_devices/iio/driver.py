@@ -15,7 +15,7 @@ from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.axes import signed_axes
 from mmt.devices.drivers import read_options
 from mmt.devices.protocols import SensorReading
-from mmt.devices.reading_checks import RareWarning
+from mmt.devices.reading_checks import RareWarning, StuckCheck
 from mmt.devices.record_clocks import CountingClock
 from mmt_devices.iio.attributes import find_device, find_iio_accelerometers
 from mmt_devices.iio.capture import Capture
@@ -76,9 +76,7 @@ class IioAccelerometer:
         self._notice = RareWarning()
         self._clock: CountingClock | None = None
         self._lost_before = 0
-        self._last: Raw = ()
-        self._same_since_ns = 0
-        self._is_stuck = False
+        self._stuck = StuckCheck(1e9 * options.stuck_s)
         self._axes: list[tuple[int, float, float, float]] = []
         """For x, y, z of the scene: the sensor's axis, scale, offset, and magnitude of overload."""
 
@@ -220,8 +218,7 @@ class IioAccelerometer:
         came = False
         while time.monotonic() < end:
             scans = self._take()
-            if any(not self._is_stuck or raw != self._last for _, raw in scans):
-                self._is_stuck, self._last = False, ()
+            if self._stuck.recovers(raw for _, raw in scans):
                 return
             came = came or bool(scans)
             time.sleep(0.001)
@@ -234,10 +231,7 @@ class IioAccelerometer:
         )
 
     def _convert(self, time_ns: int, raw: Raw) -> SensorReading:
-        if raw != self._last:
-            self._last, self._same_since_ns, self._is_stuck = raw, time_ns, False
-        elif self._is_stuck or time_ns - self._same_since_ns >= 1e9 * self._options.stuck_s:
-            self._is_stuck = True  # even after a new connection, until the value changes
+        if self._stuck.add(raw, time_ns):
             raise DeviceLost(self._explain_stuck())
         (i, a, p, x_end), (j, b, q, y_end), (k, c, r, z_end) = self._axes
         x, y, z = a * raw[i] + p, b * raw[j] + q, c * raw[k] + r

@@ -11,7 +11,7 @@ from mmt.core.arrays import Vector, difference
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.extras import require
 from mmt.devices.drivers import read_options
-from mmt.devices.reading_checks import measured
+from mmt.devices.reading_checks import StuckCheck, measured
 from mmt_devices.universal_robots.control import ZEROING_S
 from mmt_devices.universal_robots.frame import SceneFrame
 from mmt_devices.universal_robots.link import ArmLink
@@ -59,9 +59,7 @@ class UrForceSensor:
         self._bias_n: Vector | None = None
         self._program_ran: bool | None = None
         self._started: tuple[float, Vector | None] | None = None
-        self._last_n: Vector | None = None
-        self._same_since_s = 0.0
-        self._stuck = False
+        self._stuck = StuckCheck(1e6 * self._options.stuck_ms)
 
     def connect(self) -> None:
         """Connect to the arm, beside its robot.
@@ -77,7 +75,7 @@ class UrForceSensor:
         self._link = ArmLink(self._options, None, Counter())
         try:
             self._link.start()
-            if self._stuck:
+            if self._stuck.is_stuck:
                 self._await_change()
             self._program_ran = self._started = None
             if self._bias_n is not None:
@@ -94,11 +92,10 @@ class UrForceSensor:
     def _await_change(self) -> None:
         """Wait for a value other than the one at which it was stuck."""
         deadline = time.monotonic() + _CHANGE_S
-        while self._state().force_n == self._last_n:
+        while not self._stuck.recovers([self._state().force_n]):
             if time.monotonic() > deadline:
                 raise MmtError(self._explain_stuck())
             time.sleep(0.001)
-        self._stuck, self._last_n = False, None
 
     def calibrate(self) -> None:
         """Take the bias: the mean over 0.2 s.
@@ -137,10 +134,7 @@ class UrForceSensor:
             The arm does not answer any more, or its force is stuck.
         """
         state = self._state()
-        if state.force_n != self._last_n:
-            self._last_n, self._same_since_s = state.force_n, state.timestamp_s
-        elif 0.0 < self._options.stuck_ms <= 1e3 * (state.timestamp_s - self._same_since_s):
-            self._stuck = True
+        if self._stuck.add(state.force_n, 1e9 * state.timestamp_s):
             raise DeviceLost(self._explain_stuck())
         self._follow_zero(state)
         (x, y, z), (u, v, w) = state.force_n, self._bias_n or (0.0, 0.0, 0.0)

@@ -21,10 +21,10 @@ from mmt.devices.adxl335.gravity import (
     from_dict,
     nominal,
 )
-from mmt.devices.axes import SensorAxesOptions, signed_axes
+from mmt.devices.axes import Axis, SensorAxesOptions, signed_axes
 from mmt.devices.calibrations import load_calibration
 from mmt.devices.protocols import SensorReading
-from mmt.devices.reading_checks import RareWarning, measured
+from mmt.devices.reading_checks import RareWarning, StuckCheck, measured
 
 _Z_HZ: Final = 550.0
 """Largest bandwidth of the sensor's own z axis; x and y reach 1600 Hz (data sheet)."""
@@ -118,48 +118,21 @@ class Converter:
     ----------
     calibration
         Zero and gain of each of the sensor's own axes.
-    options
-        Mounting of the axes, and the time after which a value counts as stuck.
-    stuck_at
-        Volts at which the sensor was stuck before, or None.
+    axes
+        Sensor axes that lie along x, y, z of the scene.
     """
 
-    def __init__(
-        self,
-        calibration: GravityCalibration,
-        options: Adxl335Options,
-        stuck_at: Vector | None = None,
-    ) -> None:
+    def __init__(self, calibration: GravityCalibration, axes: Sequence[Axis]) -> None:
         self.faults: Counter[str] = Counter()
         """``overload``: samples beyond 3 g along an axis."""
         self._notice = RareWarning()
         zero, gain = calibration.zero_v, calibration.gain_v_per_m_s2
         self._axes = tuple(
-            (i, sign / gain[i], sign * zero[i] / gain[i]) for i, sign in signed_axes(options.axes)
+            (i, sign / gain[i], sign * zero[i] / gain[i]) for i, sign in signed_axes(axes)
         )
-        self._stuck_ns = round(1e9 * options.stuck_s)
-        self.stuck_at = stuck_at
-        """Volts that have stayed the same for too long, or None."""
-        self._last = stuck_at
-        self._since_ns = 0
 
     def convert(self, time_ns: int, volts: Vector) -> SensorReading:
-        """Return the acceleration for the volts of one sample.
-
-        Raises
-        ------
-        DeviceLost
-            The volts have been exactly the same for too long.
-        """
-        if volts != self._last:
-            self._last, self._since_ns, self.stuck_at = volts, time_ns, None
-        elif self.stuck_at is not None or time_ns - self._since_ns >= self._stuck_ns:
-            self.stuck_at = volts
-            raise DeviceLost(
-                f"the accelerometer's value has not changed for {1e-9 * self._stuck_ns:g} s "
-                "or more, and even at rest it is never quite still: check the sensor's supply and "
-                "the wires to the converter"
-            )
+        """Return the acceleration for the volts of one sample."""
         (i, a, p), (j, b, q), (k, c, r) = self._axes
         value = (a * volts[i] - p, b * volts[j] - q, c * volts[k] - r)
         if max(value) > RANGE_M_S2 or min(value) < -RANGE_M_S2:
@@ -198,7 +171,8 @@ class Adxl335(ABC):
         """Calibration in use: nominal until `connect` finds a stored one."""
         self._serial: str | None = None
         self._calibrated = False
-        self._converter = Converter(self.calibration, options)
+        self._converter = Converter(self.calibration, options.axes)
+        self._stuck = StuckCheck(1e9 * options.stuck_s)
         self._remarked = False
 
     @property
@@ -238,8 +212,17 @@ class Adxl335(ABC):
         DeviceLost
             The sensor was unplugged, or its value is stuck.
         """
-        convert = self._converter.convert
-        return [convert(time_ns, volts) for time_ns, volts in self.voltages()]
+        convert, stuck = self._converter.convert, self._stuck
+        readings = []
+        for time_ns, volts in self.voltages():
+            if stuck.add(volts, time_ns):
+                raise DeviceLost(
+                    f"the accelerometer's value has not changed for {self._common.stuck_s:g} s "
+                    "or more, and even at rest it is never quite still: check the sensor's supply "
+                    "and the wires to the converter"
+                )
+            readings.append(convert(time_ns, volts))
+        return readings
 
     @abstractmethod
     def connect(self) -> None:
@@ -313,9 +296,9 @@ class Adxl335(ABC):
         stored = load_calibration(CALIBRATED_AS, self._serial) if self._serial else None
         self._calibrated = stored is not None
         self.calibration = nominal(self.supply_v) if stored is None else from_dict(stored)
-        before = self._converter
-        self._converter = Converter(self.calibration, self._common, before.stuck_at)
-        self._converter.faults = before.faults
+        faults = self._converter.faults
+        self._converter = Converter(self.calibration, self._common.axes)
+        self._converter.faults = faults
         if not self._remarked:
             self._remarked = True
             for remark in self._common.remarks():

@@ -9,11 +9,10 @@ from typing import Any, Final
 from serial.tools import list_ports
 
 from mmt.core.arrays import Vector
-from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.errors import MmtError
 from mmt.devices.adxl335.framing import BoardDecoder, BoardFrame, Counts, Timeline
 from mmt.devices.adxl335.sensor import BAND, Adxl335, SerialOptions
 from mmt.devices.drivers import read_options
-from mmt.devices.protocols import SensorReading
 from mmt.devices.serial_ports import SerialLine
 
 NAME: Final = "adxl335-serial"
@@ -48,9 +47,7 @@ class SerialAdxl335(Adxl335):
         self._decoder = BoardDecoder()
         self._timeline = Timeline()
         self._earlier: Counter[str] = Counter()
-        self._newest: Counts | None = None
         self._survived = 0  # invalid frames before the newest good one
-        self._stuck_at: Counts | None = None
 
     def connect(self) -> None:
         """Open the port and wait for the board's first frames.
@@ -81,17 +78,19 @@ class SerialAdxl335(Adxl335):
         DeviceLost
             The board was unplugged.
         """
-        scale = self._volts_per_count
         place = self._timeline.place
         placed: list[tuple[int, Vector]] = []
         frames = self._decoder.feed(self._line.read())
         if frames:
-            self._newest = frames[-1].samples[-1]
             self._survived = self._decoder.faults.total()
         for frame in frames:
-            for time_ns, (x, y, z) in place(frame):
-                placed.append((time_ns, (x * scale, y * scale, z * scale)))
+            placed.extend((time_ns, self._volts(counts)) for time_ns, counts in place(frame))
         return placed
+
+    def _volts(self, counts: Counts) -> Vector:
+        scale = self._volts_per_count
+        x, y, z = counts
+        return x * scale, y * scale, z * scale
 
     def explain_fault(self) -> str:
         """Return the problem if only invalid frames have come since the last good one, else ""."""
@@ -102,15 +101,6 @@ class SerialAdxl335(Adxl335):
             f"{self._line.name} sends no good frames ({broken} were broken): check its cable, and "
             f"that the baud rate is still {self._options.baud_rate}"
         )
-
-    def read(self) -> Sequence[SensorReading]:
-        """Return the new readings, in m/s2 along the scene's axes; see `Adxl335.read`."""
-        try:
-            return super().read()
-        except DeviceLost:
-            if self._converter.stuck_at is not None:
-                self._stuck_at = self._newest
-            raise
 
     def close(self) -> None:
         """Close the port; calling it twice is harmless."""
@@ -131,16 +121,15 @@ class SerialAdxl335(Adxl335):
             received += got
             del received[:-4096]
             frames.extend(self._decoder.feed(got))
-            moved = frames and frames[-1].samples[-1] != self._stuck_at
-            if len(frames) >= _FIRST_FRAMES and moved:
-                self._stuck_at = None
+            newest = [self._volts(frame.samples[-1]) for frame in frames[-1:]]
+            if len(frames) >= _FIRST_FRAMES and self._stuck.recovers(newest):
                 return
             time.sleep(0.002)
         raise MmtError(self._explain(bytes(received), frames))
 
     def _explain(self, received: bytes, frames: Sequence[BoardFrame]) -> str:
         where = self._line.name
-        if frames and self._stuck_at is not None:
+        if frames and self._stuck.is_stuck:
             return (
                 f"{where} still sends one value that never changes: check the sensor's supply and "
                 "the wires to the converter"
