@@ -120,11 +120,11 @@ def test_no_frame_has_a_reading_that_is_no_measurement(role, sampled, several, b
 @given(
     sensor=st.sampled_from(["force", "acceleration"]),
     several=st.booleans(),
-    stamp=st.sampled_from([math.nan, math.inf, -math.inf]),
+    stamp=st.sampled_from([math.nan, math.inf, -math.inf, 0]),
     lasting=st.integers(1, 12),
 )
 @settings(max_examples=30, deadline=None)
-def test_a_reading_without_a_time_is_left_out(sensor, several, stamp, lasting):
+def test_a_reading_without_a_time_of_its_own_is_left_out(sensor, several, stamp, lasting):
     with pytest.MonkeyPatch.context() as patch:
         bench = Bench(patch, {sensor}, 4 if several and sensor == "acceleration" else 1)
         bench.run(50)
@@ -149,14 +149,15 @@ def test_a_sensor_whose_latency_is_no_number_is_named(latency_ns, monkeypatch):
         Bench(monkeypatch, {"force"})
 
 
-def test_a_sensor_that_gives_nothing_but_nonsense_is_lost_and_comes_back(monkeypatch):
+@pytest.mark.parametrize("nonsense", [{"wrong": (math.nan,) * 3}, {"stamp": 0}])
+def test_a_sensor_that_gives_nothing_but_nonsense_is_lost_and_comes_back(nonsense, monkeypatch):
     bench = Bench(monkeypatch, {"force"})
     bench.run(50)
     force = bench.devices["force"]
-    force.wrong = (math.nan,) * 3
+    vars(force).update(nonsense)
     assert not len(bench.run(60)[20:])
     assert [lost for lost, _ in bench.told] == [True]
-    force.wrong = None
+    vars(force).update(dict.fromkeys(nonsense))
     bench.run(20)
     assert bench.told[-1] == (False, "the force sensor (Sampled) is back")
     force.error = DeviceLost("gone")

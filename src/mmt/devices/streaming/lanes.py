@@ -2,7 +2,8 @@
 
 The value is interpolated on the line between two readings, or from more of them
 (`mmt.devices.streaming.vibration_lane`). Without readings around the instant there is no value.
-Readings that are not finite, or whose stamp is not, are left out and counted.
+Readings that are not finite, or whose stamp is not or is that of the reading before, are left out
+and counted.
 """
 
 import math
@@ -67,17 +68,19 @@ class Lane:
     def add(self, readings: Sequence[SensorReading], arrival_ns: int) -> bool:
         """Add the new readings of a sensor, with their arrival time by the host's clock.
 
-        A stamp that is not after the last one restarts the lane: the sensor's clock was set back.
+        A reading with the stamp of the last one is left out. An earlier stamp restarts the lane:
+        the sensor's clock was set back.
         Return whether any is valid.
         """
         kept, before = self._kept, self.invalid
         for reading in readings:
-            if measured(reading.value) is None or not math.isfinite(reading.time_ns):
+            repeated = bool(kept) and reading.time_ns == kept[-1].time_ns
+            if repeated or measured(reading.value) is None or not math.isfinite(reading.time_ns):
                 self._leave_out(reading.time_ns)
                 continue
             if kept:
                 step = reading.time_ns - kept[-1].time_ns
-                if step <= 0:
+                if step < 0:
                     self.reset()
                 elif not self.period_ns:
                     self.period_ns = float(step)

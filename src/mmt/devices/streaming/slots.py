@@ -135,8 +135,9 @@ class Slot(ABC):
 
     def _warn(self) -> None:
         self._invalid.warn(
-            f"{self.name} gives readings that are not finite or too large: they are left out, "
-            "and the summary has their number; check its calibration, range and wires"
+            f"{self.name} gives readings that are not finite, too large, or at the time of the one "
+            "before: they are left out, and the summary has their number; check its calibration, "
+            "range, clock and wires"
         )
 
     def _connect(self) -> None:
