@@ -197,6 +197,8 @@ TORQUE_UNITS: Final = ("lbf-in", "lbf-ft", "N-m", "N-mm", "kgf-cm", "kN-m")
 
 _FIRST_CALIBRATION: Final = 0x00E3
 _CALIBRATION_STEP: Final = 192
+_CALIBRATION: Final = struct.Struct(">8s32s24x36f2B6f2i6H6H70x")
+"""Serial, part, matrix, units and ranges of force and torque, counts, gains, offsets."""
 _STATUS: Final = {
     0: "reset by its watchdog",
     1: "excitation voltage too high",
@@ -246,10 +248,9 @@ def parse_calibration(registers: Sequence[int], device: str) -> StoredCalibratio
         The registers hold no calibration, or an impossible value.
     """
     content = struct.pack(f">{len(registers)}H", *registers)
-    values = struct.unpack(">36f", content[64:208])
-    force_code, torque_code = content[208], content[209]
-    ranges = struct.unpack(">6f", content[210:234])
-    counts = struct.unpack(">2i", content[234:242])
+    serial, part, *numbers = _CALIBRATION.unpack(content)
+    values, (force_code, torque_code) = numbers[:36], numbers[36:38]
+    ranges, counts, gains = numbers[38:44], numbers[44:46], numbers[46:52]
     sizes = (*counts, *ranges)
     known = 1 <= force_code <= 6 and 1 <= torque_code <= 6
     if not (known and all(0.0 < size < math.inf for size in sizes)):
@@ -276,15 +277,15 @@ def parse_calibration(registers: Sequence[int], device: str) -> StoredCalibratio
     tx, ty, tz = (newton_mm * value for value in ranges[3:])
     return StoredCalibration(
         Calibration(
-            _text(content[0:8]),
-            _text(content[8:40]),
+            _text(serial),
+            _text(part),
             force_unit,
             (x, y, z),
             (tx, ty, tz),
         ),
         matrix,
-        tuple(registers[121:127]),
-        tuple(registers[127:133]),
+        tuple(gains),
+        tuple(numbers[52:]),
     )
 
 
@@ -298,20 +299,14 @@ def pack_calibration(
     gains: Sequence[int],
     offsets: Sequence[int],
 ) -> list[int]:
-    """Return the 168 registers of a calibration; all values are in its own units."""
-    content = b"".join(
-        (
-            serial.encode("ascii").ljust(8, b"\0"),
-            part.encode("ascii").ljust(32, b"\0"),
-            bytes(24),
-            struct.pack(">36f", *(value for row in matrix for value in row)),
-            bytes(units),
-            struct.pack(">6f", *ranges),
-            struct.pack(">2i", *counts),
-            struct.pack(">6H", *gains),
-            struct.pack(">6H", *offsets),
-        )
-    ).ljust(2 * CALIBRATION_REGISTERS, b"\0")
+    """Return the 168 registers of a calibration; all values are in its own units.
+
+    A serial number is cut to 8 characters, a part number to 32.
+    """
+    values = [value for row in matrix for value in row]
+    texts = serial.encode("ascii"), part.encode("ascii")
+    numbers = *values, *units, *ranges, *counts, *gains, *offsets
+    content = _CALIBRATION.pack(*texts, *numbers)
     return list(struct.unpack(f">{CALIBRATION_REGISTERS}H", content))
 
 
