@@ -512,7 +512,8 @@ def test_the_unit_of_a_group_is_that_of_its_columns(tmp_path, name, unit):
 @pytest.mark.parametrize(
     "head",
     ["Units: mN", "# Units: mN", "Unit,mN", "Date,2024-01-01\nForce Units,mN,Length Units,m",
-     "force unit = mN\nrate,1000", "Sensor: ATI,,,\nUnits,mN,,"],
+     "force unit = mN\nrate,1000", "Sensor: ATI,,,\nUnits,mN,,", "# Forces in mN, all of them",
+     "# tip,force in [mN]."],
 )  # fmt: skip
 def test_a_line_above_a_table_tells_its_unit(tmp_path, head):
     rows = ((t, *fs) for t, fs in zip(TIME_S, (1e3 * force(TIME_S)).tolist(), strict=True))
@@ -679,3 +680,14 @@ def test_a_labview_file_without_times_needs_a_rate(tmp_path):
     options = replace(proposal.options, rate_hz=1000.0)
     frames = import_recording(tmp_path / "a.lvm", options)[0].frames
     np.testing.assert_allclose(frames["force_n"], force(TIME_S), atol=1e-5)
+
+
+@pytest.mark.parametrize("factor", ["0.001", "1e-3", "1.0"])
+def test_a_factor_above_a_table_is_told_and_not_applied(tmp_path, factor):
+    rows = ((t, *fs) for t, fs in zip(TIME_S, force(TIME_S).tolist(), strict=True))
+    lines(tmp_path / "a.csv", f"Rig 3\nScale factor: {factor}\ntime,fx,fy,fz", rows)
+    _, report = import_recording(tmp_path / "a.csv", propose(tmp_path / "a.csv").options)
+    told = (
+        f"line 2, 'Scale factor: {factor}', was not applied: --map TARGET=COLUMN*{factor} does so"
+    )
+    assert (told in report.warnings) == (float(factor) != 1)

@@ -30,6 +30,15 @@ _NAMES_NEAR: Final = 6
 _FEWEST_NAMES = 3
 """Least number of columns for which a first row 0, 1, ... or 1, 2, ... is taken for names."""
 _UNIT_LINE: Final = re.compile(r"(.*units?)\s*(?:[:=]\s*(.*))?", re.IGNORECASE)
+_LONGEST_NOTE: Final = 1000
+"""Most characters of a line above a table in which units and factors are looked for."""
+_UNIT_IN_NOTE: Final = re.compile(
+    r"\b([^\W\d_]+)(?: is| are|:)? in [\[(]?([^\s\])]+?)[\])]?[,.;]?(?=\s|$)"
+)
+"""A quantity and its unit, as ``force in mN``."""
+_FACTOR: Final = re.compile(
+    r"\b(?:scal(?:e|ing)|factor|gain|multiplier|sensitivity)\b\D*?(\d*\.?\d+(?:e[-+]?\d+)?)", re.I
+)
 _QUANTITY: Final = re.compile(r"[-+±]?[\d.,]+\s*([^\d\s].*)")
 
 
@@ -102,19 +111,36 @@ def read_table(
         units=units | dict.fromkeys(dated, DATE),
         row_name=partial(name_of, "line {}".format, lines),
         ends_left_out=True,
-        notes=(*header.notes, *doubled, *remarks),
+        notes=(*header.notes, *doubled, *_factors_in(start[:begin]), *remarks),
         began_utc_ns=parsed_date(columns.get(BEGAN), origin),
         labels=labels,
     )
 
 
 def _stated_units(rows: Sequence[Sequence[Cell]]) -> dict[str, str]:
-    """Return the units by name in lines above a table, as ``Length Units,Meters``."""
-    texts = (list(map(text_of, row)) for row in rows)
+    """Return the units by name in lines above a table: ``Length Units,Meters``, ``force in mN``."""
+    texts = [list(map(text_of, row)) for row in rows]
+    in_notes = (match for row in texts for match in _UNIT_IN_NOTE.findall(_note(row)))
+    known = {f"{word} units": unit for word, unit in in_notes if is_unit(unit)}
     pairs = (pair for row in texts for pair in zip(row, [*row, ""][1:], strict=True))
     found = ((_UNIT_LINE.fullmatch(cell), following) for cell, following in pairs)
     told = ((match[1], match[2] or following) for match, following in found if match)
-    return {name: unit for name, unit in told if unit and gives_unit(name)}
+    named = {name: unit for name, unit in told if unit}
+    return {name: unit for name, unit in (known | named).items() if gives_unit(name)}
+
+
+def _factors_in(rows: Sequence[Sequence[Cell]]) -> Iterator[str]:
+    """Yield a sentence for each line above a table that states a factor, which is not applied."""
+    for number, row in enumerate(rows, start=1):
+        note = _note(row)
+        match = _FACTOR.search(note)
+        if match and float(match[1]) != 1:
+            scaled = f"--map TARGET=COLUMN*{match[1]}"
+            yield f"line {number}, {note!r}, was not applied: {scaled} does so"
+
+
+def _note(row: Sequence[Cell]) -> str:
+    return " ".join(filter(None, map(text_of, row)))[:_LONGEST_NOTE]
 
 
 def _codes(
