@@ -47,6 +47,7 @@ def test_a_part_runs_in_the_services_that_its_values_ask_for():
         ),
         ({**SIMULATED, "texture": {"order": "some"}}, ["texture.order", "'some'"]),
         ({**SIMULATED, "texture": {"axis": "w"}}, ["texture.axis", "dft321"]),
+        ({**SIMULATED, "texture": {"normal": "y"}}, ["surface across z", "leave 'normal'"]),
         (
             {**SIMULATED, "texture": {"method": "published", "stop_distance": 9.0}},
             ["stop_distance must not exceed"],

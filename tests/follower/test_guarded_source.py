@@ -8,6 +8,7 @@ import pytest
 from mmt.core.frames import COMMAND_DTYPE, empty_frames
 from mmt.follower.guarded_source import GuardedSource
 from mmt.scene.files import scene_from_tables
+from mmt.scene.leader_tables import Texture
 
 BOX_MM = ((-50.0, -40.0, -10.0), (50.0, 60.0, 80.0))
 LIMITS = {"workspace_mm": BOX_MM, "acceleration_limit_mm_s2": 20_000.0}
@@ -76,7 +77,8 @@ class Driven:
     """A guarded source, and what it says and sends."""
 
     def __init__(self, feedback=None, **tables):
-        scene = scene_from_tables({"link": {}, "texture": {"normal": "y"}, **tables})
+        scene = scene_from_tables({"link": {}, "texture": {}, **tables})
+        scene = scene.model_copy(update={"texture": Texture(normal="y")})
         self.source, self.said, self.sent = Source(), [], []
         self.guarded = GuardedSource(
             scene, self.source, feedback, self.said.append, lambda *some: self.sent.append(some)

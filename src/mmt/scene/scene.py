@@ -271,6 +271,12 @@ def _source_rules(scene: SceneTables) -> Rules:
             "or leave it out",
         ),
         (
+            scene.texture is not None
+            and scene.texture.normal != "z"
+            and (scene.simulated is not None or scene.hand is not None),
+            "[simulated] and [hand] have their surface across z: leave 'normal' of [texture] out",
+        ),
+        (
             scene.devices is not None
             and bool(scene.devices.tool_axes)
             and not scene.session.orientation,
