@@ -8,14 +8,12 @@ import types
 
 import pytest
 import typer
-from frame_samples import made_frames
 
-from mmt.cli import entry, reporting
+from mmt.cli import entry
 from mmt.cli.common import run_app
+from mmt.cli.running.display import telling_of_report
 from mmt.core.errors import MmtError
 from mmt.core.running.programs import restoring_end_signals
-from mmt.session.data import RecordedSession
-from mmt.session.files import export_session
 
 
 @pytest.fixture(autouse=True)
@@ -88,14 +86,9 @@ def test_another_failure_keeps_its_exit_code(monkeypatch):
 
 
 def test_an_interrupted_report_says_how_to_make_it_later(monkeypatch, capfd, tmp_path):
-    def stopped(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(reporting, "scanned_session", stopped)
-    export_session(RecordedSession(made_frames(0, 10)), tmp_path / "a.mcap")
-
     def report():
-        reporting.report_recording(tmp_path / "report", tmp_path / "a.mcap", {}, tables=False)
+        with telling_of_report(tmp_path / "report", tmp_path / "a.mcap"):
+            raise KeyboardInterrupt
 
     assert exit_code(report, monkeypatch) == entry.INTERRUPTED
     told = capfd.readouterr().err

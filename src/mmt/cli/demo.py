@@ -26,7 +26,7 @@ from mmt.cli.common import (
 )
 from mmt.cli.main import GROUP as COMMANDS
 from mmt.cli.options import with_flags
-from mmt.cli.running.display import command_text, print_ending
+from mmt.cli.running.display import command_text, print_ending, telling_of_report
 from mmt.cli.running.scene_services import DemoRun, run_services
 from mmt.cli.running.service import create_side_services
 from mmt.core.errors import InputError, MmtError
@@ -261,9 +261,9 @@ def _report(
             output.print(summary_table(name, table))
     model: Path | None = None
     if run.leader.get("recording"):
-        from mmt.cli.reporting import report_recording
+        with noting(problems, "the report"), telling_of_report(directory, recording):
+            from mmt.cli.reporting import report_recording
 
-        with noting(problems, "the report"):
             content["evaluation"] = report_recording(
                 directory, recording, run.tables(), tables=verbose
             )

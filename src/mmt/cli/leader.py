@@ -12,6 +12,7 @@ import typer
 
 from mmt.cli.common import MODEL_NAME, OPTIONS, Force, run_app, write_line
 from mmt.cli.options import with_flags, with_options
+from mmt.cli.running.display import telling_of_report
 from mmt.cli.running.service import (
     LastingSideService,
     SceneFile,
@@ -199,11 +200,12 @@ class LeaderRun(ServiceRun["Leader"]):
         """Write the report of the recording, if requested, and return its figures, else {}."""
         if self._report is None or "recording" not in summary:  # it ended before it was ready
             return {}
-        from mmt.cli.reporting import report_recording
-
         options, file = self.options, Path(summary["recording"]["file"])
         tables = options.verbose and not options.json_lines
-        return report_recording(self._report, file, {"leader": summary}, tables=tables)
+        with telling_of_report(self._report, file):
+            from mmt.cli.reporting import report_recording
+
+            return report_recording(self._report, file, {"leader": summary}, tables=tables)
 
 
 def run() -> None:

@@ -5,8 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mmt.cli.common import MODEL_NAME, messages, output
-from mmt.cli.running.display import command_text
+from mmt.cli.common import MODEL_NAME, output
 from mmt.core.files.existing import write_file
 from mmt.evaluation.evaluate import evaluate_surfaces, recorded_scene
 from mmt.evaluation.recorded_surfaces import SurfaceParts
@@ -30,17 +29,6 @@ def report_recording(
     summaries. A cut-off recording is read as far as possible. With `tables` the figures are
     printed as well.
     """
-    try:
-        return _report(directory, recording, run, tables=tables)
-    except KeyboardInterrupt:
-        again = command_text("mmt", "evaluate", recording, "--report", directory)
-        messages.print(f"the recording is kept; for its report:  {again}")
-        raise
-
-
-def _report(
-    directory: Path, recording: Path, run: Mapping[str, Any], *, tables: bool
-) -> dict[str, Any]:
     session = scanned_session(scan_mcap(recording))
     scene = scene_of(session)
     evaluations: list[Evaluation] = []

@@ -4,6 +4,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,7 +13,7 @@ from rich.control import Control
 from rich.segment import ControlType
 from rich.text import Text
 
-from mmt.cli.common import output
+from mmt.cli.common import messages, output
 from mmt.core.output.streams import is_behind
 from mmt.core.verdict import State, Verdict
 
@@ -28,6 +29,17 @@ _OPENERS: Final = {"darwin": "open", "win32": "start"}
 _GAP: Final = "   "
 
 _ERASE = Control(ControlType.CARRIAGE_RETURN, (ControlType.ERASE_IN_LINE, 2))
+
+
+@contextmanager
+def telling_of_report(directory: Path, recording: Path) -> Iterator[None]:
+    """If Ctrl-C ends what is done inside, print the command that makes the report later."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        again = command_text("mmt", "evaluate", recording, "--report", directory)
+        messages.print(f"the recording is kept; for its report:  {again}")
+        raise
 
 
 class StatusLine:
