@@ -4,6 +4,7 @@ from mmt.leader.part import Session
 from mmt.leader.recording import RecordingPart
 from mmt.scene import Scene
 from mmt.session.files import read_session
+from mmt.session.operators import control_periods
 from mmt.texture.synthesis.actuator import FREQUENCIES_HZ, ActuatorResponse
 
 SCENE = {"link": {}, "hand": {}, "simulated": {}, "recording": {"file": "whole.mcap"}}
@@ -13,7 +14,7 @@ def told_in(file):
     """The states of a recording's events by their kind, without their times."""
     found = {}
     for event in read_session(file).events:
-        for key in ("gain", "frozen"):
+        for key in ("gain", "frozen", "control"):
             if key in event:
                 found[key] = {name: value for name, value in event.items() if name != "time_s"}
     return found
@@ -32,6 +33,8 @@ async def test_a_later_recording_tells_what_holds_as_one_from_the_start(tmp_path
         response = ActuatorResponse(share + 0.0 * FREQUENCIES_HZ, 20.0)
         session.journal.record({"event": "actuator response", **response.as_dict()})
     session.journal.event("model frozen", frozen=True)
+    for state in ("giving", "moves"):
+        session.journal.event("control", control=state, operator="ann")
     clock_s[0] = 12.5
     part.recorder = None
     await part.start(tmp_path / "later.mcap")
@@ -39,6 +42,7 @@ async def test_a_later_recording_tells_what_holds_as_one_from_the_start(tmp_path
     whole.close()
     later = read_session(tmp_path / "later.mcap")
     assert told_in("later.mcap") == told_in("whole.mcap")
-    assert len(told_in("later.mcap")) == 2
+    assert len(told_in("later.mcap")) == 3
+    assert [period.operator for period in control_periods(later.events, 20.0)] == [None, "ann"]
     assert [event["event"] for event in later.events][-1].startswith("recording into")
     assert "nothing more than said" not in [event["event"] for event in later.events]

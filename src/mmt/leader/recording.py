@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mmt.link.protocol import FollowerHello
     from mmt.session.recorder import Existing, McapRecorder
 
-_HEAD: Final = ("gain", "frozen")
+_HEAD: Final = ("gain", "frozen", "control")
 """Keys of events that hold on: a recording that starts later repeats the newest with each."""
 
 
