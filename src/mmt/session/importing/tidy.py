@@ -29,6 +29,7 @@ from mmt.session.importing.column_names import (
 )
 from mmt.session.importing.columns import SHOWN_COLUMNS, SourceColumns, Wanted
 from mmt.session.importing.options import ImportOptions, quantity_of
+from mmt.session.importing.samples import name_of
 
 _MOST: Final = 256
 _MOST_NUMBERS: Final = 16
@@ -140,7 +141,9 @@ def _of_one_trial(
         values={**columns.values, **kept["values"]},
         labels={**columns.labels, **kept["labels"]},
         times={n: times.get(id(clock), clock) for n, clock in columns.times.items()},
-        row_name="row {} of its trial, counted from 0".format,
+        row_name=partial(name_of, columns.row_name, np.flatnonzero(rows))
+        if len(table.names) == len({**columns.values, **columns.labels})
+        else "row {} of its trial, counted from 0".format,
         notes=(*columns.notes, *([note] if asked is None else [])),
         episode=chosen,
     )
