@@ -2,17 +2,20 @@
 
 import asyncio
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import COMMAND_DTYPE, FIELD_OF_CHANNEL, channels_of, frame_dtype
+from mmt.core.running.process import clock_id
 from mmt.link.client import FollowerClient
+from mmt.link.clock_offset import ClockJump
+from mmt.link.emulated.network import EmulatedNetwork
 from mmt.link.endpoint import FollowerEvents, LeaderEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderServer
-from mmt.scene import Link
+from mmt.scene import Link, Network
 
 CHANNELS = ("position", "force")
 
@@ -52,12 +55,22 @@ def hello(**changes):
 
 
 @dataclass
-class LeaderNotes:
+class Notes:
+    """What both sides are told."""
+
     blocks: list[RecordArray] = field(default_factory=list)
-    hellos: list[FollowerHello] = field(default_factory=list)
-    ends: list[str] = field(default_factory=list)
     losses: list[str] = field(default_factory=list)
     errors: list[Exception] = field(default_factory=list)
+
+    @property
+    def sequences(self) -> list[int]:
+        return [int(sequence) for block in self.blocks for sequence in block["sequence"]]
+
+
+@dataclass
+class LeaderNotes(Notes):
+    hellos: list[FollowerHello] = field(default_factory=list)
+    ends: list[str] = field(default_factory=list)
 
     def events(self):
         return LeaderEvents(
@@ -68,17 +81,10 @@ class LeaderNotes:
             on_error=self.errors.append,
         )
 
-    @property
-    def sequences(self) -> list[int]:
-        return [int(sequence) for block in self.blocks for sequence in block["sequence"]]
-
 
 @dataclass
-class FollowerNotes:
-    blocks: list[RecordArray] = field(default_factory=list)
+class FollowerNotes(Notes):
     stops: list[str] = field(default_factory=list)
-    losses: list[str] = field(default_factory=list)
-    errors: list[Exception] = field(default_factory=list)
 
     def events(self):
         return FollowerEvents(
@@ -87,10 +93,6 @@ class FollowerNotes:
             on_lost=self.losses.append,
             on_error=self.errors.append,
         )
-
-    @property
-    def sequences(self) -> list[int]:
-        return [int(sequence) for block in self.blocks for sequence in block["sequence"]]
 
 
 @asynccontextmanager
@@ -117,6 +119,50 @@ async def follower(port, notes=None, access=None, **changes):
         yield client
     finally:
         await client.disconnect()
+
+
+@dataclass
+class Linked:
+    """A leader and a follower on an emulated network, and what they are told."""
+
+    server: LeaderServer
+    client: FollowerClient
+    leads: EmulatedNetwork
+    follows: EmulatedNetwork
+    up: LeaderNotes
+    down: FollowerNotes
+    said: list[str]
+    jumps: list[tuple[str, ClockJump]]
+
+
+@asynccontextmanager
+async def linked(clock_hz=0.0, other=None, **network):
+    """Both sides on one network; `other` stands for the clock of another machine."""
+    up, down, said, jumps = LeaderNotes(), FollowerNotes(), [], []
+    leads, follows = (
+        EmulatedNetwork(Network(**network), way, 1, said.append) for way in ("down", "up")
+    )
+    server = LeaderServer(
+        Link(port=0),
+        CHANNELS,
+        replace(up.events(), on_jump=lambda jump: jumps.append(("leader", jump))),
+        network=leads,
+    )
+    await server.start()
+    client = FollowerClient(
+        f"http://127.0.0.1:{server.port}",
+        hello(clock_id=other or clock_id()),
+        replace(down.events(), on_jump=lambda jump: jumps.append(("follower", jump))),
+        network=follows,
+        clock_hz=clock_hz,
+    )
+    try:
+        await client.connect(10.0)
+        await until(lambda: server.can_send)
+        yield Linked(server, client, leads, follows, up, down, said, jumps)
+    finally:
+        await client.disconnect()
+        await server.stop()
 
 
 async def until(condition, timeout_s=30.0):

@@ -171,23 +171,19 @@ def test_jitter_alone_is_never_taken_for_a_step(network):
         assert exchange(network, network, drift_ppm=80.0, seed=seed).jumps == []
 
 
-def test_a_change_of_the_network_is_no_step():
+@pytest.mark.parametrize(
+    ("ways_ms", "drift_ppm", "pause_s"),
+    [(((1, 1), (30, 30), (30, 1), (1, 1), (1, 30)), 0, 0), (((1, 1), (1, 1)), 100, 290)],
+    ids=["change of the network", "silence with drift"],
+)
+def test_what_no_clock_does_is_no_step(ways_ms, drift_ppm, pause_s):
     clock, start_ns = ClockOffset(), 0
-    for up_ms, down_ms in ((1, 1), (30, 30), (30, 1), (1, 1), (1, 30)):
-        for index in range(8 * HZ):
-            now_ns = start_ns + index * S // HZ
-            assert clock.add(now_ns, OFFSET_NS - down_ms * MS, OFFSET_NS + up_ms * MS) is None
-        start_ns += 8 * S
-    assert abs(clock.estimate.offset_ns - OFFSET_NS) < MS
-
-
-def test_a_silence_with_drift_is_no_step():
-    clock = ClockOffset()
-    for start_s in (0, 300):
-        for index in range(10 * HZ):
-            now_ns = start_s * S + index * S // HZ
-            offset_ns = OFFSET_NS + now_ns // 10_000  # 100 ppm
-            assert clock.add(now_ns, offset_ns - MS, offset_ns + MS) is None
+    for up_ms, down_ms in ways_ms:
+        for now_ns in range(start_ns, start_ns + 8 * S, S // HZ):
+            offset_ns = OFFSET_NS + drift_ppm * now_ns // 10**6
+            assert clock.add(now_ns, offset_ns - down_ms * MS, offset_ns + up_ms * MS) is None
+        start_ns += (8 + pause_s) * S
+    assert abs(clock.estimate.offset_ns - offset_ns) < MS
 
 
 def test_a_single_contradiction_is_left_out():

@@ -5,18 +5,9 @@ from contextlib import asynccontextmanager
 import aiohttp
 import numpy as np
 import pytest
-from link_samples import (
-    CHANNELS,
-    FollowerNotes,
-    LeaderNotes,
-    commands,
-    frames,
-    hello,
-    until,
-)
+from link_samples import CHANNELS, LeaderNotes, commands, frames, linked, until
 
 import mmt.core.running.loop_timer
-from mmt.link.client import FollowerClient
 from mmt.link.emulated.network import EmulatedNetwork, EmulatedSendQueue
 from mmt.link.protocol import encode_event
 from mmt.link.server import LeaderServer
@@ -70,14 +61,6 @@ async def test_messages_are_held_for_their_delay_and_in_order():
     assert np.median(delays_ms) < 200.0
 
 
-async def test_an_empty_table_sends_at_once():
-    async with outbox() as (box, sent):
-        box.put(1, b"now")
-        await asyncio.sleep(0)
-        await asyncio.sleep(0)
-        assert sent.messages == [b"now"]
-
-
 async def test_a_clump_larger_than_the_queue_goes_out_whole():
     async with outbox(capacity=50, delay_ms=30) as (box, sent):
         for index in range(500):
@@ -100,15 +83,12 @@ async def test_losses_and_repetitions_are_counted():
         await until(lambda: len(sent.messages) == 1000 - counts["lost"] + counts["repeated"])
 
 
-async def test_the_end_waits_for_what_is_held():
+async def test_the_end_waits_for_what_is_held_but_no_longer_than_it_may():
     async with outbox(capacity=5, delay_ms=100) as (box, sent):
         for _ in range(30):
             box.put(1, b"message")
         await box.finish(5.0)
-    assert len(sent.messages) == 30
-
-
-async def test_the_end_waits_no_longer_than_it_may():
+        assert len(sent.messages) == 30
     async with outbox(delay_ms=1000) as (box, sent):
         box.put(1, b"message")
         began_s = time.monotonic()
@@ -118,60 +98,29 @@ async def test_the_end_waits_no_longer_than_it_may():
     assert sent.messages == []
 
 
-async def test_what_is_held_when_the_link_breaks_never_comes():
+async def test_a_break_loses_what_is_held_and_a_change_holds_for_what_is_put_afterwards():
     async with outbox(delay_ms=20) as (box, sent):
-        box.put(1, b"old")
+        box.put(1, b"held")
         box.open(sent)
-        box.put(1, b"new")
+        box.change(Network(loss=1.0), seed=2)
+        box.put(1, b"lost")
+        box.change(Network(), seed=2)
+        box.put(1, b"sent")  # at once
         await until(lambda: sent.messages)
         await asyncio.sleep(0.03)
-    assert sent.messages == [b"new"]
-    assert box.emulated["lost"] == 1
-
-
-async def test_a_change_holds_for_what_is_put_afterwards():
-    async with outbox(loss=1.0) as (box, sent):
-        box.put(1, b"lost")
-        box.change(Network(delay_ms=1), seed=2)
-        box.put(1, b"sent")
-        await until(lambda: sent.messages)
     assert sent.messages == [b"sent"]
+    assert box.emulated["lost"] == 2
 
 
-# --- both sides, and the leader's HTTP interface
-
-
-class Linked:
-    """A leader and a follower with an emulated network, and what they were told."""
-
-    def __init__(self, **table):
-        self.said = []
-        self.up, self.down = LeaderNotes(), FollowerNotes()
-        self.leads = EmulatedNetwork(Network(**table), "down", 1, self.said.append)
-        self.follows = EmulatedNetwork(Network(**table), "up", 1, self.said.append)
-
-    async def __aenter__(self):
-        self.server = LeaderServer(Link(port=0), CHANNELS, self.up.events(), network=self.leads)
-        await self.server.start()
-        self.url = f"http://127.0.0.1:{self.server.port}"
-        self.client = FollowerClient(self.url, hello(), self.down.events(), network=self.follows)
-        await self.client.connect(10.0)
-        await until(lambda: self.server.can_send)
-        self.http = aiohttp.ClientSession()
-        return self
-
-    async def __aexit__(self, *_):
-        await self.http.close()
-        await self.client.disconnect()
-        await self.server.stop()
-
-    async def put(self, **what):
-        async with self.http.put(f"{self.url}/network", **what) as response:
-            return response.status, await response.json()
+async def asked(link, method, **what):
+    """The leader's answer about its settings, as a program has it."""
+    url = f"http://127.0.0.1:{link.server.port}/network"
+    async with aiohttp.ClientSession() as http, http.request(method, url, **what) as response:
+        return response.status, await response.json()
 
 
 async def test_both_directions_are_emulated_and_the_readers_count():
-    async with Linked(loss=0.3, duplicate=0.3, delay_ms=10, jitter_ms=10, reorder=True) as link:
+    async with linked(loss=0.3, duplicate=0.3, delay_ms=10, jitter_ms=10, reorder=True) as link:
         for sequence in range(300):
             link.client.send_frames(frames(sequence))
             link.server.send_commands(commands(sequence))
@@ -191,78 +140,45 @@ async def test_both_directions_are_emulated_and_the_readers_count():
     assert link.up.sequences == sorted(set(link.up.sequences))
 
 
-async def test_one_direction_alone():
-    async with Linked(loss=1.0, direction="up") as link:
-        for sequence in range(20):
-            link.client.send_frames(frames(sequence))
-            link.server.send_commands(commands(sequence))
-        await until(lambda: len(link.down.sequences) == 20)
-        assert link.client.statistics.emulated == {"messages": 20, "lost": 20, "repeated": 0}
-        assert link.server.statistics.emulated == {"messages": 20, "lost": 0, "repeated": 0}
-
-
 async def test_a_program_reads_and_replaces_the_settings_on_both_sides():
-    async with Linked(profile="wifi") as link:
-        async with link.http.get(f"{link.url}/network") as response:
-            assert await response.json() == Network(profile="wifi").model_dump(mode="json")
-        status, answer = await link.put(json={"profile": "bad", "loss": 0.5, "seed": 3})
+    async with linked(profile="wifi") as link:
+        assert await asked(link, "GET") == (200, Network(profile="wifi").model_dump(mode="json"))
+        status, answer = await asked(link, "PUT", json={"profile": "bad", "loss": 0.5, "seed": 3})
         assert status == 200
         wanted = Network(profile="bad", loss=0.5, seed=3)
         assert answer == wanted.model_dump(mode="json")
-        assert link.leads.settings == wanted
-        await until(lambda: link.follows.settings == wanted)
+        await until(lambda: link.follows.settings == link.leads.settings == wanted)
     assert len(link.said) == 2
     assert link.said[0] == ("emulated network: delay 150 +- 60 ms, 0.5 lost in bursts of 10")
 
 
-async def test_a_follower_that_comes_later_hears_of_the_change():
-    link = Linked()
-    link.leads.change({"profile": "lan"})
-    async with link:
-        await until(lambda: link.follows.settings == Network(profile="lan"))
+JSON = {"Content-Type": "application/json"}
+WRONG = [
+    ({"json": {"delay_ms": -1}}, "[network]: delay_ms is -1"),
+    ({"json": {"delay": 1}}, "delay is not a key; allowed are profile, direction, delay_ms"),
+    ({"json": [1]}, "[network]: [1]"),
+    ({"data": b"{", "headers": JSON}, "no JSON"),
+    ({"data": b"[" * 4000, "headers": JSON}, "no JSON"),
+    ({"data": b" " * 5000, "headers": JSON}, "longer than"),
+    ({"data": b"{}", "headers": {"Content-Type": "text/plain"}}, "Content-Type"),
+]
 
 
-@pytest.mark.parametrize(
-    ("what", "problem"),
-    [
-        ({"json": {"delay_ms": -1}}, "[network]: delay_ms is -1"),
-        ({"json": {"delay": 1}}, "delay is not a key; allowed are profile, direction, delay_ms"),
-        ({"json": [1]}, "[network]: [1]"),
-        ({"json": {"delay_ms": 1, "jitter_ms": 2}}, "jitter_ms must not exceed delay_ms"),
-        ({"data": b"{", "headers": {"Content-Type": "application/json"}}, "no JSON"),
-        ({"data": b"[" * 4000, "headers": {"Content-Type": "application/json"}}, "no JSON"),
-        ({"data": b" " * 5000, "headers": {"Content-Type": "application/json"}}, "longer than"),
-        ({"data": b"{}", "headers": {"Content-Type": "text/plain"}}, "Content-Type"),
-    ],
-)
-async def test_wrong_settings_are_refused_with_a_sentence(what, problem):
-    async with Linked() as link:
-        status, answer = await link.put(**what)
-        assert status == 400
-        assert problem in answer["error"]
-        assert link.leads.settings == Network()
+async def test_wrong_settings_are_refused_with_a_sentence():
+    async with linked() as link:
+        for what, problem in WRONG:
+            status, answer = await asked(link, "PUT", **what)
+            assert status == 400
+            assert problem in answer["error"]
+            assert link.leads.settings == Network()
 
 
-@pytest.mark.parametrize("payload", [None, 3, {"delay_ms": "x"}, {"unknown": 1}, [{}]])
-async def test_a_malformed_event_changes_nothing_and_is_counted(payload):
-    async with Linked(profile="lan") as link:
-        link.server.endpoint.outbox.put(0, encode_event("network", payload))
-        await until(lambda: link.client.statistics.rejected)
-        assert link.client.statistics.rejected == {"malformed network": 1}
+async def test_a_malformed_event_changes_nothing_and_is_counted():
+    async with linked(profile="lan") as link:
+        for payload in (None, 3, {"delay_ms": "x"}, {"unknown": 1}, [{}]):
+            link.server.endpoint.outbox.put(0, encode_event("network", payload))
+        await until(lambda: link.client.statistics.rejected.get("malformed network") == 5)
         assert link.follows.settings == Network(profile="lan")
-
-
-async def test_without_the_table_there_is_nothing_to_change():
-    server = LeaderServer(Link(port=0), CHANNELS, LeaderNotes().events())
-    await server.start()
-    try:
-        async with (
-            aiohttp.ClientSession() as http,
-            http.get(f"http://127.0.0.1:{server.port}/network") as response,
-        ):
-            assert response.status == 404
-    finally:
-        await server.stop()
 
 
 async def test_back_fill_waits_while_the_emulated_bandwidth_is_taken():
@@ -294,12 +210,3 @@ async def test_settings_that_arrive_in_two_segments_are_taken_and_late_ones_refu
     finally:
         await server.stop()
     assert network.settings.delay_ms == 15
-
-
-async def test_what_is_under_way_at_the_end_is_lost_once_and_repeated_by_nobody():
-    async with outbox(delay_ms=1000, jitter_ms=1, duplicate=0.5) as (box, sent):
-        for index in range(40):
-            box.put(1, bytes([index]))
-        assert box.emulated["repeated"] > 5
-    assert sent.messages == []
-    assert box.emulated == {"messages": 40, "lost": 40, "repeated": 0}

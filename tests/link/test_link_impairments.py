@@ -66,15 +66,6 @@ def test_nothing_arrives_early_or_overtakes_or_comes_more_than_twice(
         assert arrivals == sorted(arrivals)
 
 
-def test_an_empty_table_changes_nothing():
-    assert fates(1000) == [(0,)] * 1000
-
-
-def test_the_seed_chooses_the_fates():
-    assert fates(500, seed=1, profile="bad") == fates(500, seed=1, profile="bad")
-    assert fates(500, seed=1, profile="bad") != fates(500, seed=2, profile="bad")
-
-
 @pytest.mark.parametrize("time_ms", [0.0, 20.0])
 def test_delays_are_spread_evenly_within_the_jitter(time_ms):
     given = delays_ms(
@@ -98,23 +89,6 @@ def test_slow_jitter_is_correlated_as_it_says():
         assert measured == pytest.approx(expected, abs=0.1)
 
 
-def test_smooth_jitter_hardly_needs_reordering_and_the_other_does():
-    def disordered(time_ms):
-        given = delays_ms(
-            fates(20_000, delay_ms=40, jitter_ms=10, jitter_time_ms=time_ms, reorder=True)
-        )
-        return float(np.mean(np.diff(given) < -1.0))
-
-    assert disordered(50.0) < 1e-3
-    assert disordered(0.0) > 0.3
-
-
-def test_without_reordering_independent_jitter_gathers_at_its_upper_end():
-    ordered = delays_ms(fates(delay_ms=40, jitter_ms=10))
-    assert np.median(ordered) > 44.0
-    assert ordered.max() <= 50.0
-
-
 @pytest.mark.parametrize(
     ("loss", "burst", "burst_loss"), [(0.02, 10, 1.0), (0.1, 1, 1.0), (0.1, 30, 0.5), (0.7, 5, 1.0)]
 )
@@ -127,16 +101,8 @@ def test_loss_and_bursts_have_the_wanted_means(loss, burst, burst_loss):
         assert np.mean(runs) == pytest.approx(expected, rel=0.2)
         # geometric lengths: the standard deviation follows from the mean
         assert np.std(runs) == pytest.approx(math.sqrt(expected * (expected - 1)), rel=0.3)
-
-
-def test_bursts_of_one_are_independent_losses():
-    gone = lost(fates(60_000, loss=0.3)).astype(float)
-    assert abs(np.corrcoef(gone[1:], gone[:-1])[0, 1]) < 0.02
-
-
-def test_everything_and_nothing_can_be_lost():
-    assert lost(fates(1000, loss=1.0)).all()
-    assert not lost(fates(1000, loss=0.0, burst_messages=50)).any()
+    if burst == 1:  # losses of their own
+        assert abs(np.corrcoef(gone[1:], gone[:-1])[0, 1]) < 0.02
 
 
 @settings(max_examples=50)
@@ -168,6 +134,12 @@ def test_a_lost_message_holds_up_those_behind_it_as_tcp_does():
     assert np.mean(given[begins] == 123.0) > 0.95
     first = begins[0]
     np.testing.assert_allclose(given[first : first + 80], 123.0 - np.arange(80))
+
+
+def test_nothing_everything_or_what_the_seed_chooses_is_lost():
+    assert fates(1000) == fates(1000, loss=0.0, burst_messages=50) == [(0,)] * 1000
+    assert lost(fates(1000, loss=1.0)).all()
+    assert fates(500, seed=1, profile="bad") != fates(500, seed=2, profile="bad")
 
 
 def test_duplicates_come_behind_the_first_with_a_delay_of_their_own():
