@@ -1,11 +1,11 @@
-"""A follower, a leader or the wire between them goes away."""
+"""Who goes away, who is turned away, what is thrown away, and what each is told."""
 
 import asyncio
 import gc
 import socket
 import struct
-from types import SimpleNamespace
 
+import pytest
 import socketio
 from link_samples import (
     FollowerNotes,
@@ -23,8 +23,8 @@ import mmt.link.client
 import mmt.link.connection
 import mmt.link.serving.http
 import mmt.link.serving.sockets
+from mmt.core.errors import InputError, MmtError
 from mmt.link.client import FollowerClient
-from mmt.link.websocket import client_send
 
 
 async def test_a_follower_that_dies_frees_its_place_at_once():
@@ -77,7 +77,7 @@ async def test_a_cut_link_is_taken_up_again_and_shows_as_a_gap():
     assert up.ends == ["done"]
 
 
-async def test_a_leader_that_stops_without_asking_is_lost_and_may_come_back():
+async def test_a_leader_that_stops_without_asking_is_lost_and_may_come_back_or_be_given_up():
     up, down = LeaderNotes(), FollowerNotes()
     async with leader() as first:
         port = first.port
@@ -91,22 +91,12 @@ async def test_a_leader_that_stops_without_asking_is_lost_and_may_come_back():
         client.send_frames(frames(7))
         await until(lambda: up.sequences == [7])
         assert second.statistics.lost == 0  # it never knew the others
-        await client.end("done")
-        await client.disconnect()
-    assert len(down.losses) == 1
-
-
-async def test_a_follower_may_give_up_on_a_leader_that_does_not_come_back():
-    notes = FollowerNotes()
-    async with leader() as server:
-        client = FollowerClient(f"http://127.0.0.1:{server.port}", hello(), notes.events())
-        await client.connect(10.0)
-    await until(lambda: notes.losses)
+    await until(lambda: len(down.losses) == 2)
     await asyncio.sleep(0.3)  # into the attempts to reconnect
     await client.end("alone")
     await asyncio.wait_for(client.disconnect(), 10.0)
     assert not client.connected
-    assert len(notes.losses) == 1
+    assert len(down.losses) == 2
 
 
 async def test_a_silent_wire_is_noticed_on_both_sides_and_the_link_is_taken_up_again(monkeypatch):
@@ -148,47 +138,133 @@ async def test_a_client_that_leaves_before_it_is_answered_is_no_error(monkeypatc
 
 async def test_the_end_does_not_wait_for_ever_on_a_silent_wire(monkeypatch):
     monkeypatch.setattr(mmt.link.client, "CLOSE_TIMEOUT_S", 0.2)
-    async with (
-        leader() as server,
-        relay(server.port) as wire,
-        follower(wire.port) as client,
-    ):
+    async with leader() as server, relay(server.port) as wire, follower(wire.port) as client:
         wire.fall_silent()
         await asyncio.wait_for(client.end("unheard"), 5.0)
 
 
-async def test_where_the_library_hides_its_websocket_its_queue_is_used(monkeypatch):
-    def hidden(self, sid, environ):
-        return usual(self, sid, {})
-
-    usual = mmt.link.serving.sockets.ServerSockets.send
-    monkeypatch.setattr(mmt.link.serving.sockets.ServerSockets, "send", hidden)
-    monkeypatch.setattr(
-        mmt.link.connection,
-        "client_send",
-        lambda client: client_send(SimpleNamespace(eio=SimpleNamespace(send=client.eio.send))),
-    )
-    up, down = LeaderNotes(), FollowerNotes()
-    async with leader(up) as server, follower(server.port, down) as client:
-        await until(lambda: server.can_send)
-        for sequence in range(20):
-            client.send_frames(frames(sequence))
-            server.send_commands(commands(sequence))
-        await until(lambda: len(up.sequences) == len(down.sequences) == 20)
-        await client.end("done")
-    assert up.sequences == down.sequences == list(range(20))
+GOOD = hello().to_auth()
 
 
-async def test_a_link_that_breaks_in_the_moment_it_is_closed_is_closed():
-    notes = FollowerNotes()
-    async with (
-        leader() as server,
-        relay(server.port) as wire,
-        follower(wire.port, notes) as client,
-    ):
-        wire.drop()
-        await until(lambda: notes.losses)
+async def test_malformed_events_do_no_harm():
+    notes = LeaderNotes()
+    client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
+    broken = frames(0)
+    broken["force_n"] = float("nan")
+    malformed = {
+        "frames": ["text", None, b"", bytes(37), frames(0, 101).tobytes(), broken.tobytes()],
+        "end": [None, {"reason": 5, "frames": 1}, {"reason": "x"}, {"reason": "x", "frames": "y"}],
+        "event": [None, b"x", {"event": "x"}],
+        "unknown event": [b"x"],
+    }
+    async with leader(notes) as server:
+        await client.connect(f"http://127.0.0.1:{server.port}", auth=GOOD, transports=["websocket"])
+        for event, payloads in malformed.items():
+            for data in payloads:
+                await client.emit(event, data)
+        await client.emit("frames", (frames(0).tobytes(), frames(1).tobytes()))
+        await client.emit("frames", frames(1).tobytes())
+        await until(lambda: notes.sequences == [1])
+        assert server.statistics.rejected == {
+            "not bytes": 3,
+            "size": 2,
+            "too many": 1,
+            "malformed end": 4,
+            "malformed event": 3,
+            "not finite": 1,
+        }
+        assert server.connected
         await client.disconnect()
-        await asyncio.sleep(0.5)  # longer than the first pause
-        assert not server.connected
-        assert not client.connected
+    assert notes.ends == []
+    assert notes.errors == []
+
+
+async def test_a_message_that_is_too_long_closes_that_link_alone():
+    notes = LeaderNotes()
+    client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
+    async with leader(notes) as server:
+        await client.connect(f"http://127.0.0.1:{server.port}", auth=GOOD, transports=["websocket"])
+        await client.emit("frames", bytes(200_000))
+        await until(lambda: notes.losses)
+        await until(lambda: not client.connected)
+        async with follower(server.port) as other:
+            other.send_frames(frames(0))
+            await until(lambda: notes.sequences == [0])
+
+
+async def test_events_after_the_end_are_not_of_the_session():
+    notes = LeaderNotes()
+    client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
+    async with leader(notes) as server:
+        await client.connect(f"http://127.0.0.1:{server.port}", auth=GOOD, transports=["websocket"])
+        await client.emit("frames", frames(0).tobytes())
+        await client.call("end", {"reason": "x" * 1000, "frames": 1})
+        await client.emit("frames", frames(1).tobytes())
+        await client.call("end", {"reason": "again", "frames": 2})
+        await client.disconnect()
+    assert notes.sequences == [0]
+    assert notes.ends == ["x" * 256]
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("nobody", r"no leader answered at .+ within 0\.3 s .*start mmt-leader"),
+        ("silent", "no leader answered"),
+        ("another", "404"),
+    ],
+)
+async def test_a_server_that_is_no_leader_is_explained_in_time(kind, said, unused_tcp_port):
+    async def answer(reader, writer):
+        await reader.readline()
+        if kind == "another":
+            writer.write(
+                b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+            )
+            await writer.drain()
+        else:
+            await hang.wait()
+        writer.close()
+
+    hang, port = asyncio.Event(), unused_tcp_port
+    other = None if kind == "nobody" else await asyncio.start_server(answer, "127.0.0.1", port)
+    client = FollowerClient(f"http://127.0.0.1:{port}", hello(), FollowerNotes().events())
+    with pytest.raises(MmtError, match=said):
+        await asyncio.wait_for(client.connect(0.3), 10.0)
+    await client.disconnect()
+    hang.set()
+    if other is not None:
+        other.close()
+        await asyncio.sleep(0.05)
+
+
+async def test_the_leader_may_start_after_the_follower_who_may_also_give_up(unused_tcp_port):
+    url = f"http://127.0.0.1:{unused_tcp_port}"
+    client = FollowerClient(url, hello(), FollowerNotes().events())
+    given_up = asyncio.create_task(client.connect(60.0))
+    await asyncio.sleep(0.1)
+    given_up.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await given_up
+    await client.end("nothing")
+    await client.disconnect()
+    client = FollowerClient(url, hello(), FollowerNotes().events())
+    connecting = asyncio.create_task(client.connect(20.0))
+    await asyncio.sleep(0.3)
+    assert not connecting.done()
+    async with leader(port=unused_tcp_port) as server:
+        await connecting
+        assert server.connected
+        await client.disconnect()
+        with pytest.raises(MmtError, match=rf"the leader at {url} refused: .+ needs position, f"):
+            async with follower(server.port, channels=("position",)):
+                pass
+
+
+@pytest.mark.parametrize(
+    "url",
+    ["", "leader:8765", "ftp://leader", "http://", "http://:80", "http://h:99999", "http://[::1"],
+)
+def test_a_bad_url_is_explained(url):
+    with pytest.raises(InputError, match="allowed is http://HOST:PORT"):
+        FollowerClient(url, hello(), FollowerNotes().events())
