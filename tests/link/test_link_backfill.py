@@ -2,7 +2,6 @@
 
 import asyncio
 from itertools import accumulate
-from timeit import repeat
 
 import numpy as np
 import pytest
@@ -64,15 +63,6 @@ def test_what_is_kept_across_a_wrap_is_found_in_order(capacity, count):
     assert kept.select(asked)["sequence"].tolist() == [each for each in newest if each in wanted]
     assert kept.select([(0, SEQUENCES)])["sequence"].tolist() == newest
     assert kept.select([])["sequence"].tolist() == []
-
-
-def test_a_request_costs_little_however_many_frames_are_kept():
-    few, many = FrameBuffer(DTYPE, 600), FrameBuffer(DTYPE, 60_000)
-    for kept in (few, many):
-        kept.put(frames(0, 90_000).tobytes())
-    asked = [(number, number + 2) for number in range(89_500, 89_900, 10)]
-    cost_s = [min(repeat(lambda k=kept: k.select(asked), number=5)) for kept in (few, many)]
-    assert cost_s[1] < 3.0 * cost_s[0]
 
 
 class Sent:
@@ -187,25 +177,3 @@ async def test_the_end_of_a_session_fills_in_what_is_missing_to_its_last_frame()
     assert settled == [10, 10, 10]
     assert sorted(filled) == [-10, 2, 3, 4, 8, 8, 9]
     assert notes.ends == ["done"]
-
-
-async def test_the_leader_asks_and_is_answered_while_frames_stream():
-    filled = []
-    gone = []
-    notes = LeaderNotes()
-    events = LeaderEvents(
-        on_frames=lambda block, arrival_ns: notes.blocks.append(block),
-        on_backfill=filled.append,
-        on_gone=gone.append,
-    )
-    async with (
-        leader(events=events) as server,
-        follower(server.port, FollowerNotes(), keep_frames=50) as client,
-    ):
-        await until(lambda: server.can_send)
-        client.send_frames(frames(0, 100))
-        server.request_frames([(0, 3), (60, 80)])
-        await until(lambda: filled and gone)
-        assert gone == [[(0, 3)]]
-        np.testing.assert_array_equal(np.concatenate(filled), frames(60, 20))
-        assert notes.sequences == list(range(100))

@@ -1,8 +1,6 @@
 """Clients of other makes: bytes of JavaScript, no msgpack, no clock, pages of other sites."""
 
 import asyncio
-import json
-import logging
 
 import aiohttp
 import msgpack
@@ -46,24 +44,6 @@ async def test_a_client_that_is_not_understood_is_told_why_and_its_clock_is_miss
         assert "36 bytes" in heard[1]["text"]
         await until(lambda: server.clock.unknown_s > 0.2)
         await client.disconnect()
-
-
-@pytest.mark.parametrize("packet", ['40{"token":"x"}', '42["frames"]', "4x", "4"])
-async def test_a_client_without_msgpack_gets_a_connect_error(packet, caplog):
-    async with leader() as server, aiohttp.ClientSession() as session:
-        url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
-        async with session.ws_connect(url) as socket, asyncio.timeout(20):
-            assert (await socket.receive_str()).startswith("0")
-            with caplog.at_level(logging.DEBUG):
-                await socket.send_str(packet)
-                said = await socket.receive_str()
-                assert (await socket.receive()).type in {
-                    aiohttp.WSMsgType.CLOSE,
-                    aiohttp.WSMsgType.CLOSED,
-                }
-        assert said.startswith("44")
-        assert "msgpack parser" in json.loads(said[2:])["message"]
-        assert not [record for record in caplog.records if record.exc_info]
 
 
 async def test_pages_of_named_sites_may_connect_with_a_token(monkeypatch):

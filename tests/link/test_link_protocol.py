@@ -95,6 +95,7 @@ def test_no_hello_whatever_breaks_the_leader(auth, one):
         with contextlib.suppress(InputError):  # anything else is a fault
             read = FollowerHello.from_auth(variant)
             assert set(read.channels) <= {"position", "force", "acceleration"}
+            assert read.source.isprintable()
             assert FollowerHello.from_auth(read.to_auth()) == read
 
 
@@ -105,19 +106,8 @@ def test_the_hello_puts_channels_in_the_frames_order():
 @pytest.mark.parametrize(
     "payload",
     [
-        None,
-        b"",
-        "ranges",
-        [1, 2],
-        [[1]],
-        [[1, 2, 3]],
-        [[2, 2]],
-        [[3, 2]],
-        [[-1, 2]],
-        [[0, 2**32 + 1]],
-        [[0.0, 2.0]],
-        [["0", "2"]],
-        [[0, 1]] * (MAX_RANGES + 1),
+        *(None, b"", "ranges", [1, 2], [[1]], [[1, 2, 3]], [[2, 2]], [[3, 2]], [[-1, 2]]),
+        *([[0, 2**32 + 1]], [[0.0, 2.0]], [["0", "2"]], [[0, 1]] * (MAX_RANGES + 1)),
     ],
 )
 def test_malformed_ranges_are_refused(payload):

@@ -3,13 +3,14 @@
 import asyncio
 from collections import Counter
 from contextlib import asynccontextmanager
+from itertools import product
 
 import aiohttp
 import msgpack
 import numpy as np
 import pytest
 import socketio
-from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
+from aiohttp import web
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from link_samples import (
@@ -24,10 +25,11 @@ from link_samples import (
 )
 from socketio.msgpack_packet import MsgPackPacket
 
+import mmt.link.connection
 import mmt.link.serving.sockets
 import mmt.link.socket_client
-from mmt.link.incoming import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
-from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
+from mmt.link.incoming import HandshakeLimit
+from mmt.link.protocol import encode_event
 from mmt.link.websocket import (
     DecodedPacket,
     Packet,
@@ -35,7 +37,6 @@ from mmt.link.websocket import (
     decode_packet,
     is_reserved,
     receive_directly,
-    receive_rest,
 )
 
 
@@ -51,18 +52,6 @@ def decoded(monkeypatch):
 
     monkeypatch.setattr(Packet, "decode", decode)
     return counted
-
-
-def open_gate():
-    return RateLimit(1000, on_drop=pytest.fail, on_exceeded=pytest.fail)
-
-
-async def stays_open(**_):
-    pytest.fail("the WebSocket was closed")
-
-
-async def no_pong(_):
-    pytest.fail("nobody has pinged")
 
 
 def event_in(message):
@@ -86,42 +75,35 @@ async def exchange(count):
 
 
 async def test_frames_and_commands_do_not_pass_through_the_library(decoded):
-    await exchange(100)
+    up, down = await exchange(100)
     # the welcome, the end, and at most what came before the connection was told of
     assert decoded[socketio.packet.EVENT] <= 4
     assert decoded[socketio.packet.CONNECT] == 2
     assert decoded[socketio.packet.ACK] == 1
+    assert_unchanged(up, down, 100)
 
 
-async def test_where_the_websocket_cannot_be_asked_the_library_hands_over_the_same(
-    monkeypatch, decoded
-):
+def assert_unchanged(up, down, count):
+    assert np.array_equal(np.concatenate(up.blocks), frames(0, count))
+    assert np.array_equal(np.concatenate(down.blocks), commands(0, count))
+    assert up.ends == ["enough"]
+    assert up.losses == down.losses == up.errors == down.errors == []
+
+
+async def test_where_the_library_hides_its_websocket_it_hands_over_the_same(monkeypatch, decoded):
+    def hidden(self, sid, environ):
+        return send(self, sid, {})
+
+    send = mmt.link.serving.sockets.ServerSockets.send
+    monkeypatch.setattr(mmt.link.serving.sockets.ServerSockets, "send", hidden)
     monkeypatch.setattr(mmt.link.serving.sockets, "receive_directly", lambda *_: None)
+    monkeypatch.setattr(mmt.link.connection, "client_send", lambda client: client.eio.send)
     monkeypatch.setattr(
         mmt.link.socket_client, "client_websocket", lambda *_: aiohttp.ClientWebSocketResponse
     )
     up, down = await exchange(40)
     assert decoded[socketio.packet.EVENT] == 82
-    assert np.array_equal(np.concatenate(up.blocks), frames(0, 40))
-    assert np.array_equal(np.concatenate(down.blocks), commands(0, 40))
-    assert up.ends == ["enough"]
-    assert up.losses == down.losses == up.errors == down.errors == []
-
-
-async def test_frames_that_ask_for_an_acknowledgement_get_one():
-    notes = LeaderNotes()
-    client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
-    async with leader(notes) as server:
-        await client.connect(
-            f"http://127.0.0.1:{server.port}", auth=hello().to_auth(), transports=["websocket"]
-        )
-        for sequence in range(4):
-            if sequence % 2:
-                await client.call("frames", frames(sequence).tobytes(), timeout=5)
-            else:
-                await client.emit("frames", frames(sequence).tobytes())
-        await client.disconnect()
-    assert notes.sequences == [0, 1, 2, 3]
+    assert_unchanged(up, down, 40)
 
 
 JOIN = MsgPackPacket(socketio.packet.CONNECT, data=hello().to_auth(), namespace="/").encode()
@@ -150,82 +132,24 @@ async def test_a_client_that_joins_again_on_the_same_websocket_is_a_new_follower
     assert server.statistics.rejected == {}
 
 
-@pytest.mark.parametrize("text", ["", ">", "b!", "\N{SUPERSCRIPT TWO}"])
-async def test_a_text_that_is_no_packet_is_dropped_and_the_link_goes_on(text):
-    notes = LeaderNotes()
-    async with leader(notes) as server, plain_websocket(server) as websocket:
-        await websocket.send_bytes(JOIN)
-        await until(lambda: notes.hellos)
-        await websocket.send_str(text)
-        await websocket.send_bytes(encode_event("frames", frames(0).tobytes()))
-        await until(lambda: notes.sequences == [0])
-    assert server.statistics.rejected == {"malformed packet": 1}
-
-
-@pytest.mark.parametrize("event", ["connect", "disconnect", "connect_error"])
-@pytest.mark.parametrize("argument", [b"x", "text", {"message": "forged"}, None])
-async def test_an_event_by_a_name_of_the_library_reaches_none_of_its_handlers(
-    event, argument, caplog
-):
+async def test_an_event_by_a_name_of_the_library_reaches_none_of_its_handlers(caplog):
     up, down = LeaderNotes(), FollowerNotes()
+    arguments = (b"x", "text", {"message": "forged"}, None)
     async with leader(up) as server, follower(server.port, down) as client:
         await until(lambda: server.can_send)
-        for side in (client, server):
-            side.endpoint.outbox.put(0, encode_event(event, argument))
+        for event, argument in product(("connect", "disconnect", "connect_error"), arguments):
+            for side in (client, server):
+                side.endpoint.outbox.put(0, encode_event(event, argument))
         client.send_frames(frames(0))
         server.send_commands(commands(0))
         await until(lambda: up.sequences == down.sequences == [0])
         assert up.losses == []
-        assert server.statistics.rejected == {"reserved event": 1}
-        assert client.statistics.rejected == {"reserved event": 1}
-        assert client.connected
-        assert server.connected
+        for side in (client, server):
+            assert side.statistics.rejected == {"reserved event": 12}
+            assert side.connected
     assert len(up.hellos) == 1
     assert down.losses == []
     assert "refused" not in caplog.text
-
-
-async def test_a_flood_leaves_the_loop_its_turns():
-    message = WSMessage(WSMsgType.BINARY, encode_event("frames", b"x"), None)
-    last = WSMessage(WSMsgType.TEXT, "2", None)
-    flood = iter([*[message] * 1000, last])
-    taken = []
-    turns = 0
-
-    async def receive():
-        return next(flood)
-
-    async def count_turns():
-        nonlocal turns
-        while len(taken) < 1000:
-            await asyncio.sleep(0)
-            turns += 1
-
-    counting = asyncio.create_task(count_turns())
-    assert (
-        await receive_rest(receive, no_pong, stays_open, open_gate(), {"frames": taken.append})
-        is last
-    )
-    await counting
-    assert taken == [b"x"] * 1000
-    assert turns >= 10
-
-
-async def test_what_does_not_pass_the_gate_is_thrown_away_until_it_shuts():
-    message = WSMessage(WSMsgType.BINARY, encode_event("frames", b"x"), None)
-    taken = []
-    closed = []
-
-    async def receive():
-        return message
-
-    async def close(**reason):
-        closed.append(reason["code"])
-
-    last = await receive_rest(receive, no_pong, close, HandshakeLimit(), {"frames": taken.append})
-    assert last.type is WSMsgType.CLOSED
-    assert closed == [WSCloseCode.POLICY_VIOLATION]
-    assert taken == [b"x"] * HANDSHAKE_MESSAGES
 
 
 def test_a_websocket_that_cannot_be_changed_is_left_as_it_is():
@@ -238,41 +162,6 @@ def test_a_websocket_that_cannot_be_changed_is_left_as_it_is():
     websocket = Closed()
     receive_directly(websocket, {"frames": pytest.fail}, HandshakeLimit())
     assert websocket.receive.__func__ is web.WebSocketResponse.receive
-
-
-@pytest.mark.parametrize(
-    ("kind", "data"),
-    [
-        (WSMsgType.TEXT, "3"),
-        (WSMsgType.CLOSE, encode_event("frames", b"x")),
-        (WSMsgType.ERROR, encode_event("frames", b"x")),
-    ],
-)
-async def test_what_is_not_binary_is_the_librarys(kind, data):
-    message = WSMessage(kind, data, None)
-
-    async def receive():
-        return message
-
-    assert (
-        await receive_rest(receive, no_pong, stays_open, open_gate(), {"frames": pytest.fail})
-        is message
-    )
-
-
-@pytest.mark.parametrize(
-    ("data", "decoded_here"),
-    [(encode_event("end", b"x"), True), (encode_event("frames", bytes(MAX_MESSAGE_BYTES)), False)],
-)
-async def test_other_events_and_those_too_long_are_the_librarys(data, decoded_here):
-    message = WSMessage(WSMsgType.BINARY, data, None)
-
-    async def receive():
-        return message
-
-    rest = await receive_rest(receive, no_pong, stays_open, open_gate(), {"frames": pytest.fail})
-    assert (rest.type, rest.data) == (WSMsgType.BINARY, data)
-    assert isinstance(rest.data, DecodedPacket) is decoded_here
 
 
 @given(st.text(max_size=10), st.binary(max_size=300))
@@ -312,23 +201,6 @@ def test_what_takes_long_to_decode_is_no_strangers_packet(auth):
     packet = {"type": 0, "data": auth, "nsp": "/"}
     assert decode_packet(msgpack.packb(packet)) == packet
     assert decode_packet(msgpack.packb(packet), stranger=True) is None
-
-
-async def test_pings_and_pongs_of_strangers_are_among_what_is_limited():
-    answered = []
-
-    async def receive():
-        return WSMessage(WSMsgType.PING if len(answered) < 2 else WSMsgType.PONG, b"p", None)
-
-    async def pong(message):
-        answered.append(message)
-
-    async def close(**_):
-        answered.append(b"closed")
-
-    last = await receive_rest(receive, pong, close, HandshakeLimit(), {})
-    assert last.type is WSMsgType.CLOSED
-    assert answered == [b"p", b"p", b"closed"]
 
 
 def test_the_order_of_keys_and_further_ones_do_not_matter():

@@ -1,32 +1,18 @@
 """Frames with several samples of acceleration: what is sent is what arrives."""
 
-import time
-
 import msgpack
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from link_samples import (
-    FollowerNotes,
-    LeaderNotes,
-    drawn_frames,
-    follower,
-    hello,
-    leader,
-    until,
-)
+from link_samples import drawn_frames, hello
 
-from mmt.core.arrays import RecordArray
 from mmt.core.frames import ALL_CHANNELS, CHANNELS, MOST_SAMPLES
 from mmt.core.sequence_numbers import SEQUENCES
 from mmt.core.units import LARGEST_QUANTITY
-from mmt.link.endpoint import LeaderEvents
 from mmt.link.frame_sender import FrameBuffer, FrameSender
-from mmt.link.incoming import BlockReader, RateLimit
+from mmt.link.incoming import BlockReader
 from mmt.link.protocol import MAX_MESSAGE_BYTES, MAX_RECORDS_PER_MESSAGE, FollowerHello
 from mmt.link.queue import SendQueue
-from mmt.scene import LARGEST_SPEED
 
 SOME_CHANNELS = st.sets(st.sampled_from(ALL_CHANNELS), min_size=1).map(tuple)
 SAMPLES = st.integers(1, MOST_SAMPLES)
@@ -89,55 +75,3 @@ def test_one_bad_sample_rejects_its_frame_alone(samples, data, bad):
     other = BlockReader(hello(channels=CHANNELS, samples_per_frame=11 - samples).frame_dtype, "f")
     assert other.read((frames[:1].tobytes(),), 0) is None
     assert other.rejected == {"size": 1}
-
-
-async def test_frames_of_ten_samples_cross_the_link_and_come_again():
-    up, filled, gone = LeaderNotes(), list[RecordArray](), list[tuple[int, int]]()
-    events = LeaderEvents(
-        on_frames=lambda block, arrival_ns: up.blocks.append(block),
-        on_backfill=filled.append,
-        on_gone=gone.extend,
-        on_error=up.errors.append,
-    )
-    sent = drawn_frames(0, 300, hello(channels=CHANNELS, samples_per_frame=10).frame_dtype)
-    spoil(sent, 5, 5, 1, np.nan)
-    async with (
-        leader(events=events, channels=CHANNELS, samples_per_frame=10) as server,
-        follower(
-            server.port,
-            FollowerNotes(),
-            channels=CHANNELS,
-            samples_per_frame=10,
-            keep_frames=300,
-            frames_per_message=100,
-        ) as client,
-    ):
-        client.send_frames(sent)
-        await until(lambda: len(up.sequences) == 299)
-        await until(lambda: server.can_send)
-        server.request_frames([(0, 50)])
-        await until(lambda: sum(map(len, filled)) == 49 and gone)
-    assert np.array_equal(np.concatenate(up.blocks), np.delete(sent, 5))
-    assert np.array_equal(np.concatenate(filled), np.delete(sent[:50], 5))
-    assert gone == [(5, 6)]
-    assert up.errors == []
-
-
-def test_a_hello_says_more_only_where_frames_hold_more():
-    plain = hello(channels=CHANNELS).to_auth()
-    assert plain["protocol"] == 1
-    assert "samples_per_frame" not in plain
-    several = hello(channels=CHANNELS, samples_per_frame=5).to_auth()
-    assert several == {**plain, "protocol": 2, "samples_per_frame": 5}
-    assert hello(channels=("position",), samples_per_frame=5).to_auth()["protocol"] == 1
-
-
-def test_a_replay_of_the_largest_frames_stays_within_the_rate_limit():
-    dropped = []
-    limit = RateLimit(1000, dropped.append, pytest.fail)
-    size = hello(channels=CHANNELS, samples_per_frame=MOST_SAMPLES).frame_dtype.itemsize
-    assert size == 156
-    now_ns = time.monotonic_ns()
-    for tick in range(60_000):
-        assert limit.passes(round(LARGEST_SPEED) * size + 40, now_ns + tick * 1_000_000)
-    assert dropped == []

@@ -74,7 +74,7 @@ async def rest_of(*messages, **more):
     [
         (binary(b"\xc1"), "malformed packet"),
         (binary(encode_event("connect", b"")), "reserved event"),
-        (text("x"), "malformed packet"),
+        *((text(odd), "malformed packet") for odd in ("x", "", ">", "b!", "\N{SUPERSCRIPT TWO}")),
         (text("42[]"), "packet without msgpack"),
     ],
 )
@@ -103,11 +103,18 @@ async def test_a_stranger_may_send_less_than_who_is_admitted():
     assert await socket.receive() is LAST
 
 
-async def test_the_longest_message_is_decoded():
+@pytest.mark.parametrize("beyond", [0, 1])
+async def test_the_longest_message_is_decoded(beyond):
     empty = len(encode_event("end", bytes(70_000))) - 70_000
-    rest, _ = await rest_of(binary(encode_event("end", bytes(MAX_MESSAGE_BYTES - empty))))
-    assert len(rest.data) == MAX_MESSAGE_BYTES
-    assert isinstance(rest.data, DecodedPacket)
+    rest, _ = await rest_of(binary(encode_event("end", bytes(MAX_MESSAGE_BYTES - empty + beyond))))
+    assert len(rest.data) == MAX_MESSAGE_BYTES + beyond
+    assert isinstance(rest.data, DecodedPacket) is not bool(beyond)
+
+
+@pytest.mark.parametrize("kind", [WSMsgType.CLOSE, WSMsgType.ERROR])
+async def test_a_message_of_another_kind_is_the_librarys(kind):
+    message = WSMessage(kind, encode_event("frames", b"x"), None)
+    assert await rest_of(message) == (message, [])
 
 
 async def test_a_turn_of_the_loop_comes_after_64_messages(monkeypatch):

@@ -9,19 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import socketio
-from aiohttp import web
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from link_samples import (
-    CHANNELS,
-    FollowerNotes,
-    LeaderNotes,
-    commands,
-    follower,
-    frames,
-    leader,
-    until,
-)
+from link_samples import LeaderNotes, commands, leader, until
 from socketio.msgpack_packet import MsgPackPacket
 
 from mmt.core.frames import CHANNELS as ALL_CHANNELS
@@ -69,7 +59,10 @@ async def test_a_stock_client_can_take_the_followers_place():
     client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
     client.on("*", lambda event, data: heard.append((event, data)))
     async with leader(up) as server:
-        await client.connect(f"http://127.0.0.1:{server.port}", auth=AUTH, transports=["websocket"])
+        url = f"http://127.0.0.1:{server.port}"
+        with pytest.raises(socketio.exceptions.ConnectionError):
+            await client.connect(url, auth=AUTH, transports=["polling"])
+        await client.connect(url, auth=AUTH, transports=["websocket"])
         await client.emit("frames", struct.pack("<Iq6f", 0, 77, 1, 2, 3, 4, 5, 6))
         await until(lambda: up.blocks)
         server.send_commands(commands(9))
@@ -89,38 +82,6 @@ async def test_a_stock_client_can_take_the_followers_place():
     assert kinds["stop"] == {"reason": "enough"}
     command = struct.unpack("<Iqqq3f", kinds["commands"])
     assert command == (9, 1, 0, 0, 2.5, 2.5, 2.5)
-
-
-async def test_our_follower_can_talk_to_a_stock_server():
-    heard = []
-    server = socketio.AsyncServer(async_mode="aiohttp", serializer="msgpack")
-
-    @server.on("connect")
-    def connect(sid, environ, auth):
-        heard.append(("connect", auth))
-
-    @server.on("*")
-    def note(event, sid, data):
-        heard.append((event, data))
-
-    application = web.Application()
-    server.attach(application)
-    runner = web.AppRunner(application, shutdown_timeout=1.0)
-    await runner.setup()
-    await web.TCPSite(runner, "127.0.0.1", 0).start()
-    notes = FollowerNotes()
-    async with follower(runner.addresses[0][1], notes, source="x") as client:
-        client.send_frames(frames(3))
-        await until(lambda: len(heard) == 2)
-        await server.emit("commands", struct.pack("<Iqqq3f", 5, 1, 0, 0, 1, 2, 3))
-        await until(lambda: notes.blocks)
-        await client.end("done")
-    await server.shutdown()
-    await runner.cleanup()
-    assert heard[0][1]["channels"] == list(CHANNELS)
-    assert heard[1] == ("frames", frames(3).tobytes())
-    assert heard[2] == ("end", {"reason": "done", "frames": 4})
-    assert notes.blocks[0]["position_mm"].tolist() == [[1, 2, 3]]
 
 
 async def test_the_program_in_the_page_runs(tmp_path):
@@ -151,12 +112,3 @@ async def test_the_program_in_the_page_runs(tmp_path):
     assert (times_ns[-1] - times_ns[0]) / 499 == pytest.approx(1e6, rel=0.2)  # not 660 Hz
     assert notes.ends == ["example over"]
     assert notes.losses == []
-
-
-async def test_polling_is_refused():
-    client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
-    async with leader() as server:
-        with pytest.raises(socketio.exceptions.ConnectionError):
-            await client.connect(
-                f"http://127.0.0.1:{server.port}", auth=AUTH, transports=["polling"]
-            )

@@ -1,18 +1,19 @@
 """What a message costs, to the nanosecond: 100 us and 50 ns a byte at 1000 records a second."""
 
-import time
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.link.incoming import HANDSHAKE_MESSAGES, HandshakeLimit, PeriodLimit, RateLimit
+from mmt.scene import LARGEST_SPEED
 
 SECOND = 1_000_000_000
 FULL = 199_998_000
 """Bytes of a message that costs 10 s, all that the bucket holds."""
 HALF = 99_998_000
 TOO_LONG = 2 * FULL
+REPLAYED = round(LARGEST_SPEED) * 156 + 40
+"""Bytes of a millisecond of a replay of the largest frames at the largest speed."""
 
 
 class Limited:
@@ -30,16 +31,14 @@ class Limited:
 
 @pytest.mark.parametrize(
     ("messages_hz", "size"),
-    [(1000, 100), (5000, 80), (9000, 60), (1000, 5000), (100, 100_000)],
+    [(1000, 100), (5000, 80), (9000, 60), (1000, 5000), (100, 100_000), (1000, REPLAYED)],
 )
 def test_what_a_session_sends_passes_for_ever(messages_hz, size):
     count = 20 * messages_hz
     assert all(Limited().passes(*((size, k * SECOND // messages_hz) for k in range(count))))
 
 
-@given(
-    st.lists(st.tuples(st.integers(0, SECOND // 10), st.integers(0, 131_072)), max_size=300),
-)
+@given(st.lists(st.tuples(st.integers(0, SECOND // 10), st.integers(0, 131_072)), max_size=300))
 def test_over_any_time_no_more_than_the_bound_passes(messages):
     peer, now_ns, passed = Limited(1.0), SECOND, list[int]()
     for silence_ns, size in messages:
@@ -49,13 +48,6 @@ def test_over_any_time_no_more_than_the_bound_passes(messages):
     assert len(passed) <= 10 * (elapsed_s + 10)
     assert sum(passed) <= 20_000 * (elapsed_s + 10) * 1.001
     assert len(passed) + len(peer.dropped) == len(messages)
-
-
-def test_the_limit_costs_little():
-    peer, started_s = Limited(), time.perf_counter()
-    for number in range(100_000):
-        peer.limit.passes(90, number * 1_000_000)
-    assert (time.perf_counter() - started_s) / 100_000 < 20e-6  # a loaded machine included
 
 
 def test_the_bucket_holds_ten_seconds():
