@@ -23,35 +23,28 @@ WAYS = ("model", "repetition", "silence")
 INVENTING = ("model", "repetition")
 
 
-def textured(samples, seed=0):
+def textured(frames, seed=0, k=1):
+    """Noise of k samples a frame with two resonances."""
     generator = np.random.default_rng(seed)
-    poles = [0.95 * np.exp(0.5j), 0.9 * np.exp(1.4j)]
+    poles = [0.95 ** (1 / k) * np.exp(0.5j / k), 0.9 ** (1 / k) * np.exp(1.4j / k)]
     ar = np.poly([*poles, *np.conj(poles)]).real
-    return lfilter([1.0], ar, generator.standard_normal(samples))
+    return lfilter([1.0], ar, generator.standard_normal(frames * k))
 
 
-def play(way, values, missing=(), seed=1):
-    """Return the output for a stream of values of which some numbers are missing."""
+def play(way, values, missing=(), seed=1, k=1):
+    """Return the output for a stream of values of which some frames are missing."""
     lost = set(missing)
-    buffer = PlayoutBuffer(DELAY, concealment=build_concealment(way, seed))
+    buffer = PlayoutBuffer(DELAY, concealment=build_concealment(way, seed, k))
     output = []
-    for k, value in enumerate(values):
-        if k not in lost:
-            buffer.push(k, k * MS, k * MS, (value,))
-        output.extend(buffer.pull(k * MS))
+    for number, samples in enumerate(values.reshape(-1, k).tolist()):
+        if number not in lost:
+            buffer.push(number, number * MS, number * MS, samples)
+        output.extend(buffer.pull(number * MS))
     return np.array(output), buffer.statistics()
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_a_whole_stream_is_played_to_the_bit(way):
-    values = textured(1000)
-    output, statistics = play(way, values)
-    np.testing.assert_array_equal(output[DELAY + 4 :], values[4:-DELAY])
-    assert statistics.bridged == 0
-
-
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("length", [1, 2, 5, 20, 60, 100, 300])
+@pytest.mark.parametrize("length", [0, 1, 2, 5, 20, 60, 100, 300])
 def test_outside_the_gap_and_its_fade_the_stream_is_played_to_the_bit(way, length):
     values = textured(1500)
     output, statistics = play(way, values, range(500, 500 + length))
@@ -61,19 +54,23 @@ def test_outside_the_gap_and_its_fade_the_stream_is_played_to_the_bit(way, lengt
 
 
 @pytest.mark.parametrize("way", INVENTING)
-@given(gaps=st.lists(st.integers(1, 130), min_size=1, max_size=8), seed=st.integers(0, 30))
+@given(
+    k=st.sampled_from([1, 1, 2, 5, 10]),
+    gaps=st.lists(st.integers(1, 130), min_size=1, max_size=8),
+    seed=st.integers(0, 30),
+)
 @settings(max_examples=40)
-def test_no_joint_clicks_whatever_is_missing(way, gaps, seed):
-    values = textured(400 + 30 * len(gaps) + sum(gaps), seed)
+def test_no_joint_clicks_whatever_is_missing(way, k, gaps, seed):
+    values = textured(400 + 30 * len(gaps) + sum(gaps), seed, k)
     missing, at = [], 300
     for gap in gaps:
         missing += range(at, at + gap)
         at += gap + 7
-    output, _ = play(way, values, missing, seed)
+    output, _ = play(way, values, missing, seed, k)
     peak, step = np.abs(values).max(), np.abs(np.diff(values)).max()
     assert np.abs(output).max() <= peak
     # within a fade, a fifth of the difference between two signals, and what each moves by
-    assert np.abs(np.diff(output)).max() <= step + 0.4 * peak + 1e-9
+    assert np.abs(np.diff(output)).max() <= step + 0.4 * peak / k + 1e-9
 
 
 @pytest.mark.parametrize("count", [1, 5])

@@ -31,58 +31,21 @@ def stream(count, delay_ms, jitter_ms=0.0, seed=0, offset_ns=0):
     ]
 
 
-@pytest.mark.parametrize("offset_ns", [0, 10**15, -(10**15)])
-def test_the_two_clocks_need_not_agree(offset_ns):
-    buffer = PlayoutBuffer(delay_ms=5.0)
-    output = play(buffer, stream(500, 3.0, offset_ns=offset_ns), 400)
-    assert output[-1] == pytest.approx(400 - 3 - 5, abs=2)
-
-
 def test_the_automatic_delay_bridges_jitter():
     buffer = PlayoutBuffer("auto")
     play(buffer, stream(6000, 4.0, jitter_ms=8.0), 6000)
     statistics = buffer.statistics()
     assert 8 <= statistics.delay_ms <= 14
-    settled = PlayoutBuffer("auto")
-    frames = stream(6000, 4.0, jitter_ms=8.0)
-    play(settled, frames[:3000], 3000)
-    bridged = settled.statistics().bridged
-    play(settled, frames[3000:], 2990, start_ns=3000 * MS)
-    assert settled.statistics().bridged - bridged < 60
+    bridged = statistics.bridged
+    later = [(k + 6000, t + 6000 * MS, a + 6000 * MS, v) for k, t, a, v in stream(3000, 4.0, 8.0)]
+    play(buffer, later, 2990, start_ns=6000 * MS)
+    assert buffer.statistics().bridged - bridged < 60
 
 
 def test_the_automatic_delay_is_bounded():
     buffer = PlayoutBuffer("auto", longest_delay_ms=20.0)
     play(buffer, stream(4000, 4.0, jitter_ms=80.0), 4000)
     assert buffer.statistics().delay_ms == 20.0
-
-
-def test_nothing_stale_is_played_after_the_stream_stops():
-    buffer = PlayoutBuffer(delay_ms=10.0)
-    output = play(buffer, stream(500, 2.0), 1500)
-    last = np.flatnonzero(output)[-1]
-    assert last <= 500 + 2 + 10 + 6
-    assert (output[last + 1 :] == 0.0).all()
-
-
-def test_a_lost_sample_fades_and_does_not_click():
-    frames = [(k, t, a, 1.0) for k, t, a, _ in stream(600, 2.0) if not 300 <= k < 320]
-    buffer = PlayoutBuffer(delay_ms=4.0)
-    output = play(buffer, frames, 590)
-    assert np.abs(np.diff(output[50:])).max() <= 0.2 + 1e-12
-    assert buffer.statistics().bridged == 20
-    assert output[315] == 0.0
-    assert output[400] == 1.0
-
-
-def test_a_stream_that_comes_back_is_played_again():
-    first = stream(300, 2.0)
-    again = [(300 + k, (2000 + k) * MS, (2002 + k) * MS, 1.0) for k in range(500)]
-    buffer = PlayoutBuffer(delay_ms=4.0)
-    output = play(buffer, first + again, 2400)
-    assert (output[1000:1990] == 0.0).all()
-    assert (output[2060:2400] == 1.0).all()
-    assert buffer.statistics().resyncs >= 1
 
 
 def test_a_fast_clock_is_followed_by_single_slips():
@@ -138,13 +101,7 @@ def test_late_frames_are_not_played_and_leave_no_longer_delay():
     assert buffer.statistics().delay_ms < 5
 
 
-def test_a_longer_way_is_followed_at_once_while_nothing_is_heard():
-    frames = [(k, k * MS, (k + (3 if k < 3000 else 40)) * MS, 1.0) for k in range(6000)]
-    output = play(PlayoutBuffer("auto"), frames, 5900)
-    assert (output[3000 + 200 :] == 1.0).all()
-
-
-# --- sample by sample: frames arrive 3 ms late, so that at 5 ms tick t plays number t - 8
+# frames arrive 3 ms late, so that at 5 ms tick t plays number t - 8
 
 
 class Bare:
@@ -171,17 +128,16 @@ def steady(ticks, *, silent=False):
     return buffer
 
 
-def test_each_sample_is_played_a_delay_after_the_quickest_frame():
+@pytest.mark.parametrize("offset_ns", [0, 10**15, -(10**15)])
+def test_each_sample_is_played_a_delay_after_the_quickest_frame(offset_ns):
+    """The two clocks need not agree."""
     buffer = PlayoutBuffer(5.0, concealment=Bare())
-    output = play(buffer, stream(1000, 3.0), 900)
+    output = play(buffer, stream(1000, 3.0, offset_ns=offset_ns), 900)
     assert output.tolist() == [0.0] * 8 + [float(k + 1) for k in range(892)]
     assert buffer.statistics() == PlayoutStatistics(5.0, 892, 0, 0, 0, 0)
-
-
-def test_a_frame_that_comes_at_its_turn_is_not_late():
-    buffer = PlayoutBuffer(0.0, concealment=Bare())
-    play(buffer, stream(100, 3.0), 90)
-    assert buffer.statistics() == PlayoutStatistics(0.0, 87, 0, 0, 0, 0)
+    at_its_turn = PlayoutBuffer(0.0, concealment=Bare())
+    play(at_its_turn, stream(100, 3.0, offset_ns=offset_ns), 90)
+    assert at_its_turn.statistics() == PlayoutStatistics(0.0, 87, 0, 0, 0, 0)  # none is late
 
 
 def test_frames_after_their_turn_and_frames_that_never_come_are_counted():
@@ -195,8 +151,9 @@ def test_frames_after_their_turn_and_frames_that_never_come_are_counted():
 
 def test_the_end_of_the_stream_is_bridged_for_the_longest_delay():
     buffer = PlayoutBuffer(5.0, concealment=Bare())
-    play(buffer, stream(500, 3.0), 900)
+    output = play(buffer, stream(500, 3.0), 900)
     assert (buffer.statistics().played, buffer.statistics().bridged) == (500, 100)
+    assert output[508:].max() <= 0.0  # nothing stale
 
 
 @pytest.mark.parametrize(

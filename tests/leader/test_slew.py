@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.guards import ForceRamp, GuardedDisplay, VibrationSlew
-from mmt.scene.files import scene_from_tables
 
 FORCES = st.tuples(*[st.floats(-40.0, 40.0)] * 3)
 FORCE_N = (1.0, 2.0, -4.0)
@@ -85,15 +84,6 @@ def test_vibration_beyond_the_limit_fades_over_its_whole_time(wanted, keys):
     block = np.array([math.nan])
     slew.limit(block)
     assert block == pytest.approx(60.0 - 6.0 / samples)
-
-
-@pytest.mark.parametrize("slew", [1000.0, "off"])
-def test_a_scene_states_the_slew_limits(slew):
-    tables = {"link": {}, "hand": {}, "simulated": {}, "playout": {}}
-    scene = scene_from_tables(
-        {**tables, "force_feedback": {"slew_n_s": slew}, "actuator": {"slew_m_s3": slew}}
-    )
-    assert scene.force_feedback.slew_n_s == scene.actuator.slew_m_s3 == slew
 
 
 def shares(ramp, ticks, force_n=FORCE_N, elapsed=1):

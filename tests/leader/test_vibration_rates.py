@@ -9,9 +9,8 @@ from scipy import signal
 from mmt.core.frames import frame_dtype
 from mmt.core.guards import VibrationSlew
 from mmt.devices.protocols import InterfaceState
-from mmt.leader.output.concealment import LONGEST_FRAMES, build_concealment, course
+from mmt.leader.output.concealment import LONGEST_FRAMES, build_concealment
 from mmt.leader.output.stream import PlayoutBuffer, StreamedVibration
-from mmt.leader.output.three_axes import ThreeAxes
 from mmt.leader.output.vibration import VibrationPart, VibrationSwitch
 from mmt.leader.part import Session, Tick
 from mmt.scene.files import scene_from_tables
@@ -69,28 +68,6 @@ def test_a_stream_is_played_as_it_is_a_delay_later(k, way, seed):
     )
 
 
-@given(
-    k=st.sampled_from([2, 5, 10]),
-    way=st.sampled_from(["model", "repetition"]),
-    gaps=st.lists(st.integers(1, 130), min_size=1, max_size=4),
-    seed=st.integers(0, 30),
-)
-@settings(max_examples=40)
-def test_no_joint_clicks_whatever_is_missing(k, way, gaps, seed):
-    values = textured(250 + 30 * len(gaps) + sum(gaps), k, seed)
-    lost, at = [], 200
-    for gap in gaps:
-        lost += range(at, at + gap)
-        at += gap + 7
-    whole, holed = streamed(values, k, way), streamed(values, k, way, lost)
-    peak, step = np.abs(whole).max(), np.abs(np.diff(whole)).max()
-    # the high-pass goes on from before a gap, with what the gap has hidden from it
-    assert np.abs(holed).max() <= 1.5 * peak
-    # in a fade of 5 ms, a share of the difference between two signals, and what each moves by
-    largest = max(step, peak / 16) + 0.4 * peak / k
-    assert np.abs(np.diff(holed)).max() <= largest
-
-
 @given(k=SEVERAL, way=st.sampled_from(WAYS), length=st.integers(1, 200))
 @settings(max_examples=40)
 def test_nothing_is_invented_for_longer_than_a_tenth_of_a_second(k, way, length):
@@ -102,23 +79,6 @@ def test_nothing_is_invented_for_longer_than_a_tenth_of_a_second(k, way, length)
     full = played[begin * k : min(end, begin + 50) * k]
     if way != "silence" and length > 20:
         assert 0.3 < full.std() / played[100 * k : begin * k].std() < 2.0
-
-
-@pytest.mark.parametrize("k", [2, 5, 10])
-def test_a_gap_takes_as_long_at_any_rate(k):
-    np.testing.assert_allclose(course(0, k)[k - 1 :: k], course(0, 1), atol=1e-12)
-    np.testing.assert_allclose(course(70, k)[k - 1 :: k], course(70, 1), atol=1e-12)
-
-
-@pytest.mark.parametrize("k", [2, 5, 10])
-def test_three_axes_keep_their_power(k):
-    axes = np.column_stack([textured(4000, k, seed) * (seed + 1.0) for seed in range(3)])
-    together = ThreeAxes(1000.0)
-    blocks = axes.reshape(-1, k, 3).transpose(0, 2, 1).tolist()
-    played = np.concatenate([together.steps(*block) for block in blocks])
-    settled = 1000 * k
-    power = np.mean(played[settled:] ** 2) / np.mean((axes[settled:] ** 2).sum(axis=1))
-    assert abs(10.0 * np.log10(power)) < 0.2
 
 
 class Heard:
@@ -181,13 +141,3 @@ def test_limit_and_slew_hold_for_every_sample(k, values, silent):
     assert np.isfinite(played).all()
     assert np.abs(played).max() <= 60.0
     assert np.abs(np.diff(played)).max() <= largest_step + 1e-9
-
-
-@pytest.mark.parametrize("k", [1, 2, 5, 10])
-def test_what_is_silenced_fades_within_ten_milliseconds(k):
-    slew = VibrationSlew(60.0, samples_per_tick=k)
-    for _ in range(3):
-        slew.limit(np.full(k, 2.0))
-    fading = np.full(10 * k, 2.0)
-    slew.limit(fading, silent=True)
-    np.testing.assert_allclose(fading, 2.0 * (1.0 - np.arange(1, 10 * k + 1) / (10 * k)), atol=1e-9)
