@@ -57,12 +57,3 @@ def test_after_a_jump_it_is_noted_anew():
     assert details == {"clock_time_ns": 21 * PERIOD_NS, "clock_step_ns": -2_500 * MS}
     known.run(1)
     assert len(known.noted) == 2
-
-
-def test_one_clock_has_no_offset(monkeypatch):
-    monkeypatch.setattr("mmt.link.clock_exchange.clock_id", lambda: "here")
-    known = Known(other="here")
-    known.run(8)
-    (note,) = known.noted
-    assert note["same_clock"] is True
-    assert note["clock_offset_ns"] == note["clock_uncertainty_ns"] == 0

@@ -90,18 +90,6 @@ def test_the_robot_is_held_while_the_handle_is_lost_and_then_moved_without_a_jum
     assert handle.losses_summary["lost_s"] > 0.0
 
 
-@pytest.mark.parametrize("comes_back", [True, False])
-def test_what_its_driver_has_survived_is_in_the_summary(comes_back):
-    device, handle, _ = made()
-    session = SimpleNamespace(journal=SimpleNamespace(event=lambda *_, **__: None))
-    part = HandPart(session, handle, handle) if comes_back else HandPart(session, device)
-    losses = {"device": "Handle", "losses": 0, "lost_s": 0.0}
-    assert part.summary(1.0) == ({"handle": losses} if comes_back else {})
-    device.faults = {"stale commands": 2}
-    table = part.summary(1.0)["handle"]
-    assert (table["device"], table["faults"]) == ("Handle", {"stale commands": 2})
-
-
 def test_the_hands_own_motion_comes_on_top_of_the_recovery():
     device, handle, _ = made()
     handle.read(1)
@@ -115,18 +103,6 @@ def test_the_hands_own_motion_comes_on_top_of_the_recovery():
     assert handle.command_mm == pytest.approx((before[0] + RECOVERY_MM, 0.0, -2.0))
 
 
-def test_why_it_is_not_back_is_told_once():
-    device, handle, told = made()
-    handle.read(1)
-    device.unplugged = "the cable is out"
-    handle.read(1)
-    device.unplugged = "put the stylus into the inkwell"
-    until(lambda: len(told) >= 2, lambda: handle.read(1))
-    assert told[1][0] == "the handle is not back yet: put the stylus into the inkwell"
-    assert handle.problem == "the handle (Handle) is lost: put the stylus into the inkwell"
-    handle.close()
-
-
 def test_reasons_that_differ_in_numbers_alone_are_told_once(monkeypatch):
     monkeypatch.setattr("mmt.devices.reconnection._RETRY_S", 0.005)
     device, handle, told = made()
@@ -134,8 +110,12 @@ def test_reasons_that_differ_in_numbers_alone_are_told_once(monkeypatch):
     for passed_ms in range(12, 18):
         device.unplugged = f"no answer for {passed_ms} ms"
         until(lambda: device.unplugged in (handle.problem or ""), lambda: handle.read(1))
-    handle.close()
     assert [sentence for sentence, _ in told if "not back" in sentence] == []
+    device.unplugged = "put the stylus into the inkwell"
+    until(lambda: len(told) >= 2, lambda: handle.read(1))
+    assert told[1][0] == "the handle is not back yet: put the stylus into the inkwell"
+    assert handle.problem == "the handle (Handle) is lost: put the stylus into the inkwell"
+    handle.close()
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf])
@@ -158,22 +138,20 @@ def test_a_reading_that_is_no_number_is_left_out(number, reconnecting):
             hand.tick(Tick(streaming=True))
     assert np.isfinite(np.array(commands)).all()
     assert commands[-1] == (1.0, 2.0, 3.0)
-    assert hand.summary(1.0)["handle"]["not_finite"] >= 100
-
-
-def test_a_handle_that_was_never_read_commands_nothing():
-    device, handle, _ = made()
-    device.unplugged = "gone"
-    assert handle.read(1) is None
-    assert handle.command_mm is None
-    device.place, device.unplugged = (5.0, 0.0, 0.0), None
-    until_back(handle, lambda: handle.read(1))
-    assert handle.command_mm == (5.0, 0.0, 0.0)
+    device.faults = {"stale commands": 2}
+    table = hand.summary(1.0)["handle"]
+    assert table["not_finite"] >= 100
+    assert (table["device"], table["faults"]) == ("Handle", {"stale commands": 2})
+    assert table.get("losses") == (1 if reconnecting else None)
 
 
 def test_a_loss_that_only_writing_saw_moves_no_command_either():
     device, handle, _ = made()
-    handle.read(1)
+    device.unplugged = "gone"
+    assert handle.read(1) is None
+    assert handle.command_mm is None  # it was never read
+    device.unplugged = None
+    until_back(handle, lambda: handle.read(1))
     device.unplugged = "gone"
     handle.write((0.0, 0.0, 1.0))
     assert handle.lost
@@ -184,8 +162,7 @@ def test_a_loss_that_only_writing_saw_moves_no_command_either():
 
 
 @given(
-    st.lists(st.tuples(*[st.floats(-200.0, 200.0)] * 3), min_size=2, max_size=6),
-    st.integers(1, 40),
+    st.lists(st.tuples(*[st.floats(-200.0, 200.0)] * 3), min_size=2, max_size=6), st.integers(1, 40)
 )
 def test_no_command_jumps_wherever_the_handle_comes_back(places, elapsed):
     """Each loss is seen at once by a connection that is done at once."""

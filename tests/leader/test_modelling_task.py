@@ -11,7 +11,7 @@ from frame_samples import made_frames
 from modelling_beside import InThread
 
 from mmt.leader.modelling.pipeline import Modelling
-from mmt.leader.modelling.stage import Item, ItemQueue, StageTask
+from mmt.leader.modelling.stage import Item, ItemQueue
 from mmt.leader.part import Session
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
@@ -131,14 +131,6 @@ async def test_an_update_comes_once_a_period_with_every_frame(monkeypatch):
         assert all(seconds >= 0 for seconds in made.seconds)
 
 
-async def test_a_period_is_counted_over_frames_that_are_missing(monkeypatch):
-    async with modelled(monkeypatch) as made:
-        made.task.on_frames(made_frames(0, 2))
-        made.task.on_frames(made_frames(99, 1))
-        await made.settle(1)
-        assert made.modeller.updates[0]["sequence"].tolist() == [0, 1, 99]
-
-
 async def test_what_waits_is_bounded_and_the_oldest_is_dropped(monkeypatch):
     async with modelled(monkeypatch) as made:
         made.modeller.leave.clear()
@@ -154,15 +146,7 @@ async def test_what_waits_is_bounded_and_the_oldest_is_dropped(monkeypatch):
         np.testing.assert_array_equal(made.modeller.updates[1]["sequence"], np.arange(2100, 12_100))
 
 
-async def test_of_a_block_longer_than_the_queue_the_newest_frames_are_kept(monkeypatch):
-    async with modelled(monkeypatch) as made:
-        made.task.on_frames(made_frames(0, 10_001))
-        await made.settle(1)
-        np.testing.assert_array_equal(made.modeller.updates[0]["sequence"], np.arange(1, 10_001))
-        assert made.task.segmenting.figures.drops == 1
-
-
-async def test_a_reset_throws_away_what_is_under_way_and_what_waits(monkeypatch):
+async def test_a_reset_throws_away_what_is_under_way_and_what_waits_and_ends_a_pause(monkeypatch):
     async with modelled(monkeypatch) as made:
         old = made.modeller
         old.leave.clear()
@@ -173,29 +157,25 @@ async def test_a_reset_throws_away_what_is_under_way_and_what_waits(monkeypatch)
         old.leave.set()
         made.task.on_frames(made_frames(200, 100))
         await made.settle(1)
-        assert made.modeller is not old
+        second = made.modeller
+        assert second is not old
         assert len(old.updates) == 1
         assert made.updates[0].time_s == 299.0
-        np.testing.assert_array_equal(made.modeller.updates[0]["sequence"], np.arange(200, 300))
-
-
-async def test_modelling_pauses_when_it_is_complete_until_it_is_reset(monkeypatch):
-    async with modelled(monkeypatch) as made:
-        first = made.modeller
-        first.stops = True
-        made.task.on_frames(made_frames(0, 100))
-        await made.settle(1)
-        assert made.task.finished
-        made.task.on_frames(made_frames(100, 100))
-        await asyncio.sleep(0.02)
-        assert len(first.updates) == 1
-        made.task.reset()
-        made.task.on_frames(made_frames(200, 100))
+        np.testing.assert_array_equal(second.updates[0]["sequence"], np.arange(200, 300))
+        second.stops = True
+        made.task.on_frames(made_frames(300, 100))
         await made.settle(2)
+        assert made.task.finished
+        made.task.on_frames(made_frames(400, 100))  # of which nothing is modelled
+        await asyncio.sleep(0.02)
+        assert len(second.updates) == 2
+        made.task.reset()
+        made.task.on_frames(made_frames(500, 100))
+        await made.settle(3)
         assert not made.task.finished
 
 
-async def test_updates_wait_for_frames_that_may_still_come_and_are_cut_by_numbers(monkeypatch):
+async def test_updates_wait_for_frames_that_may_still_come_and_leave_out_later_ones(monkeypatch):
     missing = [40]
     async with modelled(monkeypatch) as made:
         made.task.segmenting.first_missing = lambda: missing[0] if missing else None
@@ -204,27 +184,16 @@ async def test_updates_wait_for_frames_that_may_still_come_and_are_cut_by_number
         await asyncio.sleep(0.02)
         assert made.updates == []
         made.task.on_backfill(made_frames(50, 10))
-        made.task.on_backfill(made_frames(40, 10))
         missing.clear()
         made.task.on_settled()
         await made.settle(3)
-        for number, update in enumerate(made.modeller.updates):
-            np.testing.assert_array_equal(
-                update["sequence"], np.arange(100 * number, 100 * number + 100)
-            )
-        assert made.task.segmenting.late_frames == 0
-
-
-async def test_frames_that_come_after_their_update_are_left_out_and_counted(monkeypatch):
-    async with modelled(monkeypatch) as made:
-        made.task.on_frames(made_frames(0, 40))
-        made.task.on_frames(made_frames(60, 40))
-        await made.settle(1)
-        made.task.on_backfill(made_frames(40, 20))
-        made.task.on_frames(made_frames(100, 100))
-        await made.settle(2)
-        assert made.task.segmenting.late_frames == 20
-        np.testing.assert_array_equal(made.modeller.updates[1]["sequence"], np.arange(100, 200))
+        made.task.on_backfill(made_frames(40, 10))
+        assert made.task.segmenting.late_frames == 10
+        made.task.on_frames(made_frames(300, 100))
+        await made.settle(4)
+        expected = [[*range(40), *range(50, 100)], *(range(k, k + 100) for k in (100, 200, 300))]
+        for update, sequence in zip(made.modeller.updates, expected, strict=True):
+            assert update["sequence"].tolist() == list(sequence)
 
 
 async def test_a_gap_that_never_closes_cannot_hold_the_modelling_up_for_ever(monkeypatch):
@@ -274,13 +243,9 @@ TEXTURES = {
 
 def described(update):
     """Everything that an update says but the time it took; the model by its file."""
+    said = vars(replace(update, durations_s={}, source=ReadyModel(), left=())).values()
     model = None if update.model is None else update.model.to_bytes()
-    left = tuple(described(state) for state in update.left)
-    return (
-        *vars(replace(update, durations_s={}, source=ReadyModel(), left=())).values(),
-        model,
-        left,
-    )
+    return (*said, model, tuple(described(state) for state in update.left))
 
 
 @pytest.mark.parametrize("name", list(TEXTURES))
@@ -290,17 +255,17 @@ async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name):
     if touched:
         tables |= {"session": {"acceleration_rate_hz": 5000, "seed": 2}, "hand": {"kind": "taps"}}
     scene = scene_from_tables(tables)
-    duration_s = 6.0 if touched else 3.0 if name == "surfaces" else 5.0
+    duration_s = {"touch-downs": 6.0, "surfaces": 3.0}.get(name, 5.0)
     frames, _ = simulate_session(scene, "plastic", duration_s)
     if name == "surfaces":
-        frames = both_surfaces(frames, simulate_session(scene, "felt", 3.0)[0])
+        second = simulate_session(scene, "felt", 3.0)[0].copy()
+        second["sequence"] += len(frames)
+        second["time_ns"] += len(frames) * 1_000_000
+        frames = np.concatenate([frames, second])
     settings = scene.texture.settings(scene.session.samples_per_frame)
     factory = ModellerFactory(settings, 0.5)
-    offline = factory.make()
-    blocks = [
-        frames[k : k + factory.frames_at_once]
-        for k in range(0, len(frames), factory.frames_at_once)
-    ]
+    offline, size = factory.make(), factory.frames_at_once
+    blocks = [frames[k : k + size] for k in range(0, len(frames), size)]
     expected = []
     for block in blocks:
         update = offline.update(block)
@@ -321,14 +286,6 @@ async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name):
     assert all(figure["drops"] == 0 for figure in figures.values())
     assert all(figure["items"] >= len(expected) for figure in figures.values())
     assert all(0 < figure["median_ms"] <= figure["longest_ms"] for figure in figures.values())
-
-
-def both_surfaces(first, second):
-    """One session on two surfaces."""
-    second = second.copy()
-    second["sequence"] += len(first)
-    second["time_ns"] += len(first) * 1_000_000
-    return np.concatenate([first, second])
 
 
 class Works:
@@ -374,24 +331,3 @@ def test_a_task_that_cannot_keep_up_takes_all_as_one_update():
     assert works.starts(item) == [0, 1, 3]  # segment 2 no longer holds
     assert item.seconds == 1.0
     assert queue.get() is None
-
-
-class Idle:
-    """A process that does nothing."""
-
-    async def call(self, *_):
-        return
-
-
-async def test_a_task_counts_what_it_drops_and_how_long_its_queue_was():
-    done = []
-    idle = Idle()
-    queue = ItemQueue(3, True, lambda *_: None)
-    task = StageTask("fit", idle, queue, lambda item: done.append(item.number))
-    for k in range(5):
-        task.put(Item(k))
-    assert (task.figures.drops, task.figures.queue_most) == (2, 3)
-    run = asyncio.create_task(task.run())
-    while not done:
-        await asyncio.sleep(0.001)
-    run.cancel()

@@ -18,15 +18,9 @@ from mmt.texture.completion.distance import CompletionMonitor, cell_distances, d
 from mmt.texture.interpolation.vertices import RIM
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.space import ANISOTROPIC
-from mmt.web.monitor.live import MOST_SAMPLES, MOST_VIEWERS, LiveMessages, MonitorTap, Viewers
-from mmt.web.monitor.states import (
-    completion_header,
-    hello_header,
-    model_message,
-    surfaces,
-    thinned,
-)
+from mmt.texture.space import ANISOTROPIC, ISOTROPIC
+from mmt.web.monitor.live import MOST_SAMPLES, LiveMessages, MonitorTap, Viewers
+from mmt.web.monitor.states import completion_header, hello_header, model_message, surfaces, thinned
 from mmt.web.page_server import pack
 
 SCENE = scene_from_tables(
@@ -51,32 +45,30 @@ def test_a_message_is_read_as_it_was_made(text, values):
     assert message["arrays"]["none"].shape == (0,)
 
 
-def test_what_json_cannot_say_is_null():
-    header = {"a": math.nan, "b": {"c": [math.inf, 1.0]}}
-    message = unpack(pack("kind", header, {}))
+def test_what_json_cannot_say_is_null_and_thresholds_are_numbers():
+    message = unpack(pack("kind", {"a": math.nan, "b": {"c": [math.inf, 1.0]}}, {}))
     assert (message["a"], message["b"]) == (None, {"c": [None, 1.0]})
-
-
-def test_the_surface_is_told_where_there_are_several():
+    scene = SCENE.model_copy(update={"texture": Texture(method="published")})
+    assert scene.texture.start_distance == "auto"
+    scale = hello_header(scene, "some-id")["criterion"]
+    assert (scale["start"], scale["stop"]) == pytest.approx((7.5, 4.243), abs=1e-3)
+    assert (scale["title"], scale["rises"]) == ("completion sum", False)
     assert surfaces(None) == {}
     assert surfaces((1, [1, 3])) == {"surfaces": {"now": 1, "known": 2}}
 
 
-def test_nothing_is_kept_while_nobody_looks_on():
-    tap = MonitorTap()
-    tap.add_frames(made_frames(0, 1))
-    tap.add_output(np.ones(1))
-    assert tap.frames() == []
-    assert len(tap.played()) == 0
-
-
-def test_what_nobody_fetches_is_bounded():
+def test_what_nobody_fetches_is_bounded_and_nothing_is_kept_while_nobody_looks_on():
     tap, _ = live_messages()
     for k in range(5000):
         tap.add_frames(made_frames(k, 1))
         tap.add_output(np.full(1, k))
     assert len(tap.frames()) <= 500
     assert tap.played()[-1] == 4999
+    unwatched = MonitorTap()
+    unwatched.add_frames(made_frames(0, 1))
+    unwatched.add_output(np.ones(1))
+    assert unwatched.frames() == []
+    assert len(unwatched.played()) == 0
 
 
 def test_samples_are_numbered_so_that_a_gap_is_seen():
@@ -94,14 +86,6 @@ def test_samples_are_numbered_so_that_a_gap_is_seen():
     assert message["arrays"]["measured"].shape == (MOST_SAMPLES,)
 
 
-def test_measured_vibration_has_no_offset():
-    tap, live = live_messages()
-    frames = made_frames(0, 500)
-    frames["acceleration_m_s2"] = 9.81
-    tap.add_frames(frames)
-    assert np.abs(unpack(live.make({}))["arrays"]["measured"][-100:]).max() < 0.05
-
-
 def test_the_point_is_that_of_the_hand_at_the_leader():
     tap, live = live_messages()
     tap.state = InterfaceState((0.0, 0.0, 0.0), (30.0, 40.0, 99.0), 1.5, contact=True)
@@ -115,26 +99,16 @@ def test_without_a_hand_the_point_follows_the_stream():
     frames = made_frames(0, 41)
     frames["position_mm"] = np.outer(np.arange(41), [0.03, 0.04, 7.0])  # 50 mm/s across
     frames["force_n"] = [9.0, 9.0, 2.0]
+    without = made_frames(0, 500, ("acceleration",))
+    without["acceleration_m_s2"] = 9.81
+    tap.add_frames(without)
+    message = unpack(live.make({}))
+    assert message["point"] is None
+    assert np.abs(message["arrays"]["measured"][-100:]).max() < 0.05  # without the offset
     tap.add_frames(frames)
     message = unpack(live.make({}))
     assert message["point"] == pytest.approx([50.0, 2.0], abs=1e-2)
     assert message["force_n"] == [9.0, 9.0, 2.0]
-
-
-def test_a_scene_without_these_channels_has_no_point():
-    tap, live = live_messages()
-    tap.add_frames(made_frames(0, 4, ("acceleration",)))
-    message = unpack(live.make({}))
-    assert message["point"] is None
-    assert message["arrays"]["measured"].shape == (4,)
-
-
-def test_automatic_thresholds_are_told_as_numbers():
-    scene = SCENE.model_copy(update={"texture": Texture(method="published")})
-    assert scene.texture.start_distance == "auto"
-    scale = hello_header(scene, "some-id")["criterion"]
-    assert (scale["start"], scale["stop"]) == pytest.approx((7.5, 4.243), abs=1e-3)
-    assert (scale["title"], scale["rises"]) == ("completion sum", False)
 
 
 def test_a_criterion_says_its_value_its_cells_and_where_a_stroke_is_wanted():
@@ -153,51 +127,35 @@ def test_a_criterion_says_its_value_its_cells_and_where_a_stroke_is_wanted():
     assert (nothing["value"], nothing["cells"], nothing["advice"]) == (None, None, None)
 
 
-def test_the_model_is_shown_with_its_cells_and_triangles():
-    rng = np.random.default_rng(1)
-    count = 12
-    model = TextureModel(
-        TextureSamples.isotropic(
-            speed_mm_s=rng.uniform(20, 280, count),
-            force_n=rng.uniform(0.2, 2.8, count),
-            lsf=np.tile([0.5, 1.0, 2.0, 2.5], (count, 1)),
-            variance=np.ones(count),
-            power=np.ones(count),
-        )
+def shown(inputs, space):
+    """How many cells are shown of a model, and how large its triangles or tetrahedra are."""
+    count = len(inputs)
+    lsf = np.tile([0.5, 1.0, 2.0, 2.5], (count, 1))
+    samples = TextureSamples(
+        inputs, lsf, variance=np.ones(count), power=np.ones(count), space=space
     )
+    model = TextureModel(samples)
     message = unpack(model_message(model))
     assert (message["samples"], message["order"]) == (count, 4)
-    assert sum(message["cells"]) == pytest.approx(distance_sum(model.points), abs=1e-3)
-    corners = message["arrays"]["triangles"].astype(int)
-    vertices = message["arrays"]["vertices"]
-    assert corners.min() >= 0
-    assert corners.max() < len(vertices)
-    a, b, c = (vertices[corners[:, k]] for k in range(3))
-    areas = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
-    assert areas.sum() == pytest.approx(1.0, abs=1e-4)  # they tile the plane
-    assert unpack(model_message(None))["samples"] == 0
-
-
-def test_a_model_of_velocity_is_shown_with_its_27_cells_and_tetrahedra():
-    rng = np.random.default_rng(2)
-    count = 15
-    inputs = np.column_stack([rng.uniform(-200, 200, (count, 2)), rng.uniform(0.2, 2.8, count)])
-    model = TextureModel(
-        TextureSamples(
-            inputs=inputs,
-            lsf=np.tile([0.5, 1.0, 2.0, 2.5], (count, 1)),
-            variance=np.ones(count),
-            power=np.ones(count),
-            space=ANISOTROPIC,
-        )
-    )
-    message = unpack(model_message(model))
-    assert len(message["cells"]) == 27
     assert sum(message["cells"]) == pytest.approx(distance_sum(model.points), abs=1e-2)
-    np.testing.assert_allclose(message["arrays"]["points"] * [300, 300, 3], inputs, rtol=1e-5)
-    corners = message["arrays"]["vertices"][message["arrays"]["tetrahedra"].astype(int)]
-    volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
-    assert np.pi < volumes.sum() < np.pi * RIM**2  # they fill the cylinder, and a little around it
+    scale = [300, 300, 3] if space is ANISOTROPIC else [300, 3]
+    np.testing.assert_allclose(message["arrays"]["points"] * scale, inputs, rtol=1e-5)
+    simplices = message["arrays"]["triangles" if space is ISOTROPIC else "tetrahedra"].astype(int)
+    corners = message["arrays"]["vertices"][simplices]
+    edges = corners[:, 1:] - corners[:, :1]
+    return len(message["cells"]), np.abs(np.linalg.det(edges)).sum() / math.factorial(len(scale))
+
+
+def test_a_model_is_shown_with_its_cells_and_the_simplices_that_fill_its_inputs():
+    random = np.random.default_rng(1)
+    forces = random.uniform(0.2, 2.8, (12, 1))
+    cells, area = shown(np.hstack([random.uniform(20, 280, (12, 1)), forces]), ISOTROPIC)
+    assert cells == 9
+    assert area == pytest.approx(1.0, abs=1e-4)  # they tile the plane
+    cells, volume = shown(np.hstack([random.uniform(-200, 200, (12, 2)), forces]), ANISOTROPIC)
+    assert cells == 27
+    assert np.pi < volume < np.pi * RIM**2  # they fill the cylinder, and a little around it
+    assert unpack(model_message(None))["samples"] == 0
 
 
 def test_a_long_history_is_thinned_to_its_end():
@@ -241,11 +199,3 @@ async def test_a_slow_viewer_skips_states_and_delays_nobody():
     await asyncio.gather(*sending)
     assert quick_socket.sent[1:] == [*states, b"last model"]
     assert slow_socket.sent == [b"first model", b"99", b"last model"]
-
-
-def test_the_number_of_viewers_is_bounded():
-    viewers = Viewers()
-    for _ in range(MOST_VIEWERS):
-        assert not viewers.full
-        viewers.add()
-    assert viewers.full

@@ -78,15 +78,14 @@ class Leader:
         self.session = Session(Scene())
         self.session.journal.event = self._say
         self.log = self.session.log
-        recording = RecordingPart(self.session)
-        self.recording = recording
+        self.recording = RecordingPart(self.session)
         self.recording.recorder = self.recorder
         self.switch = VibrationSwitch(lambda _: (-1.0,), sounding, crossfade_samples=FADE)
         vibration = SimpleNamespace(switch=self.switch, response=lambda: None)
         rendering = SynthesizingPart(sounding, sounding)
         self.said = []
         self.details = []
-        self.use = ModelOutput(self.session, recording, modelling, rendering, None, vibration)
+        self.use = ModelOutput(self.session, self.recording, modelling, rendering, None, vibration)
 
     def _say(self, sentence, **details):
         self.said.append(sentence)
@@ -100,24 +99,14 @@ class Leader:
         model = None if level is None else Model(level)
         if level is not None:
             self.known[surface] = model
-        self.use.update(
-            state(
-                time_s, surface, model, started=started, stopped=stopped, changes=changes, left=left
-            ),
-            0.01,
-        )
+        more = {"started": started, "stopped": stopped, "changes": changes, "left": left}
+        self.use.update(state(time_s, surface, model, **more), 0.01)
 
     def recall(self):
         """Let the tool come from surface 2 back onto surface 1, whose model is complete."""
-        self.update(
-            15.3,
-            1,
-            12.0,
-            started=True,
-            stopped=True,
-            changes=(change("recalled", 2, 1, 15_000),),
-            left=(state(15.0, 2, Model(22.0), started=True),),
-        )
+        changes = (change("recalled", 2, 1, 15_000),)
+        left = (state(15.0, 2, Model(22.0), started=True),)
+        self.update(15.3, 1, 12.0, started=True, stopped=True, changes=changes, left=left)
 
 
 def state(time_s, surface, model, *, started=False, stopped=False, **more):
@@ -151,13 +140,8 @@ def leader():
     made.update(4.0, 1, 11.0, started=True)
     assert made.heard() == 11.0
     made.update(8.0, 1, 12.0, started=True, stopped=True)
-    made.update(
-        9.3,
-        2,
-        None,
-        changes=(change("new", 1, 2, 9000),),
-        left=(state(9.0, 1, made.known[1], started=True, stopped=True),),
-    )
+    left = (state(9.0, 1, made.known[1], started=True, stopped=True),)
+    made.update(9.3, 2, None, changes=(change("new", 1, 2, 9000),), left=left)
     assert made.heard() == -1.0
     return made
 
@@ -173,24 +157,24 @@ def test_on_a_new_surface_the_stream_is_heard_until_its_own_model_is_ready(leade
     assert leader.sounding.crossed == []  # from the stream: the switch's fade
 
 
-def test_every_part_gets_each_update_with_its_session_time(leader):
+def test_every_part_gets_each_update_with_its_session_time_also_after_a_reset(leader):
     got = []
     part = Part()
     part.on_update = lambda update, seconds: got.append((update.time_s, seconds))
     leader.session.parts.add(part)
     leader.update(13.3, 2, 21.0, started=True)
-    leader.use.reset(15.0)
+    leader.use.played_share = 0.4
+    leader.use.reset(15.0)  # which forgets all
+    assert leader.use.played_share is None
+    assert leader.log.surfaces is None
+    assert leader.heard() == -1.0
     leader.update(1.0, 1, 10.0)
     assert got == [(13.3, 0.01), (16.0, 0.01)]
+    assert leader.log.surfaces.known == 1
+    assert leader.log.update.time_s == 16.0
 
 
-def test_after_a_reset_nothing_is_known_of_what_the_actuator_plays(leader):
-    leader.use.played_share = 0.4
-    leader.use.reset(15.0)
-    assert leader.use.played_share is None
-
-
-def test_a_known_surface_is_rendered_at_once_by_a_fade_between_models(leader):
+def test_a_known_surface_is_rendered_at_once_and_the_summary_has_every_stay(leader):
     leader.update(13.3, 2, 21.0, started=True)
     leader.heard()
     leader.recall()
@@ -200,31 +184,6 @@ def test_a_known_surface_is_rendered_at_once_by_a_fade_between_models(leader):
     assert leader.said[-1] == "surface 1 again, from 15.00 s on"
     assert sum(s.startswith("start criterion") for s in leader.said) == 2
     assert sum(s.startswith("stop criterion") for s in leader.said) == 1
-
-
-def test_a_known_surface_follows_the_stream_by_the_fade_of_the_switch(leader):
-    leader.heard()
-    left = (state(12.0, 2, None),)
-    leader.update(
-        12.3, 1, 12.0, started=True, changes=(change("recalled", 2, 1, 12_000),), left=left
-    )
-    assert leader.sounding.crossed == []
-    assert leader.heard() == 12.0
-
-
-def test_a_new_surface_that_is_a_known_one_is_rendered_from_its_model(leader):
-    leader.heard()
-    leader.update(11.0, 1, 12.0, started=True, changes=(change("identified", 2, 1, 9000),))
-    assert leader.heard() == 12.0
-    surfaces = leader.log.surfaces
-    assert surfaces.known == 1
-    assert surfaces.entries[1].stays == [(0.0, 9.0), (9.0, None)]
-    assert leader.said[-1] == "surface 2 is surface 1, from 9.00 s on"
-
-
-def test_the_summary_has_every_stay_and_the_state_of_every_model(leader):
-    leader.update(13.3, 2, 21.0, started=True)
-    leader.recall()
     table = leader.log.surfaces.as_dict(18.0)
     assert (table["now"], table["known"]) == (1, 2)
     assert table["1"]["stays"] == [{"from_s": 0.0, "to_s": 9.0}, {"from_s": 15.0, "to_s": 18.0}]
@@ -252,15 +211,17 @@ def test_a_criterion_that_is_taken_back_is_met_again_later(leader):
     assert made.heard() == 12.0
 
 
-def test_held_vibration_stays_held_over_a_change(leader):
+def test_held_vibration_stays_held_over_a_change_to_a_known_surface(leader):
     leader.use.force("streamed")
-    left = (state(12.0, 2, None),)
-    leader.update(
-        12.3, 1, 12.0, started=True, changes=(change("recalled", 2, 1, 12_000),), left=left
-    )
+    changes, left = (change("identified", 2, 1, 9000),), (state(12.0, 2, None),)
+    leader.update(12.3, 1, 12.0, started=True, changes=changes, left=left)
     assert leader.heard() == -1.0
     leader.use.force(None)
+    assert leader.sounding.crossed == []  # by the fade of the switch
     assert leader.heard() == 12.0
+    assert leader.log.surfaces.known == 1
+    assert leader.log.surfaces.entries[1].stays == [(0.0, 9.0), (9.0, None)]
+    assert leader.said[-1] == "surface 2 is surface 1, from 9.00 s on"
 
 
 def test_every_models_last_state_is_recorded_once(leader):
@@ -277,16 +238,6 @@ def test_every_models_last_state_is_recorded_once(leader):
     assert sorted(data for data, _ in later.models) == ["12.0", "21.0"]
 
 
-def test_a_reset_forgets_every_surface(leader):
-    leader.update(13.3, 2, 21.0, started=True)
-    leader.use.reset(14.0)
-    assert leader.log.surfaces is None
-    assert leader.heard() == -1.0
-    leader.update(1.0, 1, 40.0)
-    assert leader.log.surfaces.known == 1
-    assert leader.log.update.time_s == 15.0
-
-
 def test_model_files_stand_beside_the_recording_and_older_ones_go(tmp_path):
     recording = tmp_path / "session.mcap"
     others = [tmp_path / "session-surface-x.npz", tmp_path / "my-session-surface-1.npz"]
@@ -294,10 +245,8 @@ def test_model_files_stand_beside_the_recording_and_older_ones_go(tmp_path):
         path.write_bytes(b"")
     models = {1: Model(12.0), 2: Model(21.0)}
     assert write_surface_models(recording, models) == []
-    found = sorted(path.name for path in tmp_path.iterdir())
-    assert found == sorted(
-        ["session-surface-1.npz", "session-surface-2.npz", *(p.name for p in others)]
-    )
+    own = {tmp_path / f"session-surface-{number}.npz" for number in models}
+    assert set(tmp_path.iterdir()) == own | set(others)
     assert (tmp_path / "session-surface-2.npz").read_bytes() == b"21.0"
     (problem, _) = write_surface_models(tmp_path / "gone" / "session.mcap", models)
     assert "model of surface 1" in problem
