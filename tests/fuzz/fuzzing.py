@@ -38,10 +38,7 @@ EVENTS = (
 KEYS = ("reason", "frames", "protocol", "clock_id", "session_id", "delay_ms", "profile", "")
 
 _CHUNK = settings(
-    max_examples=10,
-    deadline=None,
-    database=None,
-    suppress_health_check=list(HealthCheck),
+    max_examples=10, deadline=None, database=None, suppress_health_check=list(HealthCheck)
 )
 
 

@@ -11,13 +11,11 @@ import psutil
 import pytest
 from hypothesis import strategies as st
 
-from mmt.core.errors import FAILED, MmtError
+from mmt.core.errors import FAILED
 from mmt.core.frames import CONTACT, ENERGY, frame_dtype
 from mmt.leader.service import Leader
-from mmt.link.access import Access
 from mmt.link.client import FollowerClient
 from mmt.link.endpoint import FollowerEvents
-from mmt.link.handshake import admit
 from mmt.link.incoming import BlockReader
 from mmt.link.protocol import FollowerHello
 from mmt.link.websocket import binary_event, decode_packet
@@ -243,19 +241,3 @@ def test_whatever_arrives_is_read_or_counted():
 
     silences = st.integers(0, 10**9)
     fuzzing.fuzz(example, fuzzing.BINARY, fuzzing.ARGUMENTS, fuzzing.FRAMES, silences)
-
-
-def test_whatever_hello_is_admitted_is_one_or_is_refused():
-    access = Access("a token of sixteen")
-
-    def example(auth, key, value):
-        changed = {**HELLO, "token": "a token of sixteen", key: value}
-        for offered in (auth, changed):
-            try:
-                hello = admit(offered, None, access=access, channels=NAMES, rate_hz=1000)
-            except MmtError:
-                continue
-            assert offered is changed
-            assert hello.source.isprintable()
-
-    fuzzing.fuzz(example, fuzzing.ANYTHING, st.sampled_from(sorted(HELLO)), fuzzing.ANYTHING)
