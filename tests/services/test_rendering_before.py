@@ -1,33 +1,10 @@
 """What is played before the start criterion: the stream, or silence."""
 
 import pytest
-from service_runs import Together, small_scene
+from service_runs import small_scene
 
 from mmt.core.errors import InputError
-from mmt.scene import Scene
 from mmt.scene.files import scene_of_recording
-from mmt.session.files import write_session
-from mmt.testing.simulation.offline import simulate_session
-
-
-async def test_silence_before_the_start_criterion_plays_no_stream(tmp_path):
-    frames, annotations = simulate_session(Scene(), "felt", 5.0, 4)
-    session = tmp_path / "strokes.npz"
-    write_session(session, frames, annotations=annotations)
-    scene = small_scene(
-        tmp_path,
-        simulated=None,
-        hand=None,
-        replay={"file": str(session), "speed": 2.0},
-        texture={"start_share": 0.9999, "stop_share": 0.9999},  # neither is met in five seconds
-        rendering={"before": "silent"},
-    )
-    together = await Together.listening(scene)
-    await together.follow()
-    summary = await together.end()
-    assert summary.vibration["switches"] == []
-    assert summary.vibration["mode"] == "silent"
-    assert "playout" not in summary.vibration
 
 
 @pytest.mark.parametrize(
