@@ -2,11 +2,10 @@
 
 import asyncio
 import signal
-import sys
 
 import pytest
 
-from mmt.cli.running.child import KILL, Child, send
+from mmt.cli.running.child import Child
 
 PROGRAMS = {
     "noisy_program": (
@@ -47,15 +46,6 @@ async def started(directory, program):
     return await Child.start(program, program, ["me"])
 
 
-@pytest.fixture
-async def lasting(directory):
-    child = await started(directory, "lasting_program")
-    try:
-        yield child
-    finally:
-        await child.kill()
-
-
 async def test_what_a_child_warns_of_is_told_line_by_line(directory):
     told = []
     child = await Child.start("warning_program", "warning_program", [], None, told.append)
@@ -78,19 +68,14 @@ async def test_a_child_that_writes_much_never_waits_for_a_reader(directory):
     assert len(child.messages) <= 2**16
 
 
-async def test_a_child_is_interrupted_as_by_a_person(lasting):
+async def test_a_child_is_interrupted_as_by_a_person(directory):
+    lasting = await started(directory, "lasting_program")
     async with asyncio.timeout(20):
         async for line in lasting.lines():
             assert line == {"kind": "ready", "argument": "me"}
             lasting.interrupt()
         assert await lasting.wait() == 4
     lasting.interrupt()  # harmless once it has ended
-
-
-async def test_a_child_can_be_killed(lasting):
-    async with asyncio.timeout(20):
-        await lasting.kill()
-        assert await lasting.wait() < 0
 
 
 async def test_a_child_that_is_killed_as_it_ends_keeps_its_exit_code(directory):
@@ -100,17 +85,3 @@ async def test_a_child_that_is_killed_as_it_ends_keeps_its_exit_code(directory):
             assert [line async for line in child.lines()] == []
             await child.kill()
             assert await child.wait() in {3, -signal.SIGKILL}  # not 255, which stands for unknown
-
-
-async def test_a_process_that_is_no_service_keeps_its_exit_code_as_well():
-    async with asyncio.timeout(60):
-        for _ in range(25):
-            process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-S", "-c", "raise SystemExit(3)"),
-                stdout=asyncio.subprocess.PIPE,
-                stderr=asyncio.subprocess.PIPE,
-            )
-            assert await process.stdout.read() == b""
-            send(process, KILL)
-            assert await process.wait() in {3, -KILL}
-        send(process, KILL)  # harmless once it has ended

@@ -82,8 +82,7 @@ def started(tmp_path, environment):
         service.__exit__()
 
 
-@pytest.mark.parametrize("slow", ["connect", "calibrate"])
-@pytest.mark.parametrize("name", ["leader", "follower"])
+@pytest.mark.parametrize(("name", "slow"), [("leader", "calibrate"), ("follower", "connect")])
 def test_a_device_that_never_connects_does_not_hold_up_the_end(name, slow, started):
     driver = f"driver = 'slow_drivers:{'Handle' if name == 'leader' else 'Robot'}'\nslow = '{slow}'"
     service = started(name, driver)

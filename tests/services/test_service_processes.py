@@ -2,11 +2,10 @@
 
 import json
 import re
-import shutil
 import signal
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,23 +18,9 @@ REPLAYED = 1500
 _ADDRESS = re.compile(r"ready after [\d.]+ s: (127\.0\.0\.1:\d+)")
 
 
-@dataclass(frozen=True)
-class Run:
-    """One session and what tried to disturb it."""
-
-    directory: Path
-    leader: Service
-    follower: Service
-    second_follower: Service
-    second_leader: Service
-    codes: tuple[int, int]
-
-    def recording(self):
-        return read_session(self.directory / "session.mcap")
-
-
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
+    """One session and what tried to disturb it."""
     directory = tmp_path_factory.mktemp("run")
     arguments = ("--record", "session.mcap", "--duration", DURATION_S)
     surface = {"MMT_SIMULATED__SURFACE": "plastic"}
@@ -51,7 +36,14 @@ def run(tmp_path_factory):
             second_follower.end()
             second_leader.end()
             codes = (leader.end(), follower.end())
-            yield Run(directory, leader, follower, second_follower, second_leader, codes)
+            yield SimpleNamespace(
+                leader=leader,
+                follower=follower,
+                second_follower=second_follower,
+                second_leader=second_leader,
+                codes=codes,
+                recording=read_session(directory / "session.mcap"),
+            )
 
 
 def test_both_end_well_and_say_how(run):
@@ -72,7 +64,7 @@ def test_every_frame_sent_is_received_and_recorded(run):
     assert sent >= DURATION_S * 1000
     assert link["frames"] == sent
     assert (link["lost"], link["out_of_order"], link["repeated"], link["rejected"]) == (0, 0, 0, {})
-    frames = run.recording().frames
+    frames = run.recording.frames
     np.testing.assert_array_equal(frames["sequence"], np.arange(sent))
     np.testing.assert_array_equal(np.diff(frames["time_ns"]), 1_000_000)
     assert run.leader.summary()["recording"] == {
@@ -89,7 +81,7 @@ def test_commands_come_down_and_are_followed(run):
     made_up = run.leader.summary()["ticks"]["missed"]  # share one command with a later tick
     assert commands > 0.9 * received["frames"] - made_up
     assert received["commands"] + received["lost"] >= 0.9 * commands
-    height_mm = run.recording().frames["position_mm"][:, 2]
+    height_mm = run.recording.frames["position_mm"][:, 2]
     assert height_mm[0] > 0.0 > height_mm.min()
 
 
@@ -101,14 +93,19 @@ def test_the_vibration_switches_to_the_model_at_the_start_criterion(run):
     assert last == "synthesized"
     assert before in ([], ["fading"])  # on a busy machine a stall may be longer than the fade
     assert vibration["switches"][0]["time_s"] >= texture["start_s"]
-    modes = [output.mode for output in run.recording().outputs]
+    modes = [output.mode for output in run.recording.outputs]
     assert modes[0] == "streamed"
     assert modes[-1] == "synthesized"
     assert vibration["actuator"]["rms_m_s2"] > 0.1
+    statuses = run.leader.lines("status")
+    times_s = [status["time_s"] for status in statuses]
+    assert len(statuses) > 2 * DURATION_S
+    assert times_s == sorted(times_s)
+    assert statuses[-1]["mode"] == "synthesized"
 
 
 def test_the_recording_holds_scene_truth_models_and_events(run):
-    recording = run.recording()
+    recording = run.recording
     assert recording.complete
     assert recording.scene["session"]["duration_s"] == DURATION_S
     assert json.loads(recording.annotations)["surface"] == "plastic"
@@ -119,14 +116,6 @@ def test_the_recording_holds_scene_truth_models_and_events(run):
     sentences = [event["event"] for event in recording.events]
     assert "follower connected (simulated)" in sentences
     assert f"start criterion met at {start_s:.1f} s" in sentences
-
-
-def test_live_status_is_a_line_five_times_a_second(run):
-    statuses = run.leader.lines("status")
-    times_s = [status["time_s"] for status in statuses]
-    assert len(statuses) > 2 * DURATION_S
-    assert times_s == sorted(times_s)
-    assert statuses[-1]["mode"] == "synthesized"
 
 
 def test_a_second_follower_is_refused_while_the_first_goes_on(run):
@@ -141,14 +130,14 @@ def test_a_second_leader_on_the_port_leaves_the_recording_alone(run):
     assert run.second_leader.stderr.count("cannot listen on 127.0.0.1 port") == 1
     assert "(Address already in use)" in run.second_leader.stderr
     assert "Traceback" not in run.second_leader.stderr
-    assert len(run.recording().frames) >= DURATION_S * 1000
+    assert len(run.recording.frames) >= DURATION_S * 1000
 
 
 @pytest.fixture(scope="module")
 def replayed(run, tmp_path_factory):
     """The first seconds of the session again, in the form for people."""
     directory = tmp_path_factory.mktemp("replayed")
-    original = run.recording()
+    original = run.recording
     write_session(
         directory / "part.mcap", original.frames[:REPLAYED], annotations=original.annotations
     )
@@ -168,64 +157,44 @@ def replayed(run, tmp_path_factory):
             cwd=directory,
         ) as follower:
             codes = (leader.end(), follower.end())
-            yield Run(directory, leader, follower, follower, leader, codes)
-
-
-def _summary(run, name):
-    return json.loads((run.directory / f"{name}.json").read_text())
+            recording = read_session(directory / "session.mcap")
+            ended = {"leader": leader, "follower": follower}
+            yield SimpleNamespace(**ended, codes=codes, recording=recording, directory=directory)
 
 
 def test_a_replayed_session_arrives_as_it_was_recorded(run, replayed):
     assert replayed.codes == (0, 0), replayed.leader.stderr + replayed.follower.stderr
-    original, again = run.recording(), replayed.recording()
+    original, again = run.recording, replayed.recording
     assert again.annotations == original.annotations
     for name in ("sequence", "position_mm", "force_n", "acceleration_m_s2"):
         np.testing.assert_array_equal(again.frames[name], original.frames[name][:REPLAYED])
-    assert _summary(replayed, "leader")["outcome"] == "source ended"
-    assert _summary(replayed, "leader")["link"]["lost"] == 0
-    assert _summary(replayed, "follower")["link"]["frames"] == REPLAYED
-
-
-def test_a_replay_takes_as_long_as_the_session_did(replayed):
-    ticks = _summary(replayed, "follower")["ticks"]["ticks"]
-    assert REPLAYED - 100 < ticks < 2 * REPLAYED
-    np.testing.assert_array_equal(np.diff(replayed.recording().frames["time_ns"]), 1_000_000)
-
-
-def test_the_summary_is_a_few_lines_for_people(replayed):
+    np.testing.assert_array_equal(np.diff(again.frames["time_ns"]), 1_000_000)
+    led, followed = (
+        json.loads((replayed.directory / f"{name}.json").read_text())
+        for name in ("leader", "follower")
+    )
+    assert (led["outcome"], led["link"]["lost"]) == ("source ended", 0)
+    assert followed["link"]["frames"] == REPLAYED
+    assert REPLAYED - 100 < followed["ticks"]["ticks"] < 2 * REPLAYED, "as long as the session did"
     for name, service in (("leader", replayed.leader), ("follower", replayed.follower)):
         assert service.stdout.startswith(f"mmt-{name}  ")
         assert len(service.stdout.splitlines()) < 12
         assert "drift ppm" not in service.stdout
 
 
-def test_verbose_shows_every_counter(tmp_path):
-    arguments = ("--duration", 0.3, "--verbose", "--model")
+@pytest.mark.parametrize("kind", ["--verbose", "--json-lines"])
+def test_a_scene_without_a_follower(tmp_path, kind):
+    """For people with every counter, and for programs."""
     model = Path(scene("demo")).parent / "models/plastic.npz"
-    with Service("leader", scene("model-only"), *arguments, model, cwd=tmp_path) as leader:
+    arguments = (scene("model-only"), kind, "--duration", 1, "--model", model)
+    with Service("leader", *arguments, cwd=tmp_path) as leader:
         assert leader.end() == 0, leader.stderr
-    assert "late share 1ms" in leader.stdout
-    assert "mmt-leader  0.3 s" in leader.stdout
-    assert "runs:     hand, rendering, actuator" in leader.stderr
-    assert "left out: link, network" in leader.stderr
-
-
-def test_a_scene_that_only_streams(tmp_path):
-    with session(tmp_path, "stream-only", "--duration", 1) as (leader, follower):
-        assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
-    summary = leader.summary()
-    assert summary["outcome"] == "completed"
-    assert summary["link"]["frames"] == follower.summary()["link"]["frames"] >= 1000
-    assert summary["vibration"]["mode"] == "streamed"
-    assert "texture" not in summary
-    assert "recording" not in summary
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_scene_without_a_follower(tmp_path):
-    arguments = ("--duration", 1, "--model", Path(scene("demo")).parent / "models/plastic.npz")
-    with Service("leader", scene("model-only"), "--json-lines", *arguments, cwd=tmp_path) as leader:
-        assert leader.end() == 0, leader.stderr
+    if kind == "--verbose":
+        assert "late share 1ms" in leader.stdout
+        assert "mmt-leader  1.0 s" in leader.stdout
+        assert "runs:     hand, rendering, actuator" in leader.stderr
+        assert "left out: link, network" in leader.stderr
+        return
     summary = leader.summary()
     assert summary["outcome"] == "completed"
     assert summary["vibration"]["mode"] == "synthesized"
@@ -234,23 +203,15 @@ def test_a_scene_without_a_follower(tmp_path):
     assert leader.lines("ready")[0]["port"] is None
 
 
-@pytest.fixture(scope="module")
-def demo(tmp_path_factory):
-    """A demo that has ended, and the folder that it was started in."""
-    directory = tmp_path_factory.mktemp("demo")
-    with Service("main", "demo", "--duration", 1, "--json", "all.json", cwd=directory) as demo:
-        assert demo.end() == 0, demo.stderr
-    return directory, demo
-
-
-def test_the_demo_leaves_a_recording_and_a_report(demo):
-    directory, service = demo
-    assert {path.name for path in directory.iterdir()} == {"mmt-demo", "all.json"}
-    recording = read_session(directory / "mmt-demo" / "session.mcap")
+def test_the_demo_leaves_a_recording_and_a_report(tmp_path):
+    with Service("main", "demo", "--duration", 1, "--json", "all.json", cwd=tmp_path) as service:
+        assert service.end() == 0, service.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"mmt-demo", "all.json"}
+    recording = read_session(tmp_path / "mmt-demo" / "session.mcap")
     assert recording.complete
     assert len(recording.frames) >= 1000
-    assert "<html" in (directory / "mmt-demo" / "report.html").read_text()
-    content = json.loads((directory / "all.json").read_text())
+    assert "<html" in (tmp_path / "mmt-demo" / "report.html").read_text()
+    content = json.loads((tmp_path / "all.json").read_text())
     assert content["leader"]["outcome"] == "completed"
     assert content["follower"]["link"]["frames"] == len(recording.frames)
     assert content["evaluation"]
@@ -258,54 +219,33 @@ def test_the_demo_leaves_a_recording_and_a_report(demo):
     assert "drift ppm" not in service.stdout
 
 
-def test_a_second_demo_keeps_the_recording_of_the_first(demo, tmp_path):
-    shutil.copytree(demo[0] / "mmt-demo", tmp_path / "mmt-demo")
-    kept = tmp_path / "mmt-demo" / "session.mcap"
-    before = kept.read_bytes()
-    with Service("main", "demo", scene("stream-only"), "--duration", 1, cwd=tmp_path) as second:
-        assert second.end() == 0, second.stderr
-    assert "mmt-demo-2/session.mcap" in second.stdout
-    assert read_session(tmp_path / "mmt-demo-2" / "session.mcap").complete
-    assert kept.read_bytes() == before
-    with Service(
-        *("leader", scene("stream-only"), "--port", 0, "--record", kept), cwd=tmp_path
-    ) as leader:
-        assert leader.end() == 2
-    assert "session.mcap: it exists already; choose another name, or --force" in leader.stderr
-
-
-def test_a_token_lets_the_follower_in_and_is_written_nowhere(tmp_path):
+def test_both_services_log_one_session_and_their_token_is_written_nowhere(tmp_path):
     token = "a secret of this test alone"
-    recorded = {"MMT_RECORDING__FILE": "session.mcap", "MMT_LINK_TOKEN": token}
-    with session(tmp_path, "stream-only", **recorded) as (leader, follower):
+    with session(
+        tmp_path,
+        "stream-only",
+        *("--log", "leader.jsonl", "--log-level", "debug"),
+        follower_arguments=("--log", "follower.jsonl"),
+        MMT_RECORDING__FILE="session.mcap",
+        MMT_LINK_TOKEN=token,
+    ) as (leader, follower):
         with follower_of(leader, "stream-only", tmp_path, MMT_LINK_TOKEN="x" * 16) as stranger:
             assert stranger.end() == 1
         assert "refused: the token is missing or wrong" in stranger.stderr
         leader.signal(signal.SIGTERM)
         assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
-    outputs = (leader.stdout, leader.stderr, follower.stdout, follower.stderr)
-    assert not any(token in output for output in outputs)
-    assert token.encode() not in (tmp_path / "session.mcap").read_bytes()
-    assert "token" not in read_session(tmp_path / "session.mcap").scene["link"]
-
-
-def test_both_services_log_one_session(tmp_path):
-    arguments = ("--duration", 0.5, "--log", "leader.jsonl", "--log-level", "debug")
-    with session(
-        tmp_path,
-        "stream-only",
-        *arguments,
-        follower_arguments=("--log", "follower.jsonl"),
-        MMT_RECORDING__FILE="session.mcap",
-    ) as (leader, follower):
-        assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
-    identity = leader.summary()["session"]["id"]
+    summary, identity = leader.summary(), leader.summary()["session"]["id"]
+    assert summary["link"]["frames"] == follower.summary()["link"]["frames"] > 0
+    assert summary["vibration"]["mode"] == "streamed"
+    assert "texture" not in summary
+    recording = read_session(tmp_path / "session.mcap")
     assert re.fullmatch("[0-9a-f]{12}", identity)
-    assert follower.summary()["session"]["id"] == identity
-    assert read_session(tmp_path / "session.mcap").session_id == identity
+    assert follower.summary()["session"]["id"] == recording.session_id == identity
+    events = []
     for name in ("leader", "follower"):
         text = (tmp_path / f"{name}.jsonl").read_text(encoding="utf-8")
         lines = [json.loads(line) for line in text.splitlines()]
+        events += [line["event"] for line in lines]
         assert {line["service"] for line in lines} == {name}
         assert lines[0]["event"] == "started"
         assert lines[0]["scene"]["session"]["name"]
@@ -313,11 +253,8 @@ def test_both_services_log_one_session(tmp_path):
         assert lines[-1]["summary"]["outcome"]
         assert {line["session"] for line in lines if line["event"] != "started"} >= {identity}
         assert lines[-1]["session"] == identity
-    assert any(line["event"] == "follower connected (simulated)" for line in _log(tmp_path))
-    assert any(line["event"] == "status" for line in _log(tmp_path))
-    assert (leader.stderr, follower.stderr) == ("", "")
-
-
-def _log(directory):
-    text = (directory / "leader.jsonl").read_text(encoding="utf-8")
-    return [json.loads(line) for line in text.splitlines()]
+    assert {"follower connected (simulated)", "status"} <= set(events)
+    outputs = (leader.stdout, leader.stderr, follower.stdout, follower.stderr)
+    assert not any(token in output for output in outputs)
+    assert not any(token.encode() in file.read_bytes() for file in tmp_path.iterdir())
+    assert "token" not in recording.scene["link"]

@@ -74,8 +74,9 @@ def port_from(reader):
     return int(found[1] or found[2])
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("kind", ["pipe", "terminal"])
+@pytest.mark.parametrize(
+    ("kind", "number"), [("pipe", signal.SIGINT), ("terminal", signal.SIGTERM)]
+)
 def test_a_reader_that_stops_holds_up_neither_the_robot_nor_the_end(kind, number, tmp_path):
     with leader_heard_by(kind, tmp_path) as (leader, reader):
         url = f"http://127.0.0.1:{port_from(reader)}"
