@@ -6,11 +6,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import frame_dtype
+from mmt.core.frames import CHANNELS, frame_dtype
 from mmt.follower import service as follower_service
 from mmt.follower.service import Follower
 from mmt.leader.reports import LeaderSummary
 from mmt.leader.service import Leader
+from mmt.link.client import FollowerClient
+from mmt.link.endpoint import FollowerEvents
+from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderServer
 from mmt.scene.files import scene_from_tables
 
@@ -116,6 +119,16 @@ class Together:
             )
         finally:
             follower_service.build_source = build
+
+    async def client(self, **hello):
+        """Connect a follower's side of the link alone, which a test sends frames with."""
+        client = FollowerClient(
+            f"http://127.0.0.1:{self.leader.port}",
+            FollowerHello(**{"channels": CHANNELS, "source": "test", **hello}),
+            FollowerEvents(on_commands=lambda *_: None),
+        )
+        await client.connect(10.0)
+        return client
 
     async def end(self):
         """Wait for the leader's end."""

@@ -61,26 +61,21 @@ def test_it_runs_in_scenes_that_have_its_table(package, tmp_path):
     assert largest == round(largest, 2)
 
 
-def test_its_table_is_checked(package, tmp_path):
-    found = run(package, "leader", with_table(tmp_path, "digits = 12"))
-    assert found.returncode == 2
-    assert "digits" in found.stderr
-    assert "12" in found.stderr
-    assert "Traceback" not in found.stderr
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [
+        (None, "digits"),
         ("raise OSError('no such board')", "no such board"),
         ("PART = 3", "is no AddedPart"),
         ("import math\nPART = math.pie", "loudness.py, line 2)"),
     ],
 )
-def test_one_that_cannot_be_loaded_is_told_of_where_it_is_wanted(package, tmp_path, text, said):
-    (package / "my_package" / "loudness.py").write_text(text)
-    found = run(package, "leader", with_table(tmp_path, ""))
+def test_a_wrong_table_or_part_is_told_of_where_it_is_wanted(package, tmp_path, text, said):
+    if text is not None:
+        (package / "my_package" / "loudness.py").write_text(text)
+    found = run(package, "leader", with_table(tmp_path, "" if text else "digits = 12"))
     assert found.returncode == 2
     assert said in " ".join(found.stderr.split())
+    assert text or "12" in found.stderr
     assert "Traceback" not in found.stderr
     assert run(package, "main", "--version").returncode == 0

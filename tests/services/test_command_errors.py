@@ -7,7 +7,6 @@ import sys
 from importlib.util import find_spec
 
 import pytest
-import typer
 from frame_samples import made_frames
 
 from mmt.cli import follower, leader, main
@@ -22,27 +21,16 @@ SCENES = {
     "wrong-key": "[session]\nnmae = 'x'\n",
     "wrong-table": "[links]\n",
     "wrong-value": "[link]\nport = 70000\n[simulated]\n[hand]\n[recording]\n",
-    "no-table": "link = 3\n",
     "no-toml": "[link\n",
     "no-model": "[hand]\n[rendering]\nmodel = 'none.npz'\n[actuator]\n",
     "half": "[hand]\n[rendering]\n[actuator]\n",
     "velvet": "[link]\n[simulated]\nsurface = 'velvet'\n[hand]\n[recording]\n",
-    "no-handle": (
-        "[link]\n[simulated]\n[handle]\ndriver = 'usb_handle:handle'\n[playout]\n[actuator]\n"
-    ),
     "no-actuator": (
         "[link]\n[simulated]\n[hand]\n[playout]\n"
         "[actuator]\ndriver = 'haptuator-sound'\nfull_scale_v = 1.0\nvolts_per_m_s2 = 0.1\n"
     ),
     "no-driver": "[link]\n[devices]\nrobot = 'nowhere:Robot'\n[hand]\n[playout]\n[actuator]\n",
 }
-
-USB_HANDLE = """
-from mmt.core.extras import require
-
-def handle():
-    require("usb")
-"""
 
 SURFACES = "surface is 'velvet', allowed are plastic, mesh, fabric"
 CUT_OFF = "it ends before it was finished; save what is readable with: mmt session recover"
@@ -51,28 +39,18 @@ CASES = [
     ("mmt-leader demo --json - --json-lines", "both take standard output: give one"),
     # scenes, with both services
     ("mmt-leader none.toml", "scene none.toml: no such file; the examples are anisotropic, demo"),
-    ("mmt-leader folder.mcap", "scene folder.mcap: no such file"),
-    ("mmt-leader whole.mcap", "scene whole.mcap: not valid TOML"),
     ("mmt-leader no-toml.toml", "scene no-toml.toml: not valid TOML: Expected ']'"),
     ("mmt-leader wrong-key.toml", "session.nmae is not a key; allowed are name, duration_s"),
     ("mmt-leader wrong-table.toml", "links is not a key; allowed are session, link, "),
     ("mmt-leader wrong-value.toml", "link.port is 70000: Input should be less than or equal"),
-    ("mmt-leader no-table.toml", "no-table.toml: link is 3"),
     ("mmt-leader half.toml", "[rendering] needs a model: add [texture], or name a saved one"),
     ("mmt-leader no-model.toml", "model none.npz: No such file"),
     ("mmt-leader demo --duration 0", "error: --duration: session.duration_s is 0.0: Input should"),
-    ("mmt-leader demo --duration nan", "session.duration_s is nan"),
-    ("mmt-leader demo --duration x", "Invalid value for '--duration'"),
-    ("mmt-leader demo --port 65536", "error: --port: link.port is 65536"),
-    ("mmt-leader demo --colour", "No such option: --colour"),
     ("mmt-leader", "Missing argument 'SCENE'"),
     ("mmt-leader stream-only --report out", "--report needs a recording: give --record FILE"),
     ("mmt-leader model-only --record x.mcap", "[recording] needs a follower: add [link]"),
     ("mmt-leader model-only --model text.npz", "model text.npz: not a texture model"),
     ("mmt-leader stream-only --record text.npz/x.mcap", "recording text.npz/x.mcap: "),
-    ("mmt-leader stream-only --port 0 --record folder.mcap", "folder.mcap: Is a directory"),
-    ("mmt-follower none.toml", "scene none.toml: no such file"),
-    ("mmt-follower wrong-key.toml", "session.nmae is not a key"),
     ("mmt-follower velvet.toml", SURFACES),
     ("mmt-follower no-driver.toml", "device 'nowhere:Robot': module nowhere cannot be imported"),
     ("mmt-follower model-only", "the scene has no follower: add one of [simulated], [replay]"),
@@ -81,67 +59,38 @@ CASES = [
     ("mmt-follower demo --speed 2", "--speed is for a replay"),
     ("mmt-follower replay --replay whole.mcap --speed 0", "error: --speed: replay.speed is 0.0"),
     # sessions that cannot be replayed
-    ("mmt-follower demo --replay none.mcap", "session none.mcap: No such file"),
     ("mmt-follower demo --replay folder.mcap", "session folder.mcap: Is a directory"),
-    ("mmt-follower demo --replay empty.mcap", "session empty.mcap: the file is empty"),
-    ("mmt-follower demo --replay text.mcap", "session text.mcap: this is not an MCAP file"),
     ("mmt-follower demo --replay cut.mcap", CUT_OFF),
     ("mmt-follower demo --replay half.toml", ".toml cannot be read; the suffix must be one of"),
     ("mmt-follower demo --replay text.csv", "import it first: mmt session import"),
     ("mmt-follower demo --replay bare.mcap", "the session has no acceleration, which the scene"),
     # the demo
-    ("mmt demo none.toml", "scene none.toml: no such file"),
-    ("mmt demo .", "scene .: no such file"),
     ("mmt demo /", "scene /: no such file"),
-    ("mmt demo --duration -1", "error: --duration: session.duration_s is -1.0"),
     ("mmt demo --replay none.mcap", "session none.mcap: No such file"),
-    ("mmt demo --replay cut.mcap", CUT_OFF),
-    ("mmt demo velvet.toml", SURFACES),
     ("mmt demo --output text.csv/out", "--output text.csv/out: "),
     # sessions as files
-    ("mmt session simulate x.mcap --surface velvet", SURFACES),
     ("mmt session simulate x.pdf --duration 0.1", "session x.pdf: .pdf cannot be written"),
     ("mmt session simulate none/x.mcap --duration 0.1", "cannot write none/x.mcap: No such file"),
     ("mmt session simulate x.mcap --duration 0", "duration_s is 0.0, it must be above 0"),
-    ("mmt session simulate x.mcap --duration nan", "duration_s is nan"),
-    ("mmt session simulate x.mcap --duration inf", "duration_s is inf"),
     ("mmt session simulate x.mcap --path none.npz", "path none.npz: No such file"),
-    ("mmt session simulate x.mcap --scene wrong-key.toml", "session.nmae is not a key"),
-    ("mmt session import none.csv x.mcap", "import none.csv: No such file"),
     ("mmt session import text.csv x.mcap", "import text.csv: it holds none of position_mm"),
     ("mmt session import text.npz x.mcap", "import text.npz: this is not a .npz archive"),
     ("mmt session import whole.mcap x.mcap", "a session of mmt is one as it is, without import"),
-    ("mmt session import whole.csv x.pdf", "session x.pdf: .pdf cannot be written"),
+    ("mmt session info [/bold]:sad:.mcap", "session [/bold]:sad:.mcap: No such file"),
     ("mmt session info none.mcap", "session none.mcap: No such file"),
-    ("mmt session info empty.mcap", "session empty.mcap: the file is empty"),
     ("mmt session info text.mcap", "session text.mcap: this is not an MCAP file"),
     ("mmt session info whole.mcap --json text.csv/x.json", "cannot write text.csv/x.json: "),
-    ("mmt session export cut.mcap x.csv", CUT_OFF),
-    ("mmt session export whole.mcap x.pdf", "session x.pdf: .pdf cannot be written"),
     ("mmt session export whole.mcap none/x.csv", "cannot write none/x.csv"),
-    ("mmt session simulate . --trials 2", ".: a number goes behind the name, and this is none"),
     ("mmt session simulate .. --trials 2", "..: a number goes behind the name, and this is none"),
     ("mmt session recover .", "session .: Is a directory"),
-    ("mmt session recover none.mcap x.mcap", "session none.mcap: No such file"),
-    ("mmt session recover text.mcap x.mcap", "session text.mcap: this is not an MCAP file"),
     ("mmt session recover whole.mcap whole.mcap", "name another file to write to"),
-    ("mmt session view none.mcap", "session none.mcap: No such file"),
     ("mmt session", "Usage: mmt session"),
-    ("mmt session burn x", "No such command 'burn'"),
     # the rest
-    ("mmt scene explain none.toml", "scene none.toml: no such file"),
     ("mmt evaluate none.mcap", "session none.mcap: No such file"),
-    ("mmt evaluate cut.mcap", CUT_OFF),
     ("mmt evaluate whole.mcap --step 0", "step_s is 0.0"),
-    ("mmt evaluate whole.mcap --scene wrong-key.toml", "session.nmae is not a key"),
-    ("mmt model info none.npz", "model none.npz: No such file"),
-    ("mmt model info text.npz", "model text.npz: not a texture model"),
     ("mmt model info whole.npz", "format version"),
-    ("mmt model build none.npz x.npz", "import none.npz: No such file"),
     ("mmt model build whole.mcap x.pdf", "the name of a model file must end in .npz"),
-    ("mmt model build cut.mcap x.npz", CUT_OFF),
     ("mmt bench nothing", "bench nothing: allowed are burg, devices"),
-    ("mmt lab nothing", "lab nothing: allowed are ablations, burg, compare"),
     ("mmt burn", "No such command 'burn'"),
     ("mmt", "Usage: mmt"),
 ]
@@ -153,7 +102,6 @@ def folder(tmp_path_factory):
     directory = tmp_path_factory.mktemp("mistakes")
     for name, text in SCENES.items():
         (directory / f"{name}.toml").write_text(text)
-    (directory / "usb_handle.py").write_text(USB_HANDLE)
     frames = made_frames(0, 200)
     write_session(directory / "whole.mcap", frames)
     write_session(directory / "whole.npz", frames)
@@ -161,7 +109,6 @@ def folder(tmp_path_factory):
     write_session(directory / "bare.mcap", made_frames(0, 200, ("position", "force")))
     whole = (directory / "whole.mcap").read_bytes()
     (directory / "cut.mcap").write_bytes(whole[: len(whole) // 2])
-    (directory / "empty.mcap").touch()
     (directory / "folder.mcap").mkdir()
     for suffix in ("mcap", "npz", "csv"):
         (directory / f"text.{suffix}").write_text("neither,this\nnor,that\n")
@@ -181,7 +128,6 @@ def run(command, monkeypatch, capsys):
 
 LACKING = {
     "virtual-arm": ("rtde_control", "need ur-rtde"),
-    "no-handle.toml": ("usb", "need pyusb"),
     "no-actuator.toml": ("sounddevice", "needs sounddevice"),
 }
 """By the scene: the package that is not there, and how its lack is told."""
@@ -193,7 +139,6 @@ def test_a_demo_whose_driver_lacks_its_package_starts_nothing(
 ):
     package, sentence = LACKING[scene]
     monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(folder)
     monkeypatch.setattr(
         extras, "find_spec", lambda name: None if name == package else find_spec(name)
     )
@@ -215,42 +160,25 @@ def test_a_mistake_is_explained(command, sentence, folder, monkeypatch, capsys):
     assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == before
 
 
-def _commands(command, name):
-    children = getattr(command, "commands", {})
-    below = [c for key, child in children.items() for c in _commands(child, f"{name} {key}")]
-    return [name, *below]
-
-
-HELP = [c for name, app in APPS.items() for c in _commands(typer.main.get_command(app), name)]
-
-
-@pytest.mark.parametrize("command", HELP)
-def test_every_command_has_help(command, monkeypatch, capsys):
-    code, stdout, stderr = run(f"{command} --help", monkeypatch, capsys)
-    assert (code, stderr) == (0, "")
-    assert f"Usage: {command}" in stdout
-    assert "\\[" not in stdout, "markup that was not resolved"
-
-
 @pytest.mark.parametrize(
     ("command", "usage", "names"),
     [
+        ("mmt-leader", "[OPTIONS] SCENE", "Serve one session"),
+        ("mmt-follower", "[OPTIONS] SCENE", "[link]"),
+        ("mmt evaluate", "[OPTIONS]", "[texture]"),
         ("mmt bench", "[OPTIONS] [STAGE...]", "burg, devices, evaluate"),
         ("mmt stability", "[OPTIONS] [FAMILY...]", "loop, lsf, model"),
         ("mmt lab stability", "[OPTIONS] [FAMILY...]", "loop, lsf, model"),
     ],
 )
 def test_help_lists_what_can_be_named(command, usage, names, monkeypatch, capsys):
-    stdout = run(f"{command} --help", monkeypatch, capsys)[1]
+    code, stdout, stderr = run(f"{command} --help", monkeypatch, capsys)
+    assert (code, stderr) == (0, "")
+    assert "\\[" not in stdout, "markup that was not resolved"
     words = " ".join(stdout.replace("│", " ").split())
-    assert f"Usage: {command} {usage} " in words
+    assert f"Usage: {command} {usage}" in words
     assert names in words
-    assert "; all if none is named." in words
-
-
-def test_help_keeps_the_names_of_tables(monkeypatch, capsys):
-    assert "[link]" in run("mmt-follower --help", monkeypatch, capsys)[1]
-    assert "[texture]" in run("mmt evaluate --help", monkeypatch, capsys)[1]
+    assert usage.endswith("...]") == ("; all if none is named." in words)
 
 
 @pytest.mark.parametrize("program", APPS)
@@ -258,13 +186,6 @@ def test_every_program_tells_its_version(program, monkeypatch, capsys):
     code, stdout, _ = run(f"{program} --version", monkeypatch, capsys)
     assert code == 0
     assert stdout.startswith("mmt-haptics ")
-
-
-def test_brackets_in_a_files_name_are_no_markup(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    code, _, stderr = run("mmt session info [/bold]:sad:.mcap", monkeypatch, capsys)
-    assert code == 2
-    assert "session [/bold]:sad:.mcap: No such file" in stderr
 
 
 def test_a_process_ends_like_that_too(folder):

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 from instruments import Instrument
-from service_runs import small_scene
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import CHANNELS
 from mmt.devices.drivers import load_device
 from mmt.devices.streaming.source import DeviceSource
-from mmt.follower.sources import DeviceBackedSource, build_source
 
 
 def made(**failures):
@@ -20,9 +18,9 @@ def made(**failures):
 def test_every_device_is_read_once_a_tick():
     source, devices = made()
     source.start(0)
-    blocks = [source.step(1, 1000 + k, None) for k in range(3)]
-    frames = np.concatenate(blocks)
-    assert frames["sequence"].tolist() == [0, 1, 2]
+    ticks = enumerate((1, 1, 4))  # two are missed, which shows as a gap
+    frames = np.concatenate([source.step(elapsed, 1000 + k, None) for k, elapsed in ticks])
+    assert frames["sequence"].tolist() == [0, 1, 5]
     assert frames["time_ns"].tolist() == [1000, 1001, 1002]
     assert frames["position_mm"][0].tolist() == [10.0, 11.0, 12.0]
     assert frames["force_n"][1].tolist() == [20.0, 21.0, 22.0]
@@ -43,28 +41,19 @@ def test_ticks_begin_after_the_turn_of_a_device_that_has_turns():
     assert robot.calls == ["connect", "calibrate", "await_turn"]
 
 
-def test_ticks_that_were_missed_show_as_a_gap():
-    source, _ = made()
-    source.start(0)
-    frames = np.concatenate([source.step(elapsed, 0, None) for elapsed in (1, 1, 4, 1)])
-    assert frames["sequence"].tolist() == [0, 1, 5, 6]
-
-
 def test_the_robot_is_commanded_before_it_is_read():
-    source, (robot, *_) = made()
-    source.step(1, 0, None)
+    robot, force_sensor = Instrument(), Instrument()
+    source = DeviceSource(robot, force_sensor, None, ("position", "force"))
+    assert source.step(1, 0, None).dtype.names == ("sequence", "time_ns", "position_mm", "force_n")
     source.step(1, 0, (1.0, 2.0, 3.0))
     assert robot.calls == ["read", "write", "read"]
     assert robot.written == [(1.0, 2.0, 3.0)]
-
-
-def test_only_the_channels_of_the_scene_are_read():
-    robot, force_sensor = Instrument(), Instrument()
-    source = DeviceSource(robot, force_sensor, None, ("force",))
-    frames = source.step(1, 0, (0.0, 0.0, 0.0))
-    assert frames.dtype.names == ("sequence", "time_ns", "force_n")
-    assert robot.calls == ["write"]
-    assert force_sensor.calls == ["read"]
+    alone = DeviceSource(robot, force_sensor, None, ("force",))  # the scene's channels are read
+    alone.step(1, 0, (0.0, 0.0, 0.0))
+    assert robot.calls == ["read", "write", "read", "write"]
+    force_sensor.read = lambda: (1.0, 2.0)  # of the wrong size
+    with pytest.raises(MmtError, match=r"the force sensor \(Instrument\) failed"):
+        alone.step(1, 0, None)
 
 
 @pytest.mark.parametrize(
@@ -80,37 +69,26 @@ class Paced(Instrument):
         self._do("await_turn")
 
 
-@pytest.mark.parametrize("call", ["connect", "calibrate", "await_turn"])
-def test_a_device_that_does_not_answer_is_named(call):
-    accelerometer = Paced(**{call: OSError(5, "Input/output error")})
-    source = DeviceSource(Instrument(), Instrument(), accelerometer, CHANNELS)
-    with pytest.raises(MmtError, match=r"the accelerometer \(Paced\) failed: .*Input/output"):
-        source.start(0)
-
-
 @pytest.mark.parametrize(
-    ("error", "reason"),
+    ("call", "error", "reason"),
     [
-        (OSError(19, "No such device"), "No such device"),
-        (ValueError(), "ValueError"),
-        (MmtError("cable 3 is loose"), "cable 3 is loose"),
+        ("connect", OSError(5, "Input/output error"), "Input/output"),
+        ("calibrate", ValueError(), "ValueError"),
+        ("await_turn", OSError(19, "No such device"), "No such device"),
+        ("read", OSError(19, "No such device"), "No such device"),
+        ("read", ValueError(), "ValueError"),
+        ("read", MmtError("cable 3 is loose"), "cable 3 is loose"),
     ],
 )
-def test_a_device_that_fails_is_named_whatever_its_driver_raises(error, reason):
-    source, _ = made(read=error)
-    source.start(0)
-    with pytest.raises(MmtError, match=rf"the accelerometer \(Instrument\) failed: .*{reason}"):
+def test_a_device_that_fails_is_named_whatever_its_driver_raises(call, error, reason):
+    source = DeviceSource(Instrument(), Instrument(), Paced(**{call: error}), CHANNELS)
+
+    def run():
+        source.start(0)
         source.step(1, 0, None)
 
-
-def test_a_reading_of_the_wrong_size_is_the_devices_fault():
-    class Flat(Instrument):
-        def read(self):
-            return (1.0, 2.0)
-
-    source = DeviceSource(Flat(), None, None, ("position",))
-    with pytest.raises(MmtError, match=r"the robot \(Flat\) failed"):
-        source.step(1, 0, None)
+    with pytest.raises(MmtError, match=rf"the accelerometer \(Paced\) failed: .*{reason}"):
+        run()
 
 
 def test_all_are_closed_when_one_does_not_close():
@@ -119,10 +97,6 @@ def test_all_are_closed_when_one_does_not_close():
     with pytest.raises(MmtError, match=r"robot .*stuck; the accelerometer .*gone"):
         source.close()
     assert [device.calls for device in devices] == [["close"]] * 3
-
-
-def test_a_device_is_made_by_its_factory(drivers):
-    assert load_device(f"{drivers}:Robot").read() == (0.0, 1.0, 2.0)
 
 
 @pytest.mark.parametrize(
@@ -137,12 +111,7 @@ def test_a_device_is_made_by_its_factory(drivers):
     ],
 )
 def test_a_device_that_cannot_be_had_is_explained(drivers, name, kind, sentence):
+    assert load_device(f"{drivers}:Robot").read() == (0.0, 1.0, 2.0)
     with pytest.raises(kind, match=sentence) as caught:
         load_device(name)
     assert type(caught.value) is kind
-
-
-def test_a_source_of_devices_is_known_by_its_protocol(tmp_path):
-    source, _ = made()
-    assert isinstance(source, DeviceBackedSource)
-    assert not isinstance(build_source(small_scene(tmp_path)), DeviceBackedSource)

@@ -45,16 +45,16 @@ for each in runs:
 Each run is a child of a process that has imported the command line alone.
 """
 
-DEVICES = """
+SCENES = {
+    "devices": """
 [link]
 [devices]
 robot = "lean_driver:Device"
 accelerometer = "lean_driver:Device"
 [playout]
 [actuator]
-"""
-
-MODELLING_SCENE = """
+""",
+    "published": """
 [link]
 [simulated]
 [hand]
@@ -63,34 +63,19 @@ method = "published"
 [rendering]
 [playout]
 [actuator]
-"""
-
-METHODS = ("passive", "model")
-
-FEEDBACK_SCENE = """
-[link]
-[simulated]
-[hand]
-[force_feedback]
-method = "{method}"
-"""
+""",
+    "passive": "[link]\n[simulated]\n[hand]\n[force_feedback]\nmethod = 'passive'",
+    "model": "[link]\n[simulated]\n[hand]\n[force_feedback]\nmethod = 'model'",
+}
+"""Scenes beside the examples."""
 
 DRIVER = """
 class Device:
-    def connect(self):
-        pass
-
-    def calibrate(self):
-        pass
-
-    def read(self):
-        return (0.0, 0.0, 9.81)
-
-    def write(self, position_mm):
-        pass
-
-    def close(self):
-        pass
+    def connect(self): pass
+    def calibrate(self): pass
+    def read(self): return (0.0, 0.0, 9.81)
+    def write(self, position_mm): pass
+    def close(self): pass
 """
 
 NUMERICS = {"numba", "scipy", "mmt.core.compiled"}
@@ -109,70 +94,38 @@ SIMULATED, REPLAY, DEVICE_SOURCE = SOURCES = (
     "mmt.devices.streaming.source",
 )
 
+MODELLING = {*NETWORK, *MODEL, ACTUATOR}
+RECORDING = {*FILES, RECORDER}
+RENDERING = MODEL - {"mmt.leader.modelling.pipeline"}
+FORCES = {"mmt.follower.feedback", "mmt.contact.passivity"}
+BY_MODEL = {"mmt.leader.motion.feedback_model", "mmt.contact.passivity", "mmt.contact.estimation"}
+SIMULATED_SCENES = ("demo", "rough-texture", "anisotropic", "two-surfaces", "published")
+
 EXPECTED = {
-    "leader demo": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
-    "follower demo": {*NETWORK, SIMULATED},
-    "leader rough-texture": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
-    "follower rough-texture": {*NETWORK, SIMULATED},
-    "leader replay": {*NETWORK, *MODEL, *FILES, RECORDER, ACTUATOR},
+    **{f"leader {name}": MODELLING | RECORDING | {HAND} for name in SIMULATED_SCENES[:-1]},
+    **{f"follower {name}": {*NETWORK, SIMULATED} for name in SIMULATED_SCENES},
+    "leader published": MODELLING | {HAND},
+    "leader virtual-lab": MODELLING | RECORDING | {HAND},
+    "follower virtual-lab": {*NETWORK, DEVICE_SOURCE},
+    "leader virtual-arm": MODELLING | RECORDING | {"mmt.contact.estimation"},
+    "follower virtual-arm": {*NETWORK, DEVICE_SOURCE, *FORCES},
+    "leader replay": MODELLING | RECORDING,
     "follower replay": {*NETWORK, *FILES, REPLAY},
     "leader stream-only": {*NETWORK, HAND, ACTUATOR},
     "follower stream-only": {*NETWORK, SIMULATED},
-    "leader model-only": {
-        *MODEL - {"mmt.leader.modelling.pipeline"},
-        "mmt.texture.field.posterior",
-        HAND,
-        ACTUATOR,
-    },
+    "leader model-only": {*RENDERING, "mmt.texture.field.posterior", HAND, ACTUATOR},
     "leader passive": {
-        *NETWORK,
-        HAND,
+        *(*NETWORK, HAND),
         "mmt.leader.motion.feedback_passive",
         "mmt.contact.passivity",
     },
-    "follower passive": {*NETWORK, SIMULATED, "mmt.follower.feedback", "mmt.contact.passivity"},
-    "leader model": {
-        *NETWORK,
-        HAND,
-        "mmt.leader.motion.feedback_model",
-        "mmt.contact.passivity",
-        "mmt.contact.estimation",
-    },
-    "follower model": {*NETWORK, SIMULATED, "mmt.follower.feedback", "mmt.contact.passivity"},
-    "leader virtual-lab": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
-    "follower virtual-lab": {*NETWORK, DEVICE_SOURCE},
-    "leader virtual-arm": {
-        *(*NETWORK, *MODEL, *FILES, RECORDER, ACTUATOR),
-        "mmt.contact.estimation",
-    },
-    "follower virtual-arm": {
-        *(*NETWORK, DEVICE_SOURCE),
-        "mmt.follower.feedback",
-        "mmt.contact.passivity",
-    },
-    "leader anisotropic": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
-    "follower anisotropic": {*NETWORK, SIMULATED},
-    "leader two-surfaces": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
-    "follower two-surfaces": {*NETWORK, SIMULATED},
-    "leader published": {*NETWORK, *MODEL, HAND, ACTUATOR},
-    "follower published": {*NETWORK, SIMULATED},
-    "leader listener": {
-        *NETWORK,
-        *MODEL - {"mmt.leader.modelling.pipeline"},
-        *SHARING,
-        HAND,
-        ACTUATOR,
-    },
+    "follower passive": {*NETWORK, SIMULATED, *FORCES},
+    "leader model": {*NETWORK, HAND, *BY_MODEL},
+    "follower model": {*NETWORK, SIMULATED, *FORCES},
+    "leader listener": {*NETWORK, *RENDERING, *SHARING, HAND, ACTUATOR},
     "leader operator": {
-        *NETWORK,
-        *MODEL - {"mmt.leader.modelling.pipeline"},
-        *SHARING,
+        *(*NETWORK, *RENDERING, *SHARING, *BY_MODEL, HAND, ACTUATOR),
         *CONTROL - {"mmt_share.parts.control"},
-        "mmt.leader.motion.feedback_model",
-        "mmt.contact.passivity",
-        "mmt.contact.estimation",
-        HAND,
-        ACTUATOR,
     },
     "leader devices": {*NETWORK, ACTUATOR},
     "follower devices": {*NETWORK, DEVICE_SOURCE},
@@ -185,15 +138,8 @@ A new example scene needs its lines here, and a new part its module.
 LACKING = set() if find_spec("rtde_control") else {"virtual-arm"}
 """Scenes whose extra has no wheel for every system."""
 
-FEEDBACK = {
-    "mmt.leader.motion.feedback_passive",
-    "mmt.leader.motion.feedback_model",
-    "mmt.follower.feedback",
-    "mmt.contact.passivity",
-    "mmt.contact.estimation",
-}
-WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, *LEVEL, *SHARING}
-WATCHED |= {RECORDER, HAND, ACTUATOR, *CONTROL}
+WATCHED = {*MODELLING, *RECORDING, *SOURCES, *FORCES, *BY_MODEL, *LEVEL, *SHARING, *CONTROL}
+WATCHED |= {HAND, "mmt.leader.motion.feedback_passive"}
 NEVER = {
     "mmt.leader.monitoring",
     "mmt.web.monitor",
@@ -212,6 +158,8 @@ NEVER = {
     "h5py",
     "pyarrow",
     "tomli_w",
+    "mmt.link.emulated.network",  # without the table no network is emulated
+    "mmt.link.emulated.impairments",
 }
 
 
@@ -226,11 +174,9 @@ def directory(tmp_path_factory):
     """A folder with a recording, a driver, and a scene that names the driver."""
     directory = tmp_path_factory.mktemp("lean")
     write_session(directory / "made.mcap", made_frames(0, 100))
-    (directory / "devices.toml").write_text(DEVICES)
     (directory / "lean_driver.py").write_text(DRIVER)
-    for method in METHODS:
-        (directory / f"{method}.toml").write_text(FEEDBACK_SCENE.format(method=method))
-    (directory / "published.toml").write_text(MODELLING_SCENE)
+    for name, text in SCENES.items():
+        (directory / f"{name}.toml").write_text(text)
     return directory
 
 
@@ -241,8 +187,7 @@ def modules(directory):
     hardware = {name for name in scenes if name.endswith(("-leader", "-follower"))}
     for name in LACKING | hardware:
         del scenes[name]
-    for name in ("devices", *METHODS, "published"):
-        scenes[name] = directory / f"{name}.toml"
+    scenes |= {name: directory / f"{name}.toml" for name in SCENES}
     loaded = {name: load_scene(path) for name, path in scenes.items()}
     runs = [
         (service, name)
@@ -296,31 +241,8 @@ def test_a_service_imports_what_its_scene_needs_and_no_more(modules, name):
     if name.split()[1] in LACKING:
         pytest.skip("ur-rtde is not installed")
     assert among(modules[name], WATCHED) == EXPECTED[name]
-
-
-def test_the_numerics_are_where_a_model_is():
-    """Holds the table above: streaming and devices need neither numba nor scipy."""
-    with_numerics = {name for name, expected in EXPECTED.items() if expected & NUMERICS}
-    names = ("demo", "replay", "model-only", "virtual-lab", "anisotropic", "two-surfaces")
-    names += ("rough-texture", "virtual-arm", "listener", "operator", "published")
-    assert with_numerics == {f"leader {name}" for name in names}
-
-
-def test_no_service_imports_what_is_for_offline_work(modules):
-    assert {name: among(found, NEVER) for name, found in modules.items()} == {
-        name: set() for name in modules
-    }
-
-
-def test_neither_service_imports_the_other(modules):
-    others = {"leader": "mmt.follower", "follower": "mmt.leader"}
-    found = {name: among(modules[name], {others[name.split()[0]]}) for name in modules}
-    assert found == {name: set() for name in modules}
-
-
-def test_without_the_table_no_network_is_emulated(modules):
-    emulation = {"mmt.link.emulated.network", "mmt.link.emulated.impairments"}
-    assert all(among(found, emulation) == set() for found in modules.values())
+    other = {"leader": "mmt.follower", "follower": "mmt.leader"}[name.split()[0]]
+    assert among(modules[name], {*NEVER, other}) == set()
 
 
 def test_devices_stream_to_a_leader_without_numerics_on_either_side(directory):

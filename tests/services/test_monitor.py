@@ -1,14 +1,13 @@
 """The monitor of a leader that runs, as a browser without a screen sees it."""
 
 import asyncio
-import base64
 
 import aiohttp
 import pytest
 from frame_samples import made_frames
 from monitor_browser import address, monitored, open_browser, until
 from monitor_messages import unpack
-from service_runs import MadeSource, Together, small_scene
+from service_runs import MadeSource
 
 from mmt.link import access
 from mmt.link.access import TOKEN_VARIABLE
@@ -23,7 +22,7 @@ async def browser():
         yield browser
 
 
-async def test_a_run_is_shown_while_it_lasts(tmp_path, browser):
+async def test_a_run_is_shown_while_it_lasts_and_at_last_how_it_has_ended(tmp_path, browser):
     together = await monitored(tmp_path)
     socket = await browser.look_on(together)
     hello = await until(socket, "hello")
@@ -31,9 +30,8 @@ async def test_a_run_is_shown_while_it_lasts(tmp_path, browser):
     waiting = await until(socket, "live")
     assert waiting["mode"] == "streamed"
     assert waiting["verdict"]["now"] == "waiting for the follower"
-    follower = together.follower(MadeSource([made_frames(k, 1) for k in range(20_000)]))
-    following = asyncio.create_task(follower.run())
-    await together.until(lambda: together.leader.time_s > 0.2)
+    source = MadeSource([made_frames(k, 1) for k in range(2500)])
+    following = asyncio.create_task(together.follow(source))
     while (live := await until(socket, "live"))["measured_count"] < 100:
         assert live["viewers"] == 1
     assert live["verdict"]["now"] == "streamed"
@@ -42,44 +40,18 @@ async def test_a_run_is_shown_while_it_lasts(tmp_path, browser):
     link = await until(socket, "link")
     assert len(link["counts"]) == len(link["bounds_ms"]) + 1
     assert sum((await until(socket, "ticks"))["counts"]) > 100
-    events = [
-        sentence
-        for _, sentence in (await until(await browser.look_on(together), "events"))["events"]
-    ]
-    assert "follower connected (simulated)" in events
-    together.leader.stop()
-    assert (await until(socket, "end"))["outcome"] == "stopped"
-    assert (await socket.receive()).type is aiohttp.WSMsgType.CLOSE
-    await following
-    await together.end()
-
-
-async def test_the_last_that_is_shown_is_how_the_run_has_ended(tmp_path, browser):
-    together = await monitored(tmp_path)
-    socket = await browser.look_on(together)
-    follower = together.follower(MadeSource([made_frames(k, 1) for k in range(700)]))
-    await follower.run()
+    late = (await until(await browser.look_on(together), "events"))["events"]
+    assert "follower connected (simulated)" in [sentence for _, sentence in late]
     shown = {}
     while "end" not in shown:
         message = unpack(await socket.receive_bytes(timeout=30.0))
         shown[message["kind"]] = message
+    assert (await socket.receive()).type is aiohttp.WSMsgType.CLOSE
+    await following
     summary = await together.end()
     assert shown["ticks"]["ticks"] == summary.ticks["ticks"]
-    assert shown["link"]["frames"] == 700
-    assert shown["live"]["measured_count"] == 700
-    assert shown["end"]["outcome"] == summary.outcome
-
-
-async def test_nothing_is_kept_once_the_last_viewer_has_left(tmp_path, browser):
-    together = await monitored(tmp_path)
-    monitor = together.leader.parts.monitor
-    assert not monitor.tap.watched
-    socket = await browser.look_on(together)
-    await until(socket, "live")
-    assert monitor.tap.watched
-    await socket.close()
-    await together.until(lambda: not monitor.tap.watched)
-    await together.stop()
+    assert shown["link"]["frames"] == shown["live"]["measured_count"] == 2500
+    assert shown["end"]["outcome"] == summary.outcome == "source ended"
 
 
 async def test_the_page_is_served_and_nothing_beside_it(tmp_path, browser):
@@ -109,14 +81,6 @@ async def test_a_request_makes_the_leader_look_no_name_up(tmp_path, browser, mon
     await together.stop()
 
 
-async def test_a_scene_without_a_monitor_serves_none(tmp_path, browser):
-    together = await Together.listening(small_scene(tmp_path))
-    assert together.leader.parts.monitor is None
-    async with browser.http.get(address(together, "/monitor/")) as answer:
-        assert answer.status == 404
-    await together.stop()
-
-
 async def test_with_a_token_the_socket_asks_for_it(tmp_path, browser, monkeypatch):
     monkeypatch.setenv(TOKEN_VARIABLE, TOKEN)
     together = await monitored(tmp_path)
@@ -142,36 +106,22 @@ async def test_with_a_token_the_socket_asks_for_it(tmp_path, browser, monkeypatc
     await together.stop()
 
 
-@pytest.mark.parametrize(
-    ("headers", "status"),
-    [
-        ({"Origin": "http://elsewhere.example"}, 403),
-        ({"Host": "elsewhere.example", "Origin": "http://elsewhere.example"}, 403),
-        ({"Host": "localhost:1", "Origin": "http://localhost:1"}, 101),
-        ({"Host": "[::1]:1", "Origin": "http://[::1]:1"}, 101),
-    ],
-)
-async def test_a_page_of_another_site_cannot_look_on(tmp_path, browser, headers, status):
+async def test_only_so_many_may_look_on_and_nothing_is_kept_once_the_last_has_left(
+    tmp_path, browser
+):
     together = await monitored(tmp_path)
-    handshake = {
-        "Upgrade": "websocket",
-        "Connection": "Upgrade",
-        "Sec-WebSocket-Version": "13",
-        "Sec-WebSocket-Key": base64.b64encode(bytes(16)).decode(),
-    }
-    async with browser.http.get(address(together), headers={**handshake, **headers}) as answer:
-        assert answer.status == status
-    await together.stop()
-
-
-async def test_only_so_many_may_look_on(tmp_path, browser):
-    together = await monitored(tmp_path)
+    monitor = together.leader.parts.monitor
+    assert not monitor.tap.watched
     sockets = [await browser.look_on(together) for _ in range(MOST_VIEWERS)]
     for socket in sockets:
         await until(socket, "hello")
+    assert monitor.tap.watched
     with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
         await browser.look_on(together)
     assert caught.value.status == 503
+    for socket in sockets:
+        await socket.close()
+    await together.until(lambda: not monitor.tap.watched)
     await together.stop()
 
 

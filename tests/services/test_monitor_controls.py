@@ -37,8 +37,12 @@ async def test_a_recording_is_started_marked_and_ended(tmp_path, browser, monkey
     assert (await until(socket, "controls"))["recording"] is None
     good, sentence = await order(socket, do="mark", text="before")
     assert (good, sentence) == (True, "marked: before (nothing is being recorded)")
+    journal = together.leader.session.journal
+    journal.record({"event": "actuator response", "gain": [0.4], "low_hz": 40.0})
     response = {"event": "actuator response", "gain": [0.5], "low_hz": 40.0}
-    together.leader.session.journal.record(response)
+    journal.record(response)
+    journal.event("model frozen", frozen=True)
+    journal.event("nothing more than said")
     for number in (1, 2):
         file = Path("mmt-monitor") / f"session-{number}.mcap"
         assert await order(socket, do="record", on=True) == (True, f"recording into {file}")
@@ -54,6 +58,8 @@ async def test_a_recording_is_started_marked_and_ended(tmp_path, browser, monkey
         assert marks == ["wood begins"]
         responses = [e for e in recorded.events if e.get("event") == response["event"]]
         assert [{**each, **response} for each in responses] == responses != []
+        assert [e["frozen"] for e in recorded.events if "frozen" in e] == [True]
+        assert "nothing more than said" not in [event["event"] for event in recorded.events]
     assert await order(socket, do="record", on=False) == (False, "no recording runs")
     summary = await together.stop()
     assert summary.recording["file"] == str(file)
