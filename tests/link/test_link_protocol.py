@@ -32,22 +32,18 @@ def without(key):
     ("auth", "sentence"),
     [
         (None, "hello is missing"),
-        ([], "hello is missing"),
         ("follower", "hello is missing"),
         (without("protocol"), "lacks 'protocol'"),
         ({**GOOD, "protocol": 3}, "link protocol 3, the leader 1 and 2: install the same version"),
         ({**GOOD, "protocol": 2}, "lacks 'samples_per_frame'"),
         ({**SEVERAL, "samples_per_frame": 5.0}, "'samples_per_frame' is a float"),
-        ({**GOOD, "protocol": "1"}, "'protocol' is a str: allowed is int"),
         ({**GOOD, "protocol": True}, "'protocol' is a bool: allowed is int"),
         ({**GOOD, "rate_hz": 1000.0}, "'rate_hz' is a float"),
         ({**GOOD, "channels": "position"}, "'channels' is a str: allowed is list"),
         ({**GOOD, "channels": []}, "channels: none given"),
         ({**GOOD, "channels": ["smell", 3]}, "channels: 3, smell given, allowed are position"),
-        ({**GOOD, "frames_per_message": 0}, "frames_per_message is 0: allowed is 1 to 100"),
         ({**GOOD, "annotations": "text"}, "'annotations' is a str: allowed is bytes"),
         ({**GOOD, "clock_id": None}, "'clock_id' is a NoneType"),
-        ({**GOOD, "source": "x" * 257}, "source is longer than the 256"),
     ],
 )
 def test_a_bad_hello_is_refused_with_a_sentence(auth, sentence):

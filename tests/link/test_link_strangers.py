@@ -34,17 +34,10 @@ TOKEN = "a token that nobody guesses"
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch):
-    """No stranger is closed for its time, where a test does not shorten it."""
+    """There is a token, and nobody is closed for its time where a test does not shorten it."""
+    monkeypatch.setenv("MMT_LINK_TOKEN", TOKEN)
     monkeypatch.setattr(mmt.link.serving.accepting, "HANDSHAKE_S", 30.0)
     monkeypatch.setattr(mmt.link.serving.sockets, "HANDSHAKE_S", 30.0)
-
-
-@asynccontextmanager
-async def guarded_leader(monkeypatch, notes=None, **settings):
-    """A leader with a token; the followers made here have it too."""
-    monkeypatch.setenv("MMT_LINK_TOKEN", TOKEN)
-    async with leader(notes, **settings) as server:
-        yield server
 
 
 @asynccontextmanager
@@ -99,19 +92,19 @@ UPGRADE = WEBSOCKET + (
 
 @pytest.mark.parametrize("says", [b"", WEBSOCKET, UPGRADE], ids=["nothing", "half", "no hello"])
 @pytest.mark.parametrize("count", [24, 150])
-async def test_connections_that_stay_idle_do_not_keep_the_follower_out(monkeypatch, says, count):
-    async with guarded_leader(monkeypatch) as server, strangers(server.port, count, says):
+async def test_connections_that_stay_idle_do_not_keep_the_follower_out(says, count):
+    async with leader() as server, strangers(server.port, count, says):
         await connects_within(server.port, 5.0)
 
 
-async def test_idle_connections_before_tls_do_not_keep_the_follower_out(monkeypatch, tmp_path):
+async def test_idle_connections_before_tls_do_not_keep_the_follower_out(tmp_path):
     authority = trustme.CA()
     issued = authority.issue_cert("127.0.0.1")
     authority.cert_pem.write_to_path(tmp_path / "authority.pem")
     issued.private_key_pem.write_to_path(tmp_path / "key.pem")
     issued.cert_chain_pems[0].write_to_path(tmp_path / "leader.pem")
     files = {"certificate": tmp_path / "leader.pem", "key": tmp_path / "key.pem"}
-    async with guarded_leader(monkeypatch, **files) as server, strangers(server.port, 60) as idle:
+    async with leader(**files) as server, strangers(server.port, 60) as idle:
         await connects_within(server.port, 5.0, authority=tmp_path / "authority.pem")
         assert not await is_open(idle[0])
 
@@ -119,7 +112,7 @@ async def test_idle_connections_before_tls_do_not_keep_the_follower_out(monkeypa
 @pytest.mark.parametrize("says", [b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: "])
 async def test_headers_that_do_not_end_are_closed(monkeypatch, says):
     monkeypatch.setattr(mmt.link.serving.accepting, "HANDSHAKE_S", 0.3)
-    async with guarded_leader(monkeypatch) as server, strangers(server.port, 1, says) as (one,):
+    async with leader() as server, strangers(server.port, 1, says) as (one,):
         assert await is_open(one)
         async with asyncio.timeout(5):
             while await is_open(one):
@@ -133,7 +126,7 @@ async def test_strangers_of_one_address_displace_only_each_other(monkeypatch, de
         monkeypatch.setattr(mmt.link.serving.accepting, "descriptors", lambda: descriptors)
         most = 9
     async with (
-        guarded_leader(monkeypatch) as server,
+        leader() as server,
         strangers(server.port, 1, address="127.0.0.2") as (quiet,),
         strangers(server.port, 200) as many,
     ):
@@ -147,7 +140,7 @@ async def test_strangers_of_one_address_displace_only_each_other(monkeypatch, de
 async def test_strangers_of_many_addresses_displace_those_of_the_busiest(monkeypatch):
     monkeypatch.setattr(mmt.link.serving.accepting, "MOST_STRANGERS", 8)
     async with (
-        guarded_leader(monkeypatch) as server,
+        leader() as server,
         strangers(server.port, 2, address="127.0.0.2") as few,
         strangers(server.port, 6) as many,
         strangers(server.port, 2, address="127.0.0.3"),
@@ -171,7 +164,7 @@ async def test_a_crowd_comes_in_slowly_while_a_session_goes_on_and_all_are_serve
             return time.monotonic() - started_s
 
         alone_s = min([await crowd_s() for _ in range(3)])
-        async with follower(server.port):
+        async with follower(server.port, access=Access(TOKEN)):
             await until(lambda: server.connected)
             assert await crowd_s() > 8 * turn_s  # the first may come between two turns
             waiting = asyncio.create_task(crowd_s())
@@ -184,7 +177,7 @@ async def test_a_crowd_comes_in_slowly_while_a_session_goes_on_and_all_are_serve
 
 
 @pytest.mark.parametrize("kind", ["tokens", "pings"])
-async def test_a_follower_connects_anew_beside_strangers_of_its_address(monkeypatch, kind):
+async def test_a_follower_connects_anew_beside_strangers_of_its_address(kind):
     over = threading.Event()
 
     def disturb(port):
@@ -192,7 +185,7 @@ async def test_a_follower_connects_anew_beside_strangers_of_its_address(monkeypa
             disturbing.send_as_stranger("127.0.0.1", port, kind)
 
     async with (
-        guarded_leader(monkeypatch) as server,
+        leader() as server,
         follower(server.port, access=Access(TOKEN), run_id="the follower's"),
     ):
         disturbers = [asyncio.create_task(asyncio.to_thread(disturb, server.port)) for _ in "ab"]
@@ -206,8 +199,8 @@ async def test_a_follower_connects_anew_beside_strangers_of_its_address(monkeypa
 
 
 @pytest.mark.parametrize("kind", list(disturbing.KINDS))
-async def test_no_stranger_sends_more_than_a_hello_needs(monkeypatch, kind):
-    async with guarded_leader(monkeypatch) as server, asyncio.timeout(15):
+async def test_no_stranger_sends_more_than_a_hello_needs(kind):
+    async with leader() as server, asyncio.timeout(15):
         await asyncio.to_thread(disturbing.send_as_stranger, "127.0.0.1", server.port, kind)
         await connects_within(server.port, 5.0)
 
@@ -234,18 +227,16 @@ async def closes(stream):
     ],
     ids=["bytes", "pieces", "pings", "requests"],
 )
-async def test_who_sends_more_than_a_hello_needs_is_closed_before_the_time_is_over(
-    monkeypatch, says
-):
-    async with guarded_leader(monkeypatch) as server, strangers(server.port, 1, says) as (one,):
+async def test_who_sends_more_than_a_hello_needs_is_closed_before_the_time_is_over(says):
+    async with leader() as server, strangers(server.port, 1, says) as (one,):
         assert await closes(one)
 
 
-async def test_the_longest_hello_fits_through_the_gate(monkeypatch):
+async def test_the_longest_hello_fits_through_the_gate():
     notes = LeaderNotes()
     annotations = bytes(MAX_ANNOTATIONS_BYTES)
     async with (
-        guarded_leader(monkeypatch, notes) as server,
+        leader(notes) as server,
         follower(server.port, access=Access(TOKEN), annotations=annotations) as client,
     ):
         for first in range(0, 4000, 100):  # and what it sends then is not limited
@@ -290,9 +281,9 @@ def test_a_gate_hands_on_all_bytes_in_order_and_in_slices(data, opens):
     asyncio.run(run())
 
 
-async def test_a_page_that_shows_the_token_keeps_its_connection(monkeypatch):
+async def test_a_page_that_shows_the_token_keeps_its_connection():
     says = f"GET /none HTTP/1.1\r\nHost: a\r\nAuthorization: Bearer {TOKEN}\r\n\r\n".encode()
-    async with guarded_leader(monkeypatch) as server, strangers(server.port, 1, says) as (page,):
+    async with leader() as server, strangers(server.port, 1, says) as (page,):
         answer = await page[0].readuntil(b"\r\n\r\n")
         assert answer.split()[1] == b"404"
         async with strangers(server.port, 100):
@@ -312,15 +303,15 @@ async def test_without_descriptors_the_leader_waits_and_then_accepts(monkeypatch
         return await accept(listening)
 
     monkeypatch.setattr(loop, "sock_accept", sock_accept)
-    async with guarded_leader(monkeypatch) as server:
+    async with leader() as server:
         await connects_within(server.port, 10.0)
     assert 2 <= calls < 20
 
 
-async def test_strangers_fill_no_log(monkeypatch, caplog):
+async def test_strangers_fill_no_log(caplog):
     caplog.set_level(logging.INFO)
     notes, malformed = LeaderNotes(), b"GET / HTTP/1.1\r\nbad\r\n\r\n"
-    async with guarded_leader(monkeypatch, notes) as server:
+    async with leader(notes) as server:
         async with follower(server.port, access=Access(TOKEN)) as client:
             async with strangers(server.port, 200):
                 client.send_frames(frames(0))
@@ -355,18 +346,18 @@ async def test_a_name_with_an_address_that_the_machine_lacks_is_listened_on_at_t
 
         with monkeypatch.context() as patched:
             patched.setattr(loop, "getaddrinfo", names)
-            async with guarded_leader(monkeypatch) as server:
+            async with leader() as server:
                 patched.undo()
                 await connects_within(server.port, 5.0)
 
 
-async def test_a_link_is_not_passed_on_to_another_leader(monkeypatch):
+async def test_a_link_is_not_passed_on_to_another_leader():
     notes = LeaderNotes()
 
     async def pass_on(request):
         raise web.HTTPTemporaryRedirect(f"http://127.0.0.1:{server.port}{request.path_qs}")
 
-    async with guarded_leader(monkeypatch, notes) as server:
+    async with leader(notes) as server:
         application = web.Application()
         application.router.add_get("/socket.io/", pass_on)
         runner = web.AppRunner(application)
@@ -393,7 +384,9 @@ async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(monkeypa
     async with leader(notes) as server:
         client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
         url = f"http://127.0.0.1:{server.port}"
-        await client.connect(url, auth=hello().to_auth(), transports=["websocket"])
+        await client.connect(
+            url, auth={**hello().to_auth(), "token": TOKEN}, transports=["websocket"]
+        )
         rubbish = encode_event("frames", b"x")
         with contextlib.suppress(ConnectionError, RuntimeError, aiohttp.ClientError):
             async with asyncio.timeout(30):
@@ -407,7 +400,7 @@ async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(monkeypa
         await client.disconnect()
         # what the first owes would take 0.5 s
         monkeypatch.setattr(server.endpoint.rate_limit, "_due_ns", 0)
-        async with follower(server.port) as good:
+        async with follower(server.port, access=Access(TOKEN)) as good:
             good.send_frames(frames(0))
             await until(lambda: notes.sequences == [0])
     assert notes.errors == []
@@ -416,7 +409,7 @@ async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(monkeypa
 @pytest.mark.usefixtures("low_limit")
 async def test_a_leader_that_floods_ends_the_follower_with_a_reason():
     notes = FollowerNotes()
-    async with leader() as server, follower(server.port, notes) as client:
+    async with leader() as server, follower(server.port, notes, Access(TOKEN)) as client:
         await until(lambda: server.can_send)
         async with asyncio.timeout(30):
             while not notes.errors:
@@ -431,7 +424,10 @@ async def test_who_is_not_let_in_may_not_stay(monkeypatch):
     monkeypatch.setattr(mmt.link.serving.sockets, "HANDSHAKE_S", 0.3)
     async with leader() as server, aiohttp.ClientSession() as session:
         url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
-        async with follower(server.port) as good, session.ws_connect(url) as silent:
+        async with (
+            follower(server.port, access=Access(TOKEN)) as good,
+            session.ws_connect(url) as silent,
+        ):
             assert (await silent.receive()).type is aiohttp.WSMsgType.TEXT  # the handshake
             async with asyncio.timeout(10):
                 while not (await silent.receive()).type & 0x8:  # until it is closed
