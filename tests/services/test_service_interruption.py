@@ -95,6 +95,7 @@ def test_both_go_on_after_eight_seconds_without_the_leader_and_it_holds_up_no_in
         time.sleep(8.0)
         leader.signal(signal.SIGCONT)
         leader.wait_for(lambda: streamed_s(leader) > 9.0, 5.0)
+        assert (leader.stderr, follower.stderr) == ("", "")
         leader.signal(signal.SIGSTOP)
         interrupted_s = follower.signal(signal.SIGINT)
         assert follower.end() == 0, follower.stderr
@@ -102,7 +103,7 @@ def test_both_go_on_after_eight_seconds_without_the_leader_and_it_holds_up_no_in
         leader.signal(signal.SIGCONT)
         leader.end()
     assert follower.summary()["outcome"] == "stopped"
-    assert follower.stderr == ""
+    assert "the leader did not acknowledge the end of the session" in follower.stderr
 
 
 def test_a_killed_follower_may_be_started_anew(tmp_path):
