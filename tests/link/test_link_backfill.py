@@ -177,3 +177,25 @@ async def test_the_end_of_a_session_fills_in_what_is_missing_to_its_last_frame()
     assert settled == [10, 10, 10]
     assert sorted(filled) == [-10, 2, 3, 4, 8, 8, 9]
     assert notes.ends == ["done"]
+
+
+async def test_the_leader_asks_and_is_answered_while_frames_stream():
+    filled = []
+    gone = []
+    notes = LeaderNotes()
+    events = LeaderEvents(
+        on_frames=lambda block, arrival_ns: notes.blocks.append(block),
+        on_backfill=filled.append,
+        on_gone=gone.append,
+    )
+    async with (
+        leader(events=events) as server,
+        follower(server.port, FollowerNotes(), keep_frames=50) as client,
+    ):
+        await until(lambda: server.can_send)
+        client.send_frames(frames(0, 100))
+        server.request_frames([(0, 3), (60, 80)])
+        await until(lambda: filled and gone)
+        assert gone == [[(0, 3)]]
+        np.testing.assert_array_equal(np.concatenate(filled), frames(60, 20))
+        assert notes.sequences == list(range(100))

@@ -99,6 +99,16 @@ async def test_the_leader_asks_the_follower_to_stop_and_waits_for_its_end():
     assert up.losses == down.losses == []
 
 
+async def test_a_follower_that_ignores_the_stop_does_not_hold_the_leader_up():
+    up, down = LeaderNotes(), FollowerNotes()
+    async with leader(up) as server, follower(server.port, down):
+        await server.request_stop("completed")
+        await server.stop()
+        await until(lambda: down.stops)
+        await asyncio.sleep(0.05)
+    assert up.losses == down.losses == []
+
+
 async def test_the_end_counts_what_was_lost_at_the_tail():
     notes = LeaderNotes()
     async with leader(notes) as server, follower(server.port) as client:
