@@ -5,10 +5,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from surface_samples import odd_model
 
 from mmt.core.errors import InputError
+from mmt.core.frames import acceleration_samples
 from mmt.follower.sources import build_source
 from mmt.scene import Scene, Simulated
+from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces.course import (
     SETTLED_TICKS,
@@ -20,7 +23,7 @@ from mmt.testing.simulation.surfaces.course import (
 from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.surfaces.textures import get_surface
 
-LINKED = {"link": {}, "recording": {}}
+LINKED = {"link": {}, "recording": {}, "texture": {}}
 THREE = [get_surface(name) for name in ("glass", "sandpaper", "wood")]
 
 
@@ -39,9 +42,9 @@ def test_a_course_never_stays_and_depends_on_its_seed_alone():
     assert drawn().changes == course.changes != drawn(2).changes
 
 
-@pytest.mark.parametrize(("when", "kinds"), [("lifted", {False}), ("contact", {True})])
-def test_changes_are_of_the_kind_asked_for(when, kinds):
-    assert {change.in_contact for change in drawn(when=when).changes} == kinds
+def test_changes_are_of_the_kind_asked_for():
+    for when, kind in (("lifted", False), ("contact", True)):
+        assert {change.in_contact for change in drawn(when=when).changes} == {kind}
 
 
 def test_a_change_waits_for_the_tool_to_be_off_the_surface_or_on_it():
@@ -67,43 +70,40 @@ def test_no_surface_is_no_course_and_a_course_is_not_one_surface():
         course_from_annotations(THREE[0].annotations())
     with pytest.raises(InputError, match="mmt lab surfaces"):
         surface_from_annotations(drawn().annotations())
-
-
-@pytest.mark.parametrize(
-    "parameters",
-    [
+    surfaces = [json.loads(surface.annotations()) for surface in THREE]
+    for parameters in (
         {},
         {"surfaces": [], "changes": []},
-        {"surfaces": [json.loads(s.annotations()) for s in THREE], "changes": [[1, 9, True]]},
-        {"surfaces": [json.loads(s.annotations()) for s in THREE], "changes": [[1]]},
-    ],
-)
-def test_annotations_that_hold_no_course_are_refused(parameters):
-    with pytest.raises(InputError):
-        course_from_annotations(json.dumps({"version": 3, "parameters": parameters}).encode())
+        {"surfaces": surfaces, "changes": [[1, 9, True]]},
+        {"surfaces": surfaces, "changes": [[1]]},
+    ):
+        with pytest.raises(InputError):
+            course_from_annotations(json.dumps({"version": 3, "parameters": parameters}).encode())
+    for wrong in (["plastic"], ["wood", "wood"], ["velvet"]):
+        simulated = Simulated.model_validate({"course": {"surfaces": wrong}})
+        with pytest.raises(InputError, match=wrong[0]):
+            surface_of(simulated, 10.0, 1)
 
 
-def test_a_scene_names_a_course():
-    tables = {"surface": "glass", "course": {"surfaces": ["sandpaper", "wood"], "stay_s": 5.0}}
+def test_a_scene_names_a_course(tmp_path):
+    """Of its own rate, also over altered and drawn surfaces, and over a model's file."""
+    path = tmp_path / "stone.npz"
+    path.write_bytes(odd_model().to_bytes())
+    course = {"surfaces": ["drawn-4", "plastic+patches", str(path)], "stay_s": 2.0}
+    tables = {"surface": "glass", "course": course}
     simulated = Simulated.model_validate(tables)
-    course = surface_of(simulated, 100.0, 1)
-    assert isinstance(course, SurfaceCourse)
-    assert course.changes == drawn(when="lifted").changes
+    drawn_course = surface_of(simulated, 100.0, 1)
+    assert isinstance(drawn_course, SurfaceCourse)
+    assert {change.in_contact for change in drawn_course.changes} == {False}
     assert surface_of(Simulated(), 100.0, 1) == get_surface("plastic")
-    scene = Scene.model_validate({"hand": {}, **LINKED, "simulated": tables})
-    source = build_source(scene)
-    assert course_from_annotations(source.annotations).surfaces[0].name == "glass"
-    _, annotations = simulate_session(scene, None, 0.05)
-    assert len(course_from_annotations(annotations).surfaces) == 3
-
-
-@pytest.mark.parametrize(
-    "surfaces", [["plastic"], ["wood", "wood"], ["velvet"]], ids=["stays", "twice", "unknown"]
-)
-def test_a_course_over_wrong_surfaces_is_refused(surfaces):
-    simulated = Simulated.model_validate({"course": {"surfaces": surfaces}})
-    with pytest.raises(InputError, match=surfaces[0]):
-        surface_of(simulated, 10.0, 1)
+    session = {"acceleration_rate_hz": 3000}
+    scene = scene_from_tables({"hand": {}, **LINKED, "session": session, "simulated": tables})
+    frames, annotations = simulate_session(scene, duration_s=4.0)
+    assert np.isfinite(acceleration_samples(frames)).all()
+    for truth in (annotations, build_source(scene).annotations):
+        surfaces = course_from_annotations(truth).surfaces
+        names = ["glass", "drawn-4", "plastic+patches", "stone"]
+        assert [(s.name, s.rate_hz) for s in surfaces] == [(name, 3000.0) for name in names]
 
 
 def test_the_recorded_vibration_is_that_of_the_surface_under_the_tool():
