@@ -32,10 +32,6 @@ def _runs(values):
     return np.diff(edges)[::2]
 
 
-def test_the_scene_names_every_kind():
-    assert ("strokes", *KINDS) == HAND_KINDS
-
-
 @pytest.mark.parametrize("headings", ["opposite", "all"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_kind_keeps_to_its_ranges_and_within_reach(kind, headings):
@@ -47,77 +43,34 @@ def test_a_kind_keeps_to_its_ranges_and_within_reach(kind, headings):
     assert 0.2 < (force > 0.1).mean() < 1.0
 
 
-def test_quick_strokes_are_trapezoids_from_rest_to_rest():
+def test_each_kind_moves_in_its_own_way():
     _, speed, _ = _moved("quick")
-    lengths, peaks = [], []
-    edges = np.flatnonzero(np.diff((speed > 0).astype(int)))
-    slow = np.flatnonzero(
-        (speed[1:-1] < speed[:-2]) & (speed[1:-1] < speed[2:]) & (speed[1:-1] < 8)
+    turns = np.flatnonzero(
+        (speed[1:-1] <= speed[:-2]) & (speed[1:-1] < speed[2:]) & (speed[1:-1] < 8)
     )
-    turns = np.unique(np.concatenate([edges, slow]))
-    for start, stop in pairwise(turns):
-        if stop - start > 200 and speed[start + 20 : stop - 20].min() > 0.0:
-            stroke = speed[start:stop]
-            lengths.append(stop - start)
-            peaks.append(stroke.max())
-            ramp = round(0.15 * len(stroke))
-            assert stroke[ramp // 2] == pytest.approx(0.5 * np.median(stroke), rel=0.2)
-    assert len(lengths) > 20
-    assert 240 <= min(lengths) < 400 < max(lengths) <= 710
+    peaks = [speed[a:b].max() for a, b in pairwise(turns) if 240 <= b - a <= 710]
+    assert len(peaks) > 20  # strokes from rest to rest
     assert min(peaks) < 80.0 < 220.0 < max(peaks)
-
-
-def test_circles_have_the_radii_stated_and_all_headings():
     position, speed, _ = _moved("circles")
-    moving = speed > 20.0
-    velocity = np.gradient(position[:, :2], 1e-3, axis=0)
+    velocity, moving = np.gradient(position[:, :2], 1e-3, axis=0), speed > 20.0
     heading = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
     radius = (speed / np.maximum(np.abs(np.gradient(heading, 1e-3)), 1e-6))[moving]
-    assert np.percentile(radius, 2) > 7.0
-    assert np.percentile(radius, 98) < 32.0
+    assert 7.0 < np.percentile(radius, 2) < np.percentile(radius, 98) < 32.0
     counts = np.bincount((heading[moving] * 6 / np.pi).astype(int) % 12, minlength=12)
     assert counts.min() > 0.5 * counts.mean()
-
-
-def test_taps_make_and_break_contact():
     _, speed, force = _moved("taps")
     touches = _runs(force > 0.05)
     assert len(touches) > 2 * TICKS / 1000 * 0.7
     assert np.median(touches) < 400
-    assert 0.2 < (speed[force > 0.2] > 5.0).mean() < 0.8
-
-
-def test_scratching_reverses_many_times_a_second():
     position, speed, _ = _moved("scratching")
     velocity = np.gradient(position[:, :2], 1e-3, axis=0)
     opposite = (velocity[40:] * velocity[:-40]).sum(axis=1) < -0.5 * speed[40:] * speed[:-40]
     assert 4.0 < len(_runs(opposite)) / (len(speed) / 1000.0) < 15.0
-
-
-def test_pauses_stand_still_for_long_on_the_surface_and_above():
     _, speed, force = _moved("pauses")
     still = speed < 1e-9
     assert still.mean() > 0.5
     assert (_runs(still & (force > 0.1)) > 300).sum() >= 3
     assert (_runs(still & (force < 0.01)) > 200).sum() >= 3
-
-
-def test_a_recorded_stroke_is_followed_for_as_long_as_the_session_lasts(tmp_path):
-    time_s = np.arange(0.0, 4.0, 0.002)
-    wave = 2.0 * np.pi * time_s
-    position_mm = np.column_stack([30.0 * np.sin(wave), 5.0 * time_s, 0.0 * time_s])
-    force_n = np.column_stack([0.0 * wave, 0.0 * wave, 1.0 + 0.5 * np.sin(0.7 * wave)])
-    file = tmp_path / "stroke.npz"
-    np.savez(file, time_s=time_s, position_mm=position_mm, force_n=force_n)
-    position, _, force = _moved(str(file), ticks=20_000)
-    part = slice(500, 1500)
-    expected = 30.0 * np.sin(2.0 * np.pi * np.arange(20_000 - 621) * 1e-3)[part]
-    assert np.corrcoef(position[part, 0], expected)[0, 1] > 0.99
-    assert np.abs(position[:, 0]).max() < 36.0
-    assert np.abs(position[:, 1]).max() < 25.0
-    assert np.abs(np.diff(position[:, 0])).max() < 1.4 * 30.0 * 2.0 * np.pi * 1e-3
-    assert force.min() == pytest.approx(0.5, abs=0.1)
-    assert force.max() == pytest.approx(1.5, abs=0.2)
 
 
 @pytest.mark.parametrize("kind", HAND_KINDS)

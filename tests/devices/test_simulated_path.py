@@ -1,22 +1,16 @@
 """A recorded stroke as the motion of a simulated session."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from scipy import signal
 
 from mmt.core.errors import InputError
-from mmt.scene import Scene
+from mmt.scene import Hand, Scene
+from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.recorded_path import load_path
 from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.surfaces.textures import get_surface
-
-RECORDED = Path(__file__).parents[2] / ".." / "shared" / "data" / "bilateral_1dof"
-FILES = sorted(RECORDED.glob("*.npz"))
-needs_recordings = pytest.mark.skipif(not FILES, reason=f"no recordings in {RECORDED}")
 
 
 def _tool(rate_hz=2000.0, duration_s=3.0):
@@ -36,16 +30,20 @@ def _saved(tmp_path, arrays):
 
 
 @pytest.mark.parametrize("rate_hz", [333.0, 1000.0, 2000.0, 5000.0])
-def test_any_rate_becomes_the_sessions(tmp_path, rate_hz):
+@pytest.mark.parametrize("lost", [0.0, 0.1])
+def test_any_rate_becomes_the_sessions_and_lost_samples_are_bridged(tmp_path, rate_hz, lost):
     arrays = _tool(rate_hz)
-    path = load_path(_saved(tmp_path, arrays))
+    kept = np.random.default_rng(1).random(len(arrays["time_s"])) >= lost
+    kept[[0, -1]] = True
+    path = load_path(_saved(tmp_path, {name: array[kept] for name, array in arrays.items()}))
     time_s = np.arange(len(path.force_n)) * 1e-3
     assert len(time_s) == pytest.approx(3000, abs=8)
     inner = slice(150, -150)
+    within_mm = 0.05 if lost else 0.02
     expected = 20.0 * np.sin(4 * np.pi * time_s)
-    np.testing.assert_allclose(path.position_mm[inner, 0], expected[inner], atol=0.02)
+    np.testing.assert_allclose(path.position_mm[inner, 0], expected[inner], atol=within_mm)
     expected = 1.5 + 0.5 * np.sin(2 * np.pi * time_s)
-    np.testing.assert_allclose(path.force_n[inner], expected[inner], atol=0.002)
+    np.testing.assert_allclose(path.force_n[inner], expected[inner], atol=0.1 * within_mm)
 
 
 def test_what_lies_above_the_band_does_not_fold_back(tmp_path):
@@ -60,19 +58,9 @@ def test_what_lies_above_the_band_does_not_fold_back(tmp_path):
     assert np.abs(path.position_mm - clean.position_mm)[inner].max() < 1e-3
 
 
-def test_uneven_time_and_lost_samples_are_bridged(tmp_path):
-    arrays = _tool(1000.0)
-    kept = np.random.default_rng(1).random(3000) > 0.1
-    kept[[0, -1]] = True
-    path = load_path(_saved(tmp_path, {name: array[kept] for name, array in arrays.items()}))
-    time_s = np.arange(len(path.force_n)) * 1e-3
-    inner = slice(150, -150)
-    expected = 20.0 * np.sin(4 * np.pi * time_s)
-    np.testing.assert_allclose(path.position_mm[inner, 0], expected[inner], atol=0.05)
-
-
 def test_loop_joins_without_a_jump(tmp_path):
-    path = load_path(_saved(tmp_path, _tool()))
+    file = _saved(tmp_path, _tool())
+    path = load_path(file)
     looped = path.looped(20_000)
     assert len(looped.force_n) == 20_000
     np.testing.assert_array_equal(looped.position_mm[:2000], path.position_mm[:2000])
@@ -80,6 +68,10 @@ def test_loop_joins_without_a_jump(tmp_path):
     assert np.abs(np.diff(looped.position_mm[:, 0], n=2)).max() < 0.02
     assert np.abs(np.diff(looped.force_n)).max() < 0.5 * 2 * np.pi * 1.02e-3
     assert looped.position_mm[15_000:, 0].std() == pytest.approx(14.1, rel=0.1)
+    hand = SimulatedHand(Hand(kind=str(file)), 1)  # follows it for as long as a session lasts
+    assert np.ptp([hand.read(1).position_mm[0] for _ in range(10_000)]) == pytest.approx(
+        40, rel=0.1
+    )
 
 
 def test_session_on_a_recorded_stroke(tmp_path):
@@ -112,71 +104,36 @@ def test_each_surface_on_the_way_has_its_own_friction(tmp_path):
     np.testing.assert_allclose(found, expected, rtol=0.1)
 
 
-@needs_recordings
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
-def test_recorded_human_strokes(file):
-    frames, _ = simulate_session(Scene(), "sandpaper", 9.0, 2, path=file)
-    assert len(frames) == 9000
-    assert np.isfinite(frames["acceleration_m_s2"]).all()
-    position = frames["position_mm"][:, 0].astype(float)
-    with np.load(file) as recorded:
-        travel = 75.0 * np.ptp(recorded["follower_position_rad"])
-    path = load_path(file)
-    assert np.ptp(path.position_mm[:, 0]) == pytest.approx(travel, rel=0.1, abs=0.1)
-    np.testing.assert_allclose(position, path.looped(9000).position_mm[:, 0], atol=0.016)
-    assert np.abs(np.diff(position)).max() < 0.3
-    assert frames["force_n"][:, 2].min() >= -0.02
-
-
-@needs_recordings
-def test_vibration_on_a_recorded_stroke_has_the_surfaces_power():
-    file = next(file for file in FILES if file.stem == "question1a_spring")
-    frames, annotations = simulate_session(
-        Scene(), "sandpaper", 18.0, 2, path=file, motion_scale=2.0, force_scale=1.0
-    )
-    stroke = load_path(file).scaled(2.0, 1.0).looped(18_000)
-    speed = np.abs(np.gradient(stroke.position_mm[:, 0])) * 1000.0
-    truth = surface_from_annotations(annotations).power(speed[::10], stroke.force_n[::10]).mean()
-    high_pass = signal.butter(4, 15.0, "highpass", fs=1000.0, output="sos")
-    vibration = signal.sosfiltfilt(high_pass, frames["acceleration_m_s2"][:, 2].astype(float))
-    assert vibration.var() == pytest.approx(truth, rel=0.15)
-
-
-def _without(name):
-    return {key: value for key, value in _tool().items() if key != name}
-
-
 @pytest.mark.parametrize(
     ("arrays", "message"),
     [
-        (_without("force_n"), "missing"),
-        ({**_tool(), "force_n": np.zeros(6000)}, "must be"),
-        ({**_tool(), "time_s": np.zeros(6000)}, "rise"),
-        ({**_tool(), "time_s": np.arange(17.0)}, "shapes"),
-        ({**_tool(), "position_mm": np.full((6000, 3), np.nan)}, "finite"),
+        ({"force_n": np.zeros(6000)}, "must be"),
+        ({"time_s": np.zeros(6000)}, "rise"),
+        ({"time_s": np.arange(17.0)}, "shapes"),
+        ({"position_mm": np.full((6000, 3), np.nan)}, "finite"),
         (_tool(duration_s=0.1), "shorter"),
-        ({**_tool(), "time_s": np.append(np.arange(5999) * 5e-4, 1e9)}, "gaps"),
-        ({**_tool(), "position_mm": np.array(["a"] * 6000)}, "numbers"),
-        ({}, "missing"),
+        ({"time_s": np.append(np.arange(5999) * 5e-4, 1e9)}, "gaps"),
+        ({"position_mm": np.array(["a"] * 6000)}, "numbers"),
     ],
 )
 def test_bad_files_are_explained(tmp_path, arrays, message):
     with pytest.raises(InputError, match=message):
-        load_path(_saved(tmp_path, arrays))
+        load_path(_saved(tmp_path, _tool() | arrays))
 
 
-def test_files_that_are_no_npz(tmp_path):
-    missing = tmp_path / "none.npz"
+def test_files_that_are_no_recorded_stroke_are_explained(tmp_path):
+    file = tmp_path / "stroke.npz"
     with pytest.raises(InputError, match="No such file"):
-        load_path(missing)
-    text = tmp_path / "text.npz"
-    text.write_text("not arrays")
+        load_path(file)
+    file.write_text("not arrays")
     with pytest.raises(InputError, match="archive of numbers"):
-        load_path(text)
-    single = tmp_path / "single.npy"
-    np.save(single, np.zeros(3))
+        load_path(file)
+    np.savez(file, time_s=np.zeros(3))
+    with pytest.raises(InputError, match="missing"):
+        load_path(file)
+    np.save(tmp_path / "single.npy", np.zeros(3))
     with pytest.raises(InputError, match="single array"):
-        load_path(single)
+        load_path(tmp_path / "single.npy")
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, 101.0, np.inf, np.nan])
