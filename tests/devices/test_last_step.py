@@ -5,7 +5,6 @@ And nothing of it lasts: after what was no number comes what is asked for again.
 
 import json
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -17,6 +16,7 @@ from mmt.core.arrays import Vector, bounded, step_towards
 from mmt.core.guards import ForceGuard, GuardedDisplay, SampleGuard, VibrationSlew
 from mmt.devices.haptuator.driver import VoltageDrive
 from mmt.devices.haptuator.options import HaptuatorOptions
+from mmt.devices.openhaptics.library import CURRENT_POSITION, ErrorInfo
 from mmt.devices.openhaptics.options import HdOptions, HdRobotOptions
 from mmt.devices.openhaptics.robot import PositionServo
 from mmt.devices.openhaptics.servo import Servo
@@ -46,9 +46,6 @@ def test_a_way_towards_a_goal_is_finite_and_no_longer_than_it_may_be(start, goal
         assert point == goal
     length = math.hypot(*bounded(goal, most))
     assert length <= most * (1.0 + 1e-9)
-
-
-# --- vibration: each case takes samples and gives what the converter would get, and its limit
 
 
 def _drive(**options):
@@ -100,34 +97,25 @@ def test_vibration_is_finite_and_bounded_and_goes_on(make, samples):
     np.testing.assert_allclose(play(tone[1800:]), anew(tone[1800:]), atol=1e-6)
 
 
-# --- forces: each case takes a force a tick and gives what the device would get
-
-
-@dataclass
 class Library:
     """Takes the servo's frames; measurements are what the test sets."""
 
-    position: Vector = (0.0, 0.0, 0.0)
     velocity: Vector = (0.0, 0.0, 0.0)
-    now_ns: int = 0
+    now_ns = 0
     shown: Vector = (0.0, 0.0, 0.0)
+    hdGetError = ErrorInfo  # noqa: N815 - the library's names
 
     def hdBeginFrame(self, handle):  # noqa: N802
         self.now_ns += 1_000_000
 
     def hdGetDoublev(self, what, values):  # noqa: N802
-        values[:] = self.position if what.value == 0x2050 else self.velocity
+        values[:] = (0.0, 0.0, 0.0) if what.value == CURRENT_POSITION else self.velocity
 
     def hdSetDoublev(self, what, values):  # noqa: N802
         self.shown = tuple(values[:])
 
     def hdEndFrame(self, handle):  # noqa: N802
-        pass
-
-    def hdGetError(self):  # noqa: N802
-        from mmt.devices.openhaptics.library import ErrorInfo
-
-        return ErrorInfo()
+        """Nothing is left to do."""
 
 
 class HdHandle:
@@ -168,13 +156,9 @@ class HdRobot(HdHandle):
 class Inverse3:
     def __init__(self, ramp_ms=10, axes_n=None):
         self.now_ns = 10**12
-        state = {"x": 0.0, "y": -0.15, "z": 0.15}
-        still = {"x": 0.0, "y": 0.0, "z": 0.0}
-        entry = {
-            "device_id": "049D",
-            "state": {"cursor_position": state, "cursor_velocity": still},
-            "status": {},
-        }
+        names = "cursor_position", "cursor_velocity"
+        state = {name: dict.fromkeys("xyz", 0.0) for name in names}
+        entry = {"device_id": "049D", "state": state, "status": {}}
         found = ChosenDevice("049D", NAMES["3.5"], entry)
         self.servo = ForceServo(found, 50.0, ramp_ms, LIMIT_N, lambda: self.now_ns)
 
@@ -243,6 +227,7 @@ def test_a_force_beyond_the_limit_rises_and_falls_over_the_whole_ramp(make, axes
     falling = [math.hypot(*device.tick(None)) for _ in range(300)]
     assert max(before - after for before, after in pairwise(falling)) <= 1.0001 * full_n / 100
     assert falling[-1] == 0.0
+    assert device.servo.counts == {"stale commands": 1}
 
 
 @settings(max_examples=80)

@@ -5,7 +5,6 @@ import math
 import threading
 import time
 
-import numpy as np
 import pytest
 from running_source import RunningSource
 from scipy.spatial.transform import Rotation
@@ -44,16 +43,29 @@ def robot(make, connected):
     return connected(make())
 
 
-def moved(by):
-    x, y, z = (a + b for a, b in zip(HOME, by, strict=True))
-    return (x, y, z)
+def moved(x_mm):
+    return (HOME[0] + x_mm, *HOME[1:])
 
 
 def near(robot, target, mm=0.05):
-    return float(np.linalg.norm(np.subtract(robot.read(), target))) < mm
+    return math.dist(robot.read(), target) < mm
 
 
-def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, connected, emulated):
+def test_without_fit_commands_nothing_moves(robot, emulated):
+    for command in (None, (math.nan, 0.0, 0.0), (0.0, math.inf, 0.0)):
+        turns = robot.arm.turns
+        until(
+            lambda turns=turns: robot.arm.turns > turns + 20,
+            lambda command=command: command and robot.write(command),
+        )
+    assert robot.faults["commands that are not finite"] >= 2
+    assert emulated.motions == []
+    assert robot.read() == pytest.approx(HOME)
+
+
+def test_the_arm_goes_where_it_is_told_and_its_tool_turns_in_the_scenes_axes(
+    make, connected, emulated
+):
     robot = connected(make(axes="-y,x,z", origin_mm=(0.0, 500.0, 200.0)))
     robot.calibrate()
     assert robot.read() == pytest.approx((0.0, 0.0, 100.0))
@@ -61,34 +73,17 @@ def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, connected, emula
     until(lambda: near(robot, target), lambda: robot.write(target))
     assert emulated.position_m == pytest.approx([0.493, -0.012, 0.296], abs=1e-4)
     assert robot.faults == {}
-
-
-def test_the_tools_orientation_is_in_the_scenes_axes(make, connected, emulated):
-    robot = connected(make(axes="-y,x,z"))
     quarter = Rotation.from_euler("z", 90.0, degrees=True)  # the scene's x is the base's -y
     for turn in Rotation.random(3, random_state=1):
         emulated.rotation = turn.as_quat()
         until_turned(robot, quarter * turn)
 
 
-def test_nothing_moves_before_the_first_command(robot, emulated):
-    turns = robot.arm.turns
-    until(lambda: robot.arm.turns > turns + 20)
-    assert emulated.motions == []
-    assert robot.read() == pytest.approx(HOME)
-
-
-def test_options_reach_the_arm(make, emulated):
-    robot = make(
-        realtime="ignore",
-        stiffness_n_mm=2.0,
-        rotational_stiffness_nm_rad=30.0,
-        posture_stiffness_nm_rad=5.0,
-        force_limit_n=10.0,
-        collision_force_n=25.0,
-        collision_torque_nm=15.0,
-    )
-    robot.connect()
+def test_options_reach_the_arm(make, connected, emulated):
+    stiffness = {"stiffness_n_mm": 2.0, "rotational_stiffness_nm_rad": 30.0}
+    limits = {"force_limit_n": 10.0, "collision_force_n": 25.0, "collision_torque_nm": 15.0}
+    robot = make(realtime="ignore", posture_stiffness_nm_rad=5.0, **stiffness, **limits)
+    connected(robot)
     until(lambda: bool(emulated.motions), lambda: robot.write(HOME))
     (motion,) = emulated.motions
     assert motion.translational_stiffness == 2000.0
@@ -103,23 +98,13 @@ def test_options_reach_the_arm(make, emulated):
 def test_a_far_command_is_approached_at_the_speed_limit(make, connected, emulated):
     robot = connected(make(speed_limit_mm_s=50.0))
     began = time.monotonic()
-    until(lambda: bool(emulated.motions), lambda: robot.write(moved((400.0, 0.0, 0.0))))
+    until(lambda: bool(emulated.motions), lambda: robot.write(moved(400.0)))
     (motion,) = emulated.motions
     until(lambda: motion.reference.target.translation[0] > 0.505)
     reached_mm = 1e3 * (motion.reference.target.translation[0] - 0.5)
     assert reached_mm <= 50.0 * (time.monotonic() - began) + 0.01
     assert motion.reference.target_twist.linear_velocity[0] <= 0.05 + 1e-9
     until(lambda: motion.reference.target_twist.linear_velocity[0] > 0.04)
-
-
-def test_a_command_that_is_no_number_is_counted_and_not_obeyed(robot, emulated):
-    for _ in range(20):
-        robot.write((float("nan"), 0.0, 0.0))
-        robot.write((0.0, float("inf"), 0.0))
-    turns = robot.arm.turns
-    until(lambda: robot.arm.turns > turns + 5)
-    assert robot.faults == {"commands that are not finite": 40}
-    assert emulated.motions == []
 
 
 def test_no_call_waits_for_the_arm(make, connected, emulated):
@@ -140,13 +125,13 @@ def test_no_call_waits_for_the_arm(make, connected, emulated):
 
 
 @pytest.mark.parametrize(
-    ("text", "mode", "sentence"),
+    ("why", "mode", "sentence"),
     [
-        (REFLEX, RobotMode.Reflex, "beyond 'collision_force_n'"),
-        (REFLEX.replace("cartesian", "joint"), RobotMode.Reflex, "'collision_torque_nm'"),
-        (REFLEX.replace("cartesian_reflex", "power_limit_violation"), RobotMode.Reflex, "power_li"),
+        ("cartesian_reflex", RobotMode.Reflex, "beyond 'collision_force_n'"),
+        ("joint_reflex", RobotMode.Reflex, "'collision_torque_nm'"),
+        ("power_limit_violation", RobotMode.Reflex, "power_limit_violation"),
         (
-            REFLEX.replace("cartesian_reflex", "communication_constraints_violation"),
+            "communication_constraints_violation",
             RobotMode.Reflex,
             "commands came too late: use a kernel with PREEMPT_RT",
         ),
@@ -154,9 +139,10 @@ def test_no_call_waits_for_the_arm(make, connected, emulated):
         ("libfranka: something new", RobotMode.Idle, "the library reports: something new"),
     ],
 )
-def test_a_stop_while_it_moves_is_a_loss_that_says_why(robot, emulated, text, mode, sentence):
+def test_a_stop_while_it_moves_is_a_loss_that_says_why(robot, emulated, why, mode, sentence):
     until(lambda: bool(emulated.motions), lambda: robot.write(HOME))
-    emulated.stop(text, mode)
+    reflex = mode is RobotMode.Reflex
+    emulated.stop(REFLEX.replace("cartesian_reflex", why) if reflex else why, mode)
     until_lost(robot.read, sentence)
     with pytest.raises(DeviceLost, match="Franka arm arm"):
         robot.write(HOME)
@@ -165,81 +151,58 @@ def test_a_stop_while_it_moves_is_a_loss_that_says_why(robot, emulated, text, mo
 def test_a_reflex_is_recovered_on_connecting_and_nothing_moves_until_a_command(
     robot, emulated, caplog
 ):
-    until(lambda: near(robot, moved((5.0, 0.0, 0.0))), lambda: robot.write(moved((5.0, 0.0, 0.0))))
+    until(lambda: near(robot, moved(5.0)), lambda: robot.write(moved(5.0)))
     emulated.stop(REFLEX, error="cartesian_reflex")
     until_lost(robot.read, "beyond 'collision_force_n'")
+    emulated.recoverable = False
     robot.close()
+    with pytest.raises(MmtError, match=r"cannot be recovered from .*cartesian_reflex"):
+        robot.connect()
+    emulated.recoverable = True
     robot.connect()
-    assert emulated.recoveries == 1
     assert "was recovered from ['cartesian_reflex']" in caplog.text
     begun = len(emulated.motions)
     turns = robot.arm.turns
     until(lambda: robot.arm.turns > turns + 20)
     assert len(emulated.motions) == begun
-    assert near(robot, moved((5.0, 0.0, 0.0)))
-    until(lambda: near(robot, moved((8.0, 0.0, 0.0))), lambda: robot.write(moved((8.0, 0.0, 0.0))))
-
-
-def test_an_arm_that_cannot_be_recovered_says_from_what(make, emulated):
-    emulated.stop(REFLEX, error="tau_j_range_violation")
-    emulated.recoverable = False
-    robot = make()
-    with pytest.raises(MmtError, match=r"cannot be recovered from .*tau_j_range_violation"):
-        robot.connect()
-    emulated.recoverable = True
-    robot.connect()
-    assert robot.read() == pytest.approx(HOME)
+    assert near(robot, moved(5.0))
+    until(lambda: near(robot, moved(8.0)), lambda: robot.write(moved(8.0)))
+    robot.close()  # which brings a moving arm to rest, and gives the connection back
+    robot.close()
+    assert isinstance(emulated.motions[-1], TorqueStopMotion)
+    assert (emulated.moving, emulated.connections) == (False, 0)
+    with pytest.raises(DeviceLost, match="not connected"):
+        robot.read()
 
 
 @pytest.mark.parametrize(
-    ("mode", "sentence"),
+    ("state", "value", "told", "refused"),
     [
-        (RobotMode.UserStopped, "user stop is pressed"),
-        (RobotMode.Guiding, "guided by hand"),
-        (RobotMode.Other, "activate FCI in Desk"),
+        ("mode", RobotMode.UserStopped, "user stop is pressed", "user stop is pressed"),
+        ("mode", RobotMode.Guiding, "guided by hand", "guided by hand"),
+        ("mode", RobotMode.Other, "activate FCI in Desk", "activate FCI in Desk"),
+        ("powered", False, "does not answer: check its power and its c", "takes no connection: c"),
+        ("answering", False, "sends no new state", ""),
     ],
 )
 def test_an_arm_in_no_state_to_be_used_is_refused_or_lost_until_it_is(
-    robot, emulated, mode, sentence
+    robot, emulated, state, value, told, refused
 ):
-    emulated.mode = mode
-    until_lost(robot.read, sentence)
-    robot.close()
-    with pytest.raises(MmtError, match=sentence):
-        robot.connect()
-    assert emulated.recoveries == 0  # for these a person has to do something
-    emulated.mode = RobotMode.Idle
-    robot.connect()
-    assert robot.read() == pytest.approx(HOME)
-
-
-def test_an_arm_without_power_is_lost_and_comes_back(robot, emulated):
-    emulated.powered = False
-    until_lost(robot.read, "does not answer: check its power and its cable")
-    robot.close()
-    with pytest.raises(MmtError, match="takes no connection: check 'host'"):
-        robot.connect()
-    emulated.powered = True
-    robot.connect()
-    assert robot.read() == pytest.approx(HOME)
-
-
-def test_an_arm_whose_states_stand_still_is_lost(robot, emulated):
     until(lambda: bool(emulated.motions), lambda: robot.write(HOME))
-    emulated.answering = False
-    until_lost(robot.read, "sends no new state")
-
-
-def test_a_library_that_does_not_return_is_a_loss(make, connected, emulated, monkeypatch):
-    monkeypatch.setattr(arms, "_STUCK_NS", 50_000_000)
-    monkeypatch.setattr(arms, "_END_S", 0.05)
-    robot = connected(make())
-    with emulated.lock, pytest.raises(DeviceLost, match="does not answer"):
-        until(lambda: False, robot.read)
+    usual = getattr(emulated, state)
+    setattr(emulated, state, value)
+    until_lost(robot.read, told)
     robot.close()
+    if refused:
+        with pytest.raises(MmtError, match=refused):
+            robot.connect()
+    assert emulated.recoveries == 0  # for these a person has to do something
+    setattr(emulated, state, RobotMode.Idle if state == "mode" else usual)
+    robot.connect()
+    assert robot.read() == pytest.approx(HOME)
 
 
-def test_a_connection_that_takes_too_long_is_told_and_not_made_twice(make, emulated, monkeypatch):
+def test_a_library_that_does_not_return_is_a_loss_and_not_called_twice(make, emulated, monkeypatch):
     monkeypatch.setattr(arms, "_CONNECT_S", 0.05)
     robot = make()
     with emulated.lock:
@@ -252,16 +215,11 @@ def test_a_connection_that_takes_too_long_is_told_and_not_made_twice(make, emula
     until(lambda: emulated.connections == 0)
     robot.connect()
     assert robot.read() == pytest.approx(HOME)
-
-
-def test_closing_brings_a_moving_arm_to_rest_and_gives_the_connection_back(robot, emulated):
-    until(lambda: bool(emulated.motions), lambda: robot.write(moved((3.0, 0.0, 0.0))))
+    monkeypatch.setattr(arms, "_STUCK_NS", 50_000_000)
+    monkeypatch.setattr(arms, "_END_S", 0.05)
+    with emulated.lock:
+        until_lost(robot.read, "does not answer")
     robot.close()
-    robot.close()
-    assert isinstance(emulated.motions[-1], TorqueStopMotion)
-    assert (emulated.moving, emulated.connections) == (False, 0)
-    with pytest.raises(DeviceLost, match="not connected"):
-        robot.read()
 
 
 def test_arm_and_force_sensor_share_a_connection(make, connected, emulated):
@@ -278,20 +236,7 @@ def test_arm_and_force_sensor_share_a_connection(make, connected, emulated):
     until(lambda: len(emulated.motions) == 3, lambda: robot.write(HOME))
 
 
-def test_the_force_at_rest_is_the_zero_and_none_at_all_is_counted(make, connected, emulated):
-    emulated.pushes_n = (0.2, -0.1, 0.4)
-    force = connected(make(FrankaForce))
-    force.calibrate()
-    assert force.read() == pytest.approx((0.0, 0.0, 0.0))
-    emulated.pushes_n = (0.2, -0.1, -1.6)
-    until(lambda: force.read() == pytest.approx((0.0, 0.0, 2.0)))
-    assert force.faults == {}
-    emulated.pushes_n = (0.0, 0.0, 0.0)
-    until(lambda: bool(force.faults), force.read)
-    assert "singularity" in next(iter(force.faults))
-
-
-def test_the_bias_is_of_finite_forces_and_without_them_the_arm_is_lost(
+def test_the_bias_is_of_finite_forces_at_rest_and_without_them_the_arm_is_lost(
     make, connected, emulated, monkeypatch
 ):
     force, number = connected(make(FrankaForce)), itertools.count()
@@ -306,6 +251,10 @@ def test_the_bias_is_of_finite_forces_and_without_them_the_arm_is_lost(
         patch.setattr(arms.FrankaArm, "check", measured)
         force.calibrate()
     until(lambda: force.read() == pytest.approx((0.5, 0.5, -1.0)))
+    assert force.faults == {}
+    emulated.pushes_n = (0.0, 0.0, 0.0)  # none at all
+    until(lambda: bool(force.faults), force.read)
+    assert "singularity" in next(iter(force.faults))
     monkeypatch.setattr(arms.FrankaArm, "check", measured)
     forces = itertools.repeat((0.0, math.inf, 0.0))
     monkeypatch.setattr(franka_driver, "_BIAS_PATIENCE_S", 0.05)
@@ -313,7 +262,7 @@ def test_the_bias_is_of_finite_forces_and_without_them_the_arm_is_lost(
         force.calibrate()
 
 
-def test_two_robots_at_one_arm_and_drivers_that_do_not_agree_are_refused(make):
+def test_what_cannot_be_connected_is_refused(make, monkeypatch):
     first, second = make(), make()
     first.connect()
     with pytest.raises(InputError, match="driven already"):
@@ -321,6 +270,12 @@ def test_two_robots_at_one_arm_and_drivers_that_do_not_agree_are_refused(make):
     with pytest.raises(InputError, match="differ in 'realtime'"):
         make(FrankaForce, realtime="ignore").connect()
     assert first.read() == pytest.approx(HOME)
+    monkeypatch.setattr("mmt.core.extras.find_spec", lambda _: None)
+    with pytest.raises(InputError, match=r"franky-control .*which is not installed; .*\[franka\]"):
+        require("franky")
+    with pytest.raises(InputError, match="franky-control"):
+        load_device("franka", {"host": "arm"})
+    assert "pip install" in franka_driver.missing()
 
 
 def test_a_session_goes_on_after_a_reflex(make, emulated, started):
@@ -334,12 +289,3 @@ def test_a_session_goes_on_after_a_reflex(make, emulated, started):
     frames = running.run(lambda number: number >= 50)
     assert frames["position_mm"][-1] == pytest.approx(HOME, abs=0.1)
     assert emulated.connections == 1
-
-
-def test_without_the_library_the_command_that_installs_it_is_given(monkeypatch):
-    monkeypatch.setattr("mmt.core.extras.find_spec", lambda _: None)
-    with pytest.raises(InputError, match=r"franky-control .*which is not installed; .*\[franka\]"):
-        require("franky")
-    with pytest.raises(InputError, match="franky-control"):
-        load_device("franka", {"host": "arm"})
-    assert "pip install" in franka_driver.missing()

@@ -1,5 +1,6 @@
 """The Franka drivers through the real library, against a simulator of the robot's protocol."""
 
+import math
 import os
 from importlib.util import find_spec
 from typing import Any
@@ -17,10 +18,6 @@ from mmt_devices.franka.options import FrankaRobotOptions
 franky = pytest.importorskip(
     "franky", reason="franky-control is not installed: see docs/how-to/franka.md"
 )
-needs_simulator = pytest.mark.skipif(
-    find_spec("franky_sim") is None,
-    reason="franky-sim, with MuJoCo, is not installed: see docs/how-to/franka.md",
-)
 
 
 @pytest.fixture
@@ -29,13 +26,6 @@ def simulated():
     number = os.getpid()
     with simulated_arm(f"127.{1 + number // 65536 % 250}.{number // 256 % 256}.7") as arm:
         yield arm
-
-
-@pytest.fixture
-def devices(simulated, connected):
-    robot = FrankaRobot(host=simulated.host, realtime="ignore", stiffness_n_mm=3.0)
-    force = FrankaForce(host=simulated.host, realtime="ignore")
-    return connected(robot), connected(force)
 
 
 def test_the_library_has_what_the_driver_calls():
@@ -74,49 +64,32 @@ def test_the_library_has_what_the_driver_calls():
         assert getattr(franky.RobotMode, name).name == name
 
 
-@needs_simulator
-def test_the_simulated_arm_is_moved_and_read(devices):
-    robot, force = devices
+@pytest.mark.skipif(
+    find_spec("franky_sim") is None,
+    reason="franky-sim, with MuJoCo, is not installed: see docs/how-to/franka.md",
+)
+def test_the_simulated_arm_moves_and_its_reflex_user_stop_and_lost_power_are_survived(
+    simulated, connected
+):
+    robot = connected(FrankaRobot(host=simulated.host, realtime="ignore", stiffness_n_mm=3.0))
+    force = connected(FrankaForce(host=simulated.host, realtime="ignore"))
     force.calibrate()
-    home = robot.read()
-    assert force.read() == (0.0, 0.0, 0.0)
-    target = (home[0] + 20.0, home[1], home[2] - 10.0)
-
-    def off_mm():
-        return float(np.linalg.norm(np.subtract(robot.read(), target)))
-
-    until(lambda: off_mm() < 3.0, lambda: robot.write(target))  # it has friction
-    robot.close()
-    stayed = force.read()
-    assert stayed == (0.0, 0.0, 0.0)
-
-
-def lose(robot, sentence):
-    until_lost(lambda: (robot.write(robot.read()),), sentence)
-
-
-@needs_simulator
-def test_reflex_user_stop_and_lost_power_are_told_and_survived(simulated, devices):
-    robot, force = devices
-    until(lambda: robot.arm.turns > 20, lambda: robot.write(robot.read()))
-    simulated.tell("reflex")
-    lose(robot, r"beyond 'collision_force_n'.*cartesian_reflex")
-    robot.connect()
-    force.connect()
-    until(lambda: robot.arm.turns > 20, lambda: robot.write(robot.read()))
-    simulated.tell("user-stop")
-    lose(robot, r"user stop is pressed.*User Stop pressed!")
-    with pytest.raises(MmtError, match="user stop is pressed"):
+    x, y, z = robot.read()
+    target = (x + 20.0, y, z - 10.0)
+    until(lambda: math.dist(robot.read(), target) < 3.0, lambda: robot.write(target))  # friction
+    for fault, told in (
+        ("reflex", r"beyond 'collision_force_n'.*cartesian_reflex"),
+        ("user-stop", r"user stop is pressed.*User Stop pressed!"),
+        ("power", "sends no new state|does not answer"),
+    ):
+        turns = robot.arm.turns
+        until(lambda turns=turns: robot.arm.turns > turns + 20, lambda: robot.write(robot.read()))
+        simulated.kill() if fault == "power" else simulated.tell(fault)
+        until_lost(lambda: robot.write(robot.read()), told)
+        if fault != "reflex":
+            with pytest.raises(MmtError, match=r"user stop is pressed|takes no connection"):
+                robot.connect()
+            simulated.start() if fault == "power" else simulated.tell("release")
         robot.connect()
-    simulated.tell("release")
-    robot.connect()
-    force.connect()
-    until(lambda: robot.arm.turns > 20, lambda: robot.write(robot.read()))
-    simulated.kill()
-    lose(robot, "sends no new state|does not answer")
-    with pytest.raises(MmtError, match="takes no connection"):
-        robot.connect()
-    simulated.start()
-    robot.connect()
-    force.connect()
+        force.connect()
     assert force.read() == (0.0, 0.0, 0.0)

@@ -19,7 +19,6 @@ from mmt_devices.inverse3.emulated import REST_MM, EmulatedInverse3
 from mmt_devices.inverse3.emulated_tip import EmulatedTip
 
 PROCESS = "mmt_devices.inverse3.process"
-TWO = {"049D": EmulatedTip(REST_MM), "04BA": EmulatedTip(REST_MM)}
 
 
 @pytest.fixture
@@ -30,50 +29,49 @@ def service(started):
 
 @pytest.fixture
 def make(service, closing):
-    """Makes a driver of a role, with these options besides."""
+    """Makes a driver of a role, with these options besides, and connects it."""
     options = {**service.options, "timeout_ms": 1000}
-    return lambda role, **more: closing(load_device("inverse3", {**options, **more}, role=role))
 
+    def made(role, *, calibrate=True, **more):
+        device = closing(load_device("inverse3", {**options, **more}, role=role))
+        device.connect()
+        if calibrate:
+            device.calibrate()
+        device.position = lambda: device.read(1).position_mm if role == "handle" else device.read()
+        return device
 
-def connected(device):
-    device.connect()
-    device.calibrate()
-    return device
+    return made
 
 
 def on_device(x, y, z):
     return (x + REST_MM[0], y + REST_MM[1], z + REST_MM[2])
 
 
-# --- the handle
-
-
-def test_the_handle_says_where_it_is_and_how_it_moves(make, service):
-    handle = connected(make("handle", origin_mm=(0.0, -150.0, 120.0)))
+def test_the_handle_says_where_it_is_and_how_it_moves_in_the_scenes_axes(make, service):
+    handle = make("handle", origin_mm=(-150.0, 0.0, 120.0), axes="y,-x,z")
     assert handle.read(1).position_mm == pytest.approx((0.0, 0.0, 30.0))
     service.tip.hold(on_device(0.0, 40.0, 100.0), 0.2)
     until(lambda: handle.read(1).velocity_mm_s[2] > 50.0)
-    until(lambda: handle.read(1).position_mm == pytest.approx((0.0, 40.0, 130.0), abs=0.1))
+    until(lambda: handle.read(1).position_mm == pytest.approx((40.0, 0.0, 130.0), abs=0.1))
     assert handle.read(1).force_n == 0.0
     assert service.profile == "mmt"
-
-
-def test_other_axes_turn_positions_and_forces(make, service):
-    service.tip.place((10.0, 20.0, 30.0))
-    service.tip.hold((10.0, 20.0, 30.0), 5.0)
-    handle = connected(make("handle", axes="y,-x,z", origin_mm=(0.0, 0.0, 0.0)))
-    assert handle.read(1).position_mm == pytest.approx((20.0, -10.0, 30.0))
+    service.tip.hold(on_device(0.0, 40.0, 100.0), 5.0)
     until(
         lambda: service.tip_state().motor_n == pytest.approx((-0.2, 0.1, 0.3)),
         lambda: handle.write((0.1, 0.2, 0.3)),
     )
+    handle.close()
+    until(lambda: service.tip_state().motor_n == (0.0, 0.0, 0.0))
+    handle.close()
+    with pytest.raises(DeviceLost, match="not connected"):
+        handle.read(1)
 
 
 @pytest.mark.parametrize("version", ["3.4", "3.5"])
 def test_a_displayed_force_reaches_the_hand_and_fades_without_commands(version, make, service):
     service.version = version
     service.tip.hold(REST_MM, 0.5)
-    handle = connected(make("handle"))
+    handle = make("handle")
     until(
         lambda: service.tip_state().motor_n == pytest.approx((0.3, 0.2, 1.0)),
         lambda: handle.write((0.3, 0.2, 1.0)),
@@ -86,17 +84,9 @@ def test_a_displayed_force_reaches_the_hand_and_fades_without_commands(version, 
     until(lambda: handle.faults.get("stale commands", 0) >= 1)  # told after the service is
 
 
-def test_names_that_are_given_go_before_what_the_service_seems_to_be(make, service):
-    service.tip.hold(REST_MM, 5.0)
-    handle = connected(make("handle", commands="3.1"))
-    heard = service.heard
-    until(lambda: service.heard > heard + 200, lambda: handle.write((0.0, 0.0, 1.0)))
-    assert service.tip_state().motor_n == (0.0, 0.0, 0.0)  # it does not understand them
-
-
 def test_the_displayed_force_is_cut_to_the_limit(make, service):
     service.tip.hold(REST_MM, 20.0)
-    handle = connected(make("handle", force_limit_n=2.0))
+    handle = make("handle", force_limit_n=2.0)
     until(
         lambda: math.hypot(*service.tip_state().motor_n) > 2.0 - 1e-9,
         lambda: handle.write((0.0, 80.0, 60.0)),
@@ -108,22 +98,8 @@ def test_the_displayed_force_is_cut_to_the_limit(make, service):
     assert math.hypot(*service.tip_state().motor_n) <= 2.0 + 1e-9
 
 
-def test_at_the_end_there_is_no_force(make, service):
-    service.tip.hold(REST_MM, 20.0)
-    handle = connected(make("handle", stale_ms=1000))
-    until(lambda: service.tip_state().motor_n[2] > 0.5, lambda: handle.write((0.0, 0.0, 1.0)))
-    handle.close()
-    until(lambda: service.tip_state().motor_n == (0.0, 0.0, 0.0))
-    handle.close()
-    with pytest.raises(DeviceLost, match="not connected"):
-        handle.read(1)
-
-
-# --- the robot
-
-
 def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, service):
-    robot = connected(make("robot"))
+    robot = make("robot")
     target = (12.0, -7.0, 4.0)
     until(lambda: math.dist(robot.read(), target) < 0.05, lambda: robot.write(target))
     assert service.tip_state().position_mm == pytest.approx(on_device(*target), abs=0.1)
@@ -133,18 +109,8 @@ def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, service):
     assert robot.faults["commands that are not finite"] == 2
 
 
-def test_an_arm_is_limp_without_commands(make, service):
-    robot = connected(make("robot"))
-    until(lambda: service.heard > 20)
-    assert service.tip_state().motor_n == (0.0, 0.0, 0.0)
-    service.tip.hold(on_device(5.0, 0.0, 0.0), 1.0)
-    until(lambda: service.tip_state().motor_n[0] < -1.0, lambda: robot.write((0.0, 0.0, 0.0)))
-    until(lambda: service.tip_state().motor_n == (0.0, 0.0, 0.0))  # commands have stopped
-    until(lambda: robot.faults.get("stale commands", 0) >= 1)  # told after the service is
-
-
 def test_an_arm_that_is_held_fast_is_lost_and_another_connection_begins_where_it_is(make, service):
-    robot = connected(make("robot", lead_limit_mm=2.0))
+    robot = make("robot", lead_limit_mm=2.0)
     service.tip.braked = True
     until_lost(
         lambda: robot.write((30.0, 0.0, 0.0)), r"stays the same though .* no emergency brake"
@@ -154,15 +120,9 @@ def test_an_arm_that_is_held_fast_is_lost_and_another_connection_begins_where_it
     until(lambda: robot.read()[0] > 5.0, lambda: robot.write((30.0, 0.0, 0.0)))
 
 
-# --- faults, of both
-
-
 @pytest.fixture(params=["handle", "robot"])
 def device(request, make):
-    """A device that runs, its position ready to be read as `position`."""
-    made = connected(make(request.param))
-    made.position = lambda: tuple(made.read(1)[0]) if request.param == "handle" else made.read()
-    return made
+    return make(request.param)
 
 
 def lost(device, sentence):
@@ -197,8 +157,7 @@ def test_a_device_that_gives_nothing_usable_is_lost_and_comes_back(
 
 
 def test_a_service_that_is_stuck_is_lost_and_comes_back(make, service):
-    robot = connected(make("robot", timeout_ms=50))
-    robot.position = robot.read
+    robot = make("robot", timeout_ms=50)
     service.stall()
     lost(robot, "has not answered for 50 ms: it is stuck or overloaded")
     with pytest.raises(MmtError, match="has not answered"):
@@ -219,34 +178,12 @@ def test_a_service_that_leaves_is_lost_and_another_at_its_place_is_taken(device,
     assert device.position() == pytest.approx((0.0, 0.0, 0.0))
 
 
-def test_a_short_interruption_is_survived_and_counted(device, service):
-    service.fail("nan")
-    until(lambda: sum(device.faults.values()) > 0)
-    service.fail("nan", on=False)
-    heard = service.heard
-    until(lambda: service.heard > heard + 20, device.position)
-
-
-# --- its process
-
-
 def test_a_process_that_dies_is_a_device_that_is_lost_and_comes_back(device, service):
     (process,) = children(PROCESS)
     process.kill()
     lost(device, "the process that talks with ws://.* has ended")
     device.connect()
     assert device.position() == pytest.approx((0.0, 0.0, 0.0))
-
-
-def test_a_process_that_stands_still_holds_up_no_call(make, service):
-    robot = connected(make("robot", timeout_ms=50))
-    robot.position = robot.read
-    (process,) = children(PROCESS)
-    process.suspend()
-    for tick in range(5000):  # more than the pipe holds
-        robot.write((0.001 * tick, 0.0, 0.0))
-    lost(robot, "nothing has come from the process")
-    process.kill()
 
 
 HOLDING = """
@@ -300,74 +237,56 @@ def test_however_a_program_ends_no_process_and_no_force_is_left(number, holder, 
     assert service.tip_state().motor_n == (0.0, 0.0, 0.0)
 
 
-# --- refused when it starts
-
-
-def test_where_there_is_no_service_that_is_said(make):
-    with socket.socket() as unused:
-        unused.bind(("127.0.0.1", 0))
-        handle = make("handle", address=f"ws://127.0.0.1:{unused.getsockname()[1]}")
-        with pytest.raises(MmtError, match=r"does not answer at .*haply-inverse-service"):
-            handle.connect()
-
-
-def test_a_server_of_something_else_is_told_from_a_service(make, service):
-    handle = make("handle", address=service.options["address"] + "/elsewhere")
-    with pytest.raises(MmtError, match=r"is no Haply Inverse Service \(it says 404"):
-        handle.connect()
-
-
-def test_a_service_of_the_older_format_is_explained(make, service):
-    service.version = "3.0"
-    with pytest.raises(MmtError, match=r"speaks the format 3\.0: give the port .* 10001"):
-        make("handle").connect()
-
-
 @pytest.mark.parametrize(
     ("fault", "sentence"),
     [
         ("absent", "knows no Inverse3: plug it in and switch it on"),
         ("nonsense", "is no Haply Inverse Service: its first message is '<html>'"),
         ("nan", "inverse3 049D at ws://.* gives no position that makes sense"),
+        ("mute", r"does not say which devices there are, within 0\.2 s"),
     ],
 )
-def test_a_first_message_that_cannot_be_used_is_explained(fault, sentence, make, service):
+def test_a_first_message_that_cannot_be_used_is_explained(
+    fault, sentence, make, service, monkeypatch
+):
+    monkeypatch.setattr("mmt_devices.inverse3.link._FIRST_S", 0.2)
     service.fail(fault)
     with pytest.raises(MmtError, match=sentence):
-        make("handle").connect()
+        make("handle")
 
 
-def test_a_service_that_says_nothing_is_explained(make, service, monkeypatch):
-    monkeypatch.setattr("mmt_devices.inverse3.link._FIRST_S", 0.2)
-    service.fail("mute")
-    with pytest.raises(MmtError, match=r"does not say which devices there are, within 0\.2 s"):
-        make("handle").connect()
+def test_what_is_no_service_of_the_format_is_explained(make, service):
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        with pytest.raises(MmtError, match=r"does not answer at .*haply-inverse-service"):
+            make("handle", address=f"ws://127.0.0.1:{unused.getsockname()[1]}")
+    with pytest.raises(MmtError, match=r"is no Haply Inverse Service \(it says 404"):
+        make("handle", address=service.options["address"] + "/elsewhere")
+    service.version = "3.0"
+    with pytest.raises(MmtError, match=r"speaks the format 3\.0: give the port .* 10001"):
+        make("handle")
 
 
 def test_of_two_devices_one_must_be_named(make, service):
-    service.tips = TWO
-    with pytest.raises(
-        MmtError, match=r"has '049D' \(inverse3\), '04BA' \(inverse3\): name one by .*'device'"
-    ):
-        make("robot").connect()
+    service.tips = two = {"049D": EmulatedTip(REST_MM), "04BA": EmulatedTip(REST_MM)}
+    words = r"has '049D' \(inverse3\), '04BA' \(inverse3\): name one by .*'device'"
+    with pytest.raises(MmtError, match=words):
+        make("robot")
     with pytest.raises(MmtError, match=r"has no device '0000', but '049D'"):
-        make("robot", device="0000").connect()
+        make("robot", device="0000")
     robot = make("robot", device="04BA")
-    robot.connect()
-    until(lambda: TWO["04BA"].mode == "position", lambda: robot.write((0.0, 0.0, 0.0)))
-    assert TWO["049D"].mode == "idle"
+    until(lambda: two["04BA"].mode == "position", lambda: robot.write((0.0, 0.0, 0.0)))
+    assert two["049D"].mode == "idle"
 
 
 def test_an_uncalibrated_device_is_waited_for(make, service, caplog):
     service.fail("uncalibrated")
-    impatient = make("handle", calibration_s=0)
-    impatient.connect()
+    impatient = make("handle", calibration_s=0, calibrate=False)
     with pytest.raises(MmtError, match="is not calibrated: put its grip where"):
         impatient.calibrate()
     assert any("is not calibrated" in remark for remark in impatient.remarks())
     impatient.close()
-    handle = make("handle", calibration_s=20)
-    handle.connect()
+    handle = make("handle", calibration_s=20, calibrate=False)
     later = threading.Timer(0.2, lambda: service.fail("uncalibrated", on=False))
     later.start()
     with caplog.at_level(logging.WARNING):
@@ -380,8 +299,6 @@ def test_an_uncalibrated_device_is_waited_for(make, service, caplog):
 def test_what_is_doubtful_about_a_device_is_remarked(make, service):
     service.fail("unpowered")
     first, second = make("handle"), make("robot")
-    first.connect()
-    second.connect()
     assert [remark.split("at ws")[1].partition(" ")[2] for remark in second.remarks()] == [
         "has no power supply and thus no force: plug it in",
         "is used by another program as well: end that one",
@@ -389,22 +306,18 @@ def test_what_is_doubtful_about_a_device_is_remarked(make, service):
     assert first.remarks() == second.remarks()[:1]
 
 
-# --- the virtual one
-
-
-def test_the_virtual_handle_strokes_by_itself_and_the_virtual_arm_follows():
-    handle = load_device("virtual-inverse3", {"timeout_ms": 2000}, role="handle")
-    robot = load_device("virtual-inverse3", {"timeout_ms": 2000}, role="robot")
+def test_the_virtual_handle_strokes_by_itself_and_the_virtual_arm_follows(closing):
+    handle, robot = (
+        closing(load_device("virtual-inverse3", {"timeout_ms": 2000}, role=role))
+        for role in ("handle", "robot")
+    )
     for device in (handle, robot):
         with pytest.raises(DeviceLost, match="not connected"):
             device.write((0.0, 0.0, 0.0))
-        connected(device)
-    try:
-        until(
-            lambda: math.hypot(*robot.read()[:2]) > 3.0 and robot.read()[2] < 0.0,
-            lambda: robot.write(handle.read(1).position_mm),
-        )
-        assert robot.remarks() == []
-    finally:
-        handle.close()
-        robot.close()
+        device.connect()
+        device.calibrate()
+    until(
+        lambda: math.hypot(*robot.read()[:2]) > 3.0 and robot.read()[2] < 0.0,
+        lambda: robot.write(handle.read(1).position_mm),
+    )
+    assert robot.remarks() == []

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import re
 import sys
 from importlib.util import find_spec
 
@@ -11,7 +10,6 @@ import pytest
 from running_source import RunningSource
 from scipy.spatial.transform import Rotation
 from sensor_reading import until_turned
-from test_ur_parts import Spring
 from waiting import children, until, until_lost
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
@@ -27,6 +25,18 @@ if sys.platform != "linux":
     pytest.skip("loopback addresses of one's own are for Linux", allow_module_level=True)
 
 TOOL_DOWN = (2.2, 2.2, 0.0)
+
+
+class Spring:
+    """A tip that is where it is told, on a surface of 2 N/mm."""
+
+    command_mm: tuple[float, float, float] | None = None
+
+    def position_mm(self, time_ns):
+        return self.command_mm or (0.0, 0.0, 5.0)
+
+    def force_n(self, time_ns):
+        return (0.0, 0.0, max(0.0, -2.0 * self.position_mm(time_ns)[2]))
 
 
 class Lab:
@@ -48,15 +58,15 @@ class Lab:
             del given["origin_mm"]
         return load_device("ur", {**given, **options}, role=role)
 
+    def connect_again(self):
+        """Connect the robot once its old control is gone."""
+        self.robot.close()
+        until(lambda: not self.controller.connections)
+        self.robot.connect()
+
     def go(self, position_mm):
         self.robot.write(position_mm)
         until(lambda: self.robot.read() == pytest.approx(position_mm, abs=0.1))
-
-    def lost(self, device):
-        """Read until the device is lost, and return why."""
-        with pytest.raises(DeviceLost) as caught:
-            until(lambda: False, device.read)
-        return str(caught.value)
 
 
 @pytest.fixture
@@ -77,6 +87,8 @@ def test_the_arm_follows_commands_with_its_tool_as_it_was_and_feels_the_surface(
     assert lab.tip.command_mm is None  # nothing moves before the first command
     lab.go((10.0, -4.0, 1.0))
     lab.go((20.0, 8.0, -2.0))
+    base_to_scene = Rotation.from_rotvec(lab.controller.options["rotation_rad"]).inv()
+    until_turned(lab.robot, base_to_scene * Rotation.from_rotvec(TOOL_DOWN))
     assert lab.tip.position_mm(0) == pytest.approx((20.0, 8.0, -2.0), abs=0.1)
     until(lambda: lab.force.read() == pytest.approx((0.0, 0.0, 4.0), abs=0.3))
     assert lab.arm.rotation_rad == pytest.approx(TOOL_DOWN)
@@ -84,14 +96,12 @@ def test_the_arm_follows_commands_with_its_tool_as_it_was_and_feels_the_surface(
     lab.robot.close()
     until(lambda: lab.arm.runtime_state == STOPPED)
     assert lab.force.read()[2] == pytest.approx(4.0, abs=0.5)
-
-
-def test_the_tools_orientation_is_in_the_scenes_axes(lab):
-    base_to_scene = Rotation.from_rotvec(lab.controller.options["rotation_rad"]).inv()
+    lab.tip.command_mm = (0.0, 0.0, -6.0)  # pressed, it is not taken again until it is free
+    with pytest.raises(MmtError, match="feels 12 N, and the arm zeroes its force sensor when"):
+        lab.robot.connect()
+    lab.tip.command_mm = None
     lab.robot.connect()
-    for turn in (TOOL_DOWN, (0.3, -0.2, 1.4), (0.0, 0.0, 0.0)):
-        lab.arm.rotation_rad = turn
-        until_turned(lab.robot, base_to_scene * Rotation.from_rotvec(turn))
+    assert lab.robot.read() == pytest.approx((0.0, 0.0, 5.0))
 
 
 def test_robot_and_force_sensor_come_and_go_by_themselves_but_must_agree(lab):
@@ -113,158 +123,102 @@ def test_robot_and_force_sensor_come_and_go_by_themselves_but_must_agree(lab):
     assert lab.robot.read() == pytest.approx((0.0, 0.0, 5.0))
 
 
-def test_the_bias_is_taken_off_at_rest_alone_and_stays_in_the_next_connection(lab):
-    lab.tip.command_mm = (0.0, 0.0, -1.0)
-    lab.force.connect()
-    lab.force.calibrate()
-    assert lab.force.read() == pytest.approx((0.0, 0.0, 0.0), abs=0.3)
-    lab.tip.command_mm = (0.0, 0.0, -3.0)
-    lab.force.close()
-    lab.force.connect()
-    until(lambda: lab.force.read() == pytest.approx((0.0, 0.0, 4.0), abs=0.3))
-    lab.arm.noise_n = 5.0
-    with pytest.raises(MmtError, match="moves while its bias is taken"):
-        lab.force.calibrate()
-
-
-def test_forces_that_are_not_finite_make_no_bias(lab, monkeypatch):
+def test_the_bias_is_taken_off_at_rest_alone_and_stays_in_the_next_connection(
+    lab, monkeypatch, caplog
+):
     lab.tip.command_mm = (0.0, 0.0, -1.0)
     lab.force.connect()
     read, turn = ArmLink.read, itertools.count()
 
     def broken(link):
         state = read(link)
-        broken_n = (0.0, math.nan, 0.0)
-        return state if next(turn) % 5 else state._replace(force_n=broken_n)
+        return state if next(turn) % 5 else state._replace(force_n=(0.0, math.nan, 0.0))
 
-    with monkeypatch.context() as patch:
+    with monkeypatch.context() as patch:  # forces that are not finite do not count
         patch.setattr(ArmLink, "read", broken)
         lab.force.calibrate()
     assert lab.force.read() == pytest.approx((0.0, 0.0, 0.0), abs=0.3)
-
-
-def test_an_arm_whose_tool_is_pressed_is_not_taken_again_until_it_is_free(lab):
-    lab.robot.connect()
-    lab.robot.close()
-    lab.tip.command_mm = (0.0, 0.0, -6.0)
-    with pytest.raises(MmtError, match="feels 12 N, and the arm zeroes its force sensor when"):
-        lab.robot.connect()
-    lab.tip.command_mm = None
-    lab.robot.connect()
-    assert lab.robot.read() == pytest.approx((0.0, 0.0, 5.0))
-
-
-def test_a_force_sensor_that_was_away_warns_of_a_zero_that_it_has_not_seen(lab, caplog):
-    lab.force.connect()
-    lab.force.calibrate()
+    lab.tip.command_mm = (0.0, 0.0, -3.0)
+    lab.force.close()
     assert not caplog.messages
     lab.force.connect()
     assert "is connected again: if its program has started meanwhile" in caplog.text
+    until(lambda: lab.force.read() == pytest.approx((0.0, 0.0, 4.0), abs=0.3))
+    lab.arm.noise_n = 5.0
+    with pytest.raises(MmtError, match="moves while its bias is taken"):
+        lab.force.calibrate()
 
 
-FAULTS = {
-    "protective stop": (
-        lambda lab: lab.arm.protective_stop(),
-        lambda lab: lab.arm.restore(),
-        "in a protective stop: the pendant shows why",
-        "in a protective stop: the pendant shows why",
-    ),
-    "emergency stop": (
-        lambda lab: lab.arm.emergency_stop(),
-        lambda lab: lab.arm.restore(),
-        "release the red button",
-        "release the red button",
-    ),
-    "local control": (
-        lambda lab: lab.controller.switch_to_local(),
-        lambda lab: setattr(lab.controller, "remote", True),
-        "not in remote control: switch it from Local",
-        "not in remote control: switch it from Local",
-    ),
-    "unplugged": (
-        lambda lab: lab.controller.unplug(),
-        lambda lab: lab.controller.plug(),
-        "sends nothing any more|takes no commands any more|has ended, as the library may",
-        "no UR controller answers",
-    ),
-}
+FAULTS = [
+    (lambda lab: lab.arm.protective_stop(), "in a protective stop: the pendant shows why"),
+    (lambda lab: lab.arm.emergency_stop(), "release the red button"),
+    (lambda lab: lab.controller.switch_to_local(), "not in remote control: switch it from Local"),
+    (lambda lab: setattr(lab.arm, "mode", POWER_OFF), r"not running \(the pendant shows POWER_OFF"),
+]
+"""What may happen to an arm, and what is told while it is read and as it is connected again."""
 
 
 def test_a_lost_arm_says_why_and_what_to_do_and_comes_back(lab):
     lab.robot.connect()
     lab.go((5.0, 0.0, 4.0))
-    for begin, end, told, refused in FAULTS.values():
+    for begin, told in FAULTS:
         begin(lab)
-        assert re.search(told, lab.lost(lab.robot))
+        until_lost(lab.robot.read, told)
         with pytest.raises(DeviceLost):
             lab.robot.write((0.0, 0.0, 0.0))
         lab.robot.close()
-        with pytest.raises(MmtError, match=refused):
+        with pytest.raises(MmtError, match=told):
             lab.robot.connect()
-        end(lab)
-        until(lambda: not lab.controller.connections)  # the old control is gone
-        lab.robot.connect()
+        lab.arm.restore()
+        lab.controller.remote = True
+        lab.connect_again()
         assert lab.robot.read() == pytest.approx((5.0, 0.0, 4.0), abs=0.2)
-    lab.go((0.0, 5.0, 6.0))
-
-
-def test_an_arm_that_is_commanded_and_never_read_is_lost_too(lab):
-    lab.robot.connect()
-    lab.arm.protective_stop()
-    until_lost(lambda: lab.robot.write((0.0, 0.0, 5.0)), "in a protective stop")
-
-
-def test_an_arm_without_power_and_a_stop_of_its_program_are_told(lab):
-    lab.robot.connect()
-    lab.arm.mode = POWER_OFF
-    assert "is not running (the pendant shows POWER_OFF)" in lab.lost(lab.robot)
-    lab.arm.restore()
+    lab.controller.unplug()
+    until_lost(lab.robot.read, "sends nothing any more|takes no commands any more|has ended, as th")
     lab.robot.close()
-    until(lambda: not lab.controller.connections)
-    lab.robot.connect()
+    with pytest.raises(MmtError, match="no UR controller answers"):
+        lab.robot.connect()
+    lab.controller.plug()
+    lab.connect_again()
+    lab.go((0.0, 5.0, 6.0))
     lab.arm.end_program()
-    assert "Stop was pressed at the pendant" in lab.lost(lab.robot)
+    until_lost(lab.robot.read, "Stop was pressed at the pendant")
+    lab.connect_again()
+    lab.arm.protective_stop()  # of an arm that is commanded and never read
+    until_lost(lambda: lab.robot.write((0.0, 0.0, 5.0)), "in a protective stop")
+    lab.arm.restore()
+    lab.connect_again()
+    lab.arm.stuck = True  # its pose stays where it is
+    lab.robot.write((50.0, 0.0, 5.0))
+    until_lost(lab.robot.read, "does not follow: its tip stays")
 
 
-def test_a_controller_that_falls_silent_is_lost_and_comes_back(lab):
-    lab.force.connect()
-    lab.controller.silent = True
-    assert "sends nothing any more" in lab.lost(lab.force)
-    lab.controller.silent = False
-    lab.force.connect()
-    assert lab.force.read() == pytest.approx((0.0, 0.0, 0.0), abs=0.5)
-
-
-def test_a_controller_that_speaks_another_version_is_refused(lab):
-    lab.controller.refuses_version = True
-    with pytest.raises(MmtError, match=r"gives no data by RTDE.*software is 3\.4 or later"):
-        lab.force.connect()
-
-
-def test_a_force_that_is_stuck_stays_lost_until_it_changes(lab):
+def test_a_force_that_is_stuck_or_silent_stays_lost_until_it_changes(lab):
     force = lab.force = lab.make("force_sensor", stuck_ms=100)
     force.connect()
     lab.arm.stuck = True
-    assert "very same values for 100 ms" in lab.lost(force)
+    until_lost(force.read, "very same values for 100 ms")
     with pytest.raises(MmtError, match="very same values"):
         force.connect()
     lab.arm.stuck = False
     force.connect()
     force.read()
-
-
-def test_a_pose_that_stays_where_it_is_is_an_arm_that_does_not_follow(lab):
-    lab.robot.connect()
-    lab.arm.stuck = True
-    lab.robot.write((50.0, 0.0, 5.0))
-    assert "does not follow: its tip stays" in lab.lost(lab.robot)
+    lab.controller.silent = True
+    until_lost(force.read, "sends nothing any more")
+    lab.controller.silent = False
+    force.connect()
+    assert force.read() == pytest.approx((0.0, 0.0, 0.0), abs=0.5)
+    force.close()
+    lab.controller.refuses_version = True
+    with pytest.raises(MmtError, match=r"gives no data by RTDE.*software is 3\.4 or later"):
+        force.connect()
 
 
 def test_a_process_that_dies_leaves_an_arm_that_its_watchdog_stops(lab):
     lab.robot.connect()
     lab.go((5.0, 0.0, 4.0))
     children("universal_robots")[0].kill()
-    assert "has ended" in lab.lost(lab.robot)
+    until_lost(lab.robot.read, "has ended")
     until(lambda: lab.arm.runtime_state == STOPPED)
     lab.robot.close()
     lab.robot.connect()
@@ -277,57 +231,41 @@ def test_a_process_that_stands_still_holds_up_no_call(lab):
     process.suspend()
     for tick in range(5000):  # more than the pipe holds
         lab.robot.write((0.001 * tick, 0.0, 5.0))
-    assert "nothing has come from the UR arm" in lab.lost(lab.robot)
+    until_lost(lab.robot.read, "nothing has come from the UR arm")
     process.kill()
 
 
-def test_commands_are_cut_to_the_box_and_those_that_are_no_numbers_counted(lab):
-    lab.robot = lab.make("robot", least_mm=[-10, -10, 0], most_mm=[10, 10, 20])
-    lab.robot.connect()
-    lab.robot.write((30.0, 0.0, -5.0))
-    until(lambda: lab.robot.read() == pytest.approx((10.0, 0.0, 0.0), abs=0.01))
-    lab.robot.write((float("nan"), 0.0, 5.0))
-    assert dict(lab.robot.faults) == {
-        "commands outside of least_mm and most_mm": 1,
-        "commands that are not finite": 1,
-    }
-
-
-def test_an_arm_that_presses_too_hard_is_sent_no_deeper(lab):
-    lab.robot = lab.make("robot", force_limit_n=6.0, speed_limit_mm_s=20)
+def test_commands_are_cut_to_the_box_and_the_force_and_those_that_are_no_numbers_counted(lab):
+    box = {"least_mm": [-10, -10, -20], "most_mm": [10, 10, 20]}
+    lab.robot = lab.make("robot", **box, force_limit_n=6.0, speed_limit_mm_s=20)
     lab.robot.connect()
     lab.robot.write((0.0, 0.0, -20.0))
     held_back = "periods held back by force_limit_n"
     until(lambda: lab.robot.faults.get(held_back, 0) > 50, lab.robot.read)
     assert -3.0 >= lab.robot.read()[2] > -6.0  # 2 N/mm, and a little more for the servo's lag
+    lab.robot.write((30.0, 0.0, 50.0))
+    until(lambda: lab.robot.read() == pytest.approx((10.0, 0.0, 20.0), abs=0.01))
+    lab.robot.write((float("nan"), 0.0, 5.0))
+    assert lab.robot.faults["commands outside of least_mm and most_mm"] == 1
+    assert lab.robot.faults["commands that are not finite"] == 1
 
 
-def test_without_an_origin_the_scene_begins_where_the_tip_is(lab):
-    lab.robot = load_device(
-        "ur",
-        {"host": lab.controller.host, "rotation_rad": lab.controller.options["rotation_rad"]},
-        role="robot",
-    )
-    lab.robot.connect()
-    assert lab.robot.read() == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
-    lab.go((3.0, 0.0, 2.0))
-    lab.robot.close()
-    lab.robot.connect()  # its zero is not taken anew
-    assert lab.robot.read() == pytest.approx((3.0, 0.0, 2.0), abs=0.2)
-
-
-def test_an_arm_that_is_lost_while_the_origin_is_read_is_connected_again(lab, monkeypatch):
+def test_without_an_origin_the_scene_begins_where_the_tip_is(lab, monkeypatch):
     robot = lab.robot = lab.make("robot", origin_mm=None)
 
     def lose(_):
         raise DeviceLost("gone")
 
-    with monkeypatch.context() as patched:
+    with monkeypatch.context() as patched:  # lost while the origin is read
         patched.setattr(ArmLink, "read", lose)
         with pytest.raises(DeviceLost, match="gone"):
             robot.connect()
     robot.connect()
-    assert robot.read() == pytest.approx((0.0, 0.0, 0.0), abs=0.1)
+    assert robot.read() == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+    lab.go((3.0, 0.0, 2.0))
+    robot.close()
+    robot.connect()  # its zero is not taken anew
+    assert robot.read() == pytest.approx((3.0, 0.0, 2.0), abs=0.2)
 
 
 def test_what_is_not_connected_is_lost_and_what_is_not_installed_is_told(lab):
@@ -344,43 +282,23 @@ def test_what_is_not_connected_is_lost_and_what_is_not_installed_is_told(lab):
         load_device("virtual-ur", {"foo": 1})
 
 
-def test_frames_cease_in_a_protective_stop_and_go_on_after_it(lab, started):
+def test_frames_go_on_after_a_protective_stop_though_the_force_is_zeroed_in_contact(lab, started):
     running = started(RunningSource(lab.force, None, lab.robot))
     running.command_mm = (5.0, 0.0, -1.0)
     frames = running.run(lambda number: number >= 250)
     assert frames["position_mm"][-1] == pytest.approx((5.0, 0.0, -1.0), abs=0.1)
     assert frames["force_n"][-1] == pytest.approx((0.0, 0.0, 2.0), abs=0.5)
     lab.arm.protective_stop()
-    running.run(lambda _: running.told)
-    assert running.told[0][0]
-    assert "the robot (UrRobot) is lost" in running.told[0][1]
+    running.run(lambda _: running.is_lost)
     turns = itertools.count()
     assert len(running.run(lambda _: next(turns) > 50)) == 0
     lab.arm.restore()
-    running.run(lambda _: not running.told[-1][0])
+    running.run(lambda _: not running.is_lost)
     frames = running.run(lambda number: number >= 300)
     assert frames["position_mm"][-1] == pytest.approx((5.0, 0.0, -1.0), abs=0.1)
-    np.testing.assert_allclose(frames["force_n"][:, 2], 2.0, atol=0.5)  # zeroed in contact
+    np.testing.assert_allclose(frames["force_n"][:, 2], 2.0, atol=0.5)
     assert lab.arm.runtime_state == PLAYING
     assert [sentence for _, sentence in running.told if "force" in sentence] == []
-
-
-def test_the_virtual_arm_strokes_the_simulated_surface_of_the_lab():
-    robot = load_device("virtual-ur", {"surface": "wood"}, role="robot")
-    force = load_device("virtual-ur", role="force_sensor")
-    accelerometer = load_device("virtual-adxl335", role="accelerometer")
-    devices = (robot, force, accelerometer)
-    try:
-        for device in devices:
-            device.connect()
-            device.calibrate()
-        robot.write((5.0, 0.0, -2.0))
-        until(lambda: force.read()[2] >= 1.0 and robot.read()[0] >= 4.0)
-        assert accelerometer.read()
-    finally:
-        for device in devices:
-            device.close()
-    assert lab_drivers.LAB.process is None
 
 
 def test_a_virtual_arm_beside_another_robot_is_refused():

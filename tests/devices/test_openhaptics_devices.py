@@ -1,6 +1,7 @@
-"""The follower's arm through OpenHaptics HD, against the emulated library."""
+"""Arm and handle through OpenHaptics HD, against the emulated library."""
 
 import logging
+import math
 import subprocess
 import sys
 import threading
@@ -12,10 +13,11 @@ from scipy.spatial.transform import Rotation
 from sensor_reading import until_turned
 from waiting import until, until_lost
 
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.quaternions import unit_quaternion
 from mmt.devices import discovery
 from mmt.devices.discovery import FoundPort
+from mmt.devices.drivers import load_device
 from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.devices.reading_checks import JUMP, NOT_FINITE, OUT_OF_REACH
@@ -37,15 +39,11 @@ def robot(make):
     return make()
 
 
-def distance(a, b):
-    return sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5
-
-
 def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, emulated):
     robot = make(origin_mm=(0.0, 0.0, -20.0))
     robot.calibrate()
     target = (12.0, -7.0, 4.0)
-    until(lambda: distance(robot.read(), target) < 0.01, lambda: robot.write(target))
+    until(lambda: math.dist(robot.read(), target) < 0.01, lambda: robot.write(target))
     x, y, z = emulated.tip_state().position_mm
     assert (x, y, z) == pytest.approx((12.0, -16.0, 7.0), abs=0.05)  # up is y, the user is at z
 
@@ -59,12 +57,20 @@ def test_the_styluss_orientation_is_in_the_scenes_axes_and_measured_when_asked_f
     assert robot.faults == {}
 
 
-def test_an_arm_without_commands_is_limp(robot, emulated):
+def test_an_arm_without_commands_or_with_such_as_are_no_numbers_is_limp(robot, emulated):
     emulated.place((5.0, 0.0, 0.0))
-    before = emulated.ticks
-    until(lambda: emulated.ticks > before + 20)
-    assert emulated.tip_state().motor_n == (0.0, 0.0, 0.0)
+    for _ in range(20):
+        before = emulated.ticks
+        until(lambda before=before: emulated.ticks > before)
+        assert emulated.tip_state().motor_n == (0.0, 0.0, 0.0)
     assert robot.read() == pytest.approx((5.0, 0.0, 0.0))
+    for _ in range(20):
+        robot.write((float("nan"), 0.0, 0.0))
+        robot.write((0.0, float("inf"), 0.0))
+    before = emulated.ticks
+    until(lambda: emulated.ticks > before + 5)
+    assert robot.faults == {"commands that are not finite": 40}
+    assert emulated.tip_state().motor_n == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(("limit_n", "expected_n"), [(1.0, 1.0), (3.0, 1.5)])
@@ -77,7 +83,7 @@ def test_the_force_stays_below_the_smaller_of_both_limits(make, emulated, limit_
     def push():
         nonlocal largest_n
         robot.write((0.0, 0.0, -100.0))
-        largest_n = max(largest_n, distance(emulated.tip_state().motor_n, (0.0, 0.0, 0.0)))
+        largest_n = max(largest_n, math.hypot(*emulated.tip_state().motor_n))
 
     until(lambda: largest_n > 0.99 * expected_n, push)
     before = emulated.ticks
@@ -85,13 +91,8 @@ def test_the_force_stays_below_the_smaller_of_both_limits(make, emulated, limit_
     assert largest_n == pytest.approx(expected_n, rel=1e-6)
 
 
-def servo_of(arm):
-    """What turns in the library's thread: no call from outside can see its turns."""
-    return arm.servo
-
-
 def test_the_librarys_thread_keeps_its_state_between_two_calls(robot):
-    servo, kept = servo_of(robot), threading.local()
+    servo, kept = robot.servo, threading.local()
 
     def count():
         kept.calls = getattr(kept, "calls", 0) + 1
@@ -104,7 +105,7 @@ def test_the_librarys_thread_keeps_its_state_between_two_calls(robot):
 
 
 def test_its_turn_ends_with_a_tick_and_is_not_waited_for_long(robot, emulated):
-    servo = servo_of(robot)
+    servo = robot.servo
     before = servo.ticks
     robot.await_turn()
     assert servo.ticks > before
@@ -112,6 +113,7 @@ def test_its_turn_ends_with_a_tick_and_is_not_waited_for_long(robot, emulated):
     began = time.monotonic()
     robot.await_turn()
     assert time.monotonic() - began < 5.0
+    until_lost(robot.calibrate, "servo loop has stopped")  # the loop may have had a last tick
 
 
 def test_stale_commands_fade_and_new_ones_do_not_throw_the_arm(make, emulated):
@@ -125,26 +127,13 @@ def test_stale_commands_fade_and_new_ones_do_not_throw_the_arm(make, emulated):
     assert emulated.tip_state().motor_n[0] < 0.5  # the point starts again where the tip is
 
 
-def test_a_command_that_is_no_number_is_counted_and_not_obeyed(robot, emulated):
-    for _ in range(20):
-        robot.write((float("nan"), 0.0, 0.0))
-        robot.write((0.0, float("inf"), 0.0))
-    before = emulated.ticks
-    until(lambda: emulated.ticks > before + 5)
-    assert robot.faults == {"commands that are not finite": 40}
-    assert emulated.tip_state().motor_n == (0.0, 0.0, 0.0)
-
-
 def test_warm_motors_give_no_force_and_the_person_is_told_once(robot, emulated, caplog):
     with caplog.at_level(logging.WARNING):
         emulated.fail("warm")
         until(lambda: robot.faults.get("WARM_MOTORS", 0) > 5, lambda: robot.write((9.0, 0.0, 0.0)))
         robot.read()
-    assert [record.message for record in caplog.records] == [
-        "Emulated HD device EMULATED1: the motors are too warm and give no force "
-        "(HD_WARM_MOTORS, device's own code -1): let go, let them cool for some minutes, and "
-        "lower 'force_limit_n'"
-    ]
+    (said,) = caplog.messages
+    assert said.startswith("Emulated HD device EMULATED1: the motors are too warm and give no forc")
     emulated.fail("warm", on=False)
     until(lambda: robot.read()[0] > 8.0, lambda: robot.write((9.0, 0.0, 0.0)))
 
@@ -152,21 +141,24 @@ def test_warm_motors_give_no_force_and_the_person_is_told_once(robot, emulated, 
 def test_a_device_that_does_not_answer_is_lost_and_comes_back(robot, emulated):
     robot.calibrate()
     emulated.unplug()
+    until(lambda: robot.faults.get("COMM_ERROR", 0) > 0)
+    emulated.plug()  # a moment is survived
+    before = emulated.ticks
+    until(lambda: emulated.ticks > before + 1)
+    until(lambda: robot.read()[0] > 1.0, lambda: robot.write((2.0, 0.0, 0.0)))
+    emulated.unplug()
     until_lost(robot.read, r"does not answer.*check cable")
     with pytest.raises(MmtError, match="COMM_ERROR"):
         robot.connect()
     emulated.plug()
     robot.connect()
     until(lambda: robot.read()[0] > 1.0, lambda: robot.write((2.0, 0.0, 0.0)))
-
-
-def test_a_moment_without_an_answer_is_survived(robot, emulated):
-    emulated.unplug()
-    until(lambda: robot.faults.get("COMM_ERROR", 0) > 0)
-    emulated.plug()
-    before = emulated.ticks
-    until(lambda: emulated.ticks > before + 1)
-    until(lambda: robot.read()[0] > 1.0, lambda: robot.write((2.0, 0.0, 0.0)))
+    for fault, sentence in (("fault", "HD_DEVICE_FAULT"), ("stalled", "servo loop has stopped")):
+        emulated.fail(fault)
+        until_lost(robot.read, sentence)
+        emulated.fail(fault, on=False)
+        robot.connect()
+        robot.read()
 
 
 def test_flipped_bits_and_what_is_no_number_are_counted_and_move_nothing(make, emulated):
@@ -203,50 +195,29 @@ def test_an_arm_whose_position_is_stuck_is_lost_without_force(make, emulated):
     )
 
 
-@pytest.mark.parametrize(
-    ("fault", "sentence"),
-    [("fault", "HD_DEVICE_FAULT"), ("stalled", "servo loop has stopped")],
-)
-def test_a_fault_or_a_loop_that_stands_still_is_a_loss(robot, emulated, fault, sentence):
-    emulated.fail(fault)
-    until_lost(robot.read, sentence)
-    emulated.fail(fault, on=False)
-    robot.connect()
-    assert robot.read() == pytest.approx((0.0, 0.0, 0.0))
-
-
-@pytest.mark.parametrize(
-    ("fault", "sentence"),
-    [("absent", "is not there.*its power, its cable"), ("unlicensed", "licence is missing")],
-)
-def test_a_device_that_cannot_be_opened_says_why(make, emulated, fault, sentence):
-    emulated.fail(fault)
-    with pytest.raises(MmtError, match=sentence):
+def test_a_device_that_cannot_be_used_says_why(make, emulated, monkeypatch):
+    emulated.fail("unlicensed")
+    with pytest.raises(MmtError, match="licence is missing"):
         make()
-
-
-def test_ports_that_the_person_may_not_open_are_named(make, emulated, monkeypatch):
+    emulated.fail("unlicensed", on=False)
+    for force_n, stiffness_n_mm, kind, words in (
+        (8.5, 0.4, InputError, r"at most 0\.4"),
+        (0.0, 3.5, MmtError, "no limit is known"),
+        (float("nan"), 3.5, MmtError, "no limit is known"),
+    ):
+        emulated.limits(force_n, stiffness_n_mm)
+        with pytest.raises(kind, match=words):
+            make()
+    emulated.fail("absent")
+    with pytest.raises(MmtError, match=r"is not there.*its power, its cable"):
+        make()
     found = [
         FoundPort("/dev/ttyACM7", "Touch", "", "no permission for /dev/ttyACM7: ask"),
         FoundPort("/dev/ttyS0", "", "", ""),
     ]
     monkeypatch.setattr(discovery, "find_serial_ports", lambda: found)
-    emulated.fail("absent")
     with pytest.raises(MmtError, match=r"then connect again; no permission for /dev/ttyACM7: ask$"):
         make()
-
-
-def test_a_library_that_may_not_be_read_is_told_from_one_that_is_no_library(tmp_path, monkeypatch):
-    library = tmp_path / "libHD.so"
-    library.write_text("no library")
-    monkeypatch.setattr("os.access", lambda _path, _mode: False)
-    with pytest.raises(InputError, match="you may not read it: ask its owner"):
-        Stack(str(library))
-
-
-def test_a_servo_loop_that_stands_still_does_not_hold_up_the_calibration(robot, emulated):
-    emulated.stall()
-    until_lost(robot.calibrate, "servo loop has stopped")  # the loop may have had a last tick
 
 
 def test_two_devices_share_the_stack_and_one_name_is_used_once(make, emulated):
@@ -260,72 +231,42 @@ def test_two_devices_share_the_stack_and_one_name_is_used_once(make, emulated):
 
 
 @pytest.mark.parametrize(
-    ("styles", "status", "sentence"),
+    ("styles", "sentence"),
     [
-        (AUTO, NEEDS_HANDS, "move the tip slowly"),
-        (INKWELL, NEEDS_HANDS, "put the stylus into the inkwell"),
-        (ENCODER_RESET, NEEDS_HANDS, "reset_encoders = true"),
+        (AUTO, "move the tip slowly"),
+        (INKWELL, "put the stylus into the inkwell"),
+        (ENCODER_RESET, "reset_encoders = true"),
     ],
 )
-def test_a_calibration_that_needs_hands_says_what_to_do(make, emulated, styles, status, sentence):
+def test_a_calibration_that_needs_hands_says_what_to_do(make, emulated, styles, sentence):
     robot = make(calibration_s=0.0)
-    emulated.uncalibrate(styles, status)
+    emulated.uncalibrate(styles, NEEDS_HANDS)
     with pytest.raises(MmtError, match=sentence):
         robot.calibrate()
 
 
-def test_a_calibration_that_is_due_is_updated(make, robot, emulated, caplog):
+def test_a_calibration_that_is_due_is_updated(connected, robot, emulated):
     emulated.uncalibrate(AUTO | INKWELL, NEEDS_UPDATE)
     robot.calibrate()
     until(lambda: robot.read()[0] > 100.0)  # the zero is another one, and nothing has jumped
     assert robot.faults == {}  # it has kept to one frame a tick
-    emulated.uncalibrate(ENCODER_RESET, NEEDS_HANDS)
-    with pytest.raises(MmtError, match="reset position"):
-        make_again(robot, emulated)
-    reset = make(reset_encoders=True)
-    reset.calibrate()
-    emulated.uncalibrate(ENCODER_RESET, NEEDS_HANDS)
-    with pytest.raises(MmtError, match="reset position"):  # where it stands now is no zero
-        make_again(reset, emulated)
+    for device in (robot, reset := OpenHapticsRobot(library=emulated.address, reset_encoders=True)):
+        if device is reset:
+            connected(reset).calibrate()
+        emulated.uncalibrate(ENCODER_RESET, NEEDS_HANDS)  # where it stands now is no zero
+        device.close()
+        with pytest.raises(MmtError, match="reset position"):
+            device.connect()
     emulated.uncalibrate(0, NEEDS_HANDS)
     reset.connect()
     reset.calibrate()  # a device without calibration needs none
 
 
-def make_again(robot, emulated):
-    """Connect a device that had been calibrated."""
-    robot.close()
-    robot.connect()
-
-
-def test_a_stiffness_beyond_the_device_is_refused(make, emulated):
-    emulated.limits(8.5, 0.4)
-    with pytest.raises(InputError, match=r"at most 0\.4"):
-        make()
-
-
-@pytest.mark.parametrize("force_n", [0.0, float("nan")])
-def test_a_device_that_knows_no_limit_of_its_force_is_refused(make, emulated, force_n):
-    emulated.limits(force_n, 3.5)
-    with pytest.raises(MmtError, match="no limit is known"):
-        make()
-
-
-def run_alone(program):
-    """Run a program in a process of its own, for the libraries that a process has."""
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
-    )
-    return done.stdout
-
-
 PROGRAM = """
 import sys
-from mmt.devices.openhaptics.library import Stack
-from mmt.devices.reading_checks import JUMP, NOT_FINITE, OUT_OF_REACH
-from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.core.errors import MmtError
-for library in {libraries!r}:
+from mmt.devices.openhaptics.robot import OpenHapticsRobot
+for library in sys.argv[1:]:
     try:
         OpenHapticsRobot(library=library).connect()
     except MmtError as error:
@@ -333,22 +274,97 @@ for library in {libraries!r}:
 """
 
 
-def test_a_library_that_cannot_be_loaded_says_what_to_do(tmp_path, emulated):
+def run_alone(*libraries):
+    """Connect with these libraries in a process of its own; return the lines that it says."""
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, *libraries],
+        capture_output=True, text=True, check=True, timeout=60,
+    )  # fmt: skip
+    return done.stdout.splitlines()
+
+
+def test_a_library_that_cannot_be_loaded_says_what_to_do(tmp_path, monkeypatch):
     other = tmp_path / "libHD.so"
     other.write_text("no library")
-    libraries = [str(tmp_path / "none.so"), "libnowhere.so", "libm.so.6", str(other)]
-    lines = run_alone(PROGRAM.format(libraries=libraries)).splitlines()
+    lines = run_alone(str(tmp_path / "none.so"), "libnowhere.so", "libm.so.6", str(other))
     assert "there is no such file: install" in lines[0]
     assert "give the library's path" in lines[1]
     assert "is no OpenHaptics HD library" in lines[2]
     assert "cannot be loaded" in lines[3]
+    monkeypatch.setattr("os.access", lambda _path, _mode: False)
+    with pytest.raises(InputError, match="you may not read it: ask its owner"):
+        Stack(str(other))
 
 
-def test_a_process_has_one_driver_stack(emulated, tmp_path):
-    program = PROGRAM.format(libraries=["emulated", "/usr/lib/libHD.so"])
-    assert "must be driven by another process" in run_alone(program)
+def test_a_process_has_one_driver_stack_and_leaves_no_thread_behind(emulated):
+    assert run_alone("emulated") == []  # it ends without closing
+    (refused,) = run_alone("emulated", "/usr/lib/libHD.so")
+    assert "must be driven by another process" in refused
 
 
-def test_a_process_that_ends_without_closing_leaves_no_thread_behind(emulated):
-    program = PROGRAM.format(libraries=["emulated"]) + "\nprint('end')"
-    assert run_alone(program) == "end\n"
+@pytest.fixture
+def make_handle(emulated, connected):
+    def handle(**options):
+        options = {"library": emulated.address, **options}
+        made = connected(load_device("openhaptics", options, role="handle"))
+        made.calibrate()
+        return made
+
+    return handle
+
+
+def test_the_handle_says_where_it_is_and_how_it_moves(make_handle, emulated):
+    handle = make_handle(origin_mm=(0.0, 0.0, -30.0))
+    assert handle.read(1).position_mm == pytest.approx((0.0, 0.0, 30.0))
+    emulated.hold((0.0, 100.0, 0.0), 0.2)
+    until(lambda: handle.read(1).velocity_mm_s[2] > 50.0)
+    until(lambda: handle.read(1).position_mm[2] == pytest.approx(130.0, abs=0.1))
+    assert handle.read(1).force_n == 0.0
+
+
+def test_a_displayed_force_reaches_the_hand_and_fades_as_commands_stop(make_handle, emulated):
+    handle = make_handle()
+    emulated.hold((0.0, 0.0, 0.0), 0.5)
+    until(
+        lambda: handle.read(1).position_mm == pytest.approx((0.6, 0.4, 2.0), abs=0.05),
+        lambda: handle.write((0.3, 0.2, 1.0)),
+    )
+    # the display reaches the full force by a ramp, which a held-up thread is late with
+    until(
+        lambda: emulated.tip_state().motor_n == pytest.approx((0.3, 1.0, -0.2)),
+        lambda: handle.write((0.3, 0.2, 1.0)),
+    )
+    until(lambda: emulated.tip_state().motor_n == (0.0, 0.0, 0.0))
+    assert handle.faults == {"stale commands": 1}
+
+
+@pytest.mark.parametrize(
+    ("device_n", "limit_n", "asked", "expected"),
+    [
+        (2.0, 10.0, (0.0, 80.0, 60.0), (0.0, 1.2, -1.6)),
+        # friction takes nothing from the pressure: along the normal 3 N stay 3 N
+        (8.0, [1.0, 2.0, 3.0], (5.0, -9.0, 3.0), (1.0, 3.0, 2.0)),
+    ],
+)
+def test_the_displayed_force_is_cut_to_the_limits(
+    make_handle, emulated, device_n, limit_n, asked, expected
+):
+    emulated.limits(device_n, 3.5)
+    handle = make_handle(force_limit_n=limit_n)
+    emulated.hold((0.0, 0.0, 0.0), 50.0)
+    until(
+        lambda: emulated.tip_state().motor_n == pytest.approx(expected, abs=1e-6),
+        lambda: handle.write(asked),
+    )
+    for force in ((math.nan, 0.0, 0.0), (0.0, math.inf, 0.0)):
+        handle.write(force)
+    assert handle.faults["commands that are not finite"] == 2
+    handle.connect()
+    assert handle.faults["commands that are not finite"] == 2
+    emulated.unplug()
+    until_lost(lambda: handle.read(1), "does not answer")
+    with pytest.raises(DeviceLost):
+        handle.write((0.0, 0.0, 1.0))
+    handle.close()
+    with pytest.raises(DeviceLost, match="not connected"):
+        handle.read(1)
