@@ -3,6 +3,7 @@
 import itertools
 import pickle
 import subprocess
+from binascii import crc_hqx
 from pathlib import Path
 
 import numpy as np
@@ -83,37 +84,20 @@ def test_after_any_garbage_the_next_frame_is_read(garbage, frame):
     assert len(pickle.dumps(reader)) < 600
 
 
-def test_the_first_half_frame_is_no_fault():
-    wire = encode_frame(BoardFrame(7, 8, ((1, 2, 3),)))
+def test_what_is_no_whole_frame_of_this_version_is_told_from_a_fault():
+    frame = BoardFrame(1000, 2_000_000, ((2048, 2050, 2458),))
+    wire = encode_frame(frame)
+    assert wire.hex(" ") in PAGE.read_text(encoding="utf-8")
     reader = BoardDecoder()
-    assert list(reader.feed(wire[5:] + wire)) == [BoardFrame(7, 8, ((1, 2, 3),))]
+    assert list(reader.feed(wire[5:] + wire)) == [frame]  # the first half is none
     assert not reader.faults
-
-
-def test_another_version_is_counted():
-    wire = cobs_decode(encode_frame(BoardFrame(7, 8, ((1, 2, 3),)))[:-1])
-    from binascii import crc_hqx
-
-    plain = bytes((VERSION + 1,)) + wire[1:-2]
-    reader = decoder()
+    plain = bytes((VERSION + 1,)) + cobs_decode(wire[:-1])[1:-2]
     checked = plain + crc_hqx(plain, 0xFFFF).to_bytes(2, "little")
     assert not reader.feed(cobs_encode(checked) + b"\0")
     assert reader.faults == {"other versions": 1}
-
-
-@pytest.mark.parametrize("number", [0, MOST_SAMPLES + 1])
-def test_no_frame_is_empty_or_too_long(number):
-    with pytest.raises(ValueError, match="1 to 32"):
-        encode_frame(BoardFrame(0, 0, ((1, 2, 3),) * number))
-
-
-def test_the_pages_example_is_true():
-    text = PAGE.read_text(encoding="utf-8")
-    example = encode_frame(BoardFrame(1000, 2_000_000, ((2048, 2050, 2458),)))
-    assert example.hex(" ") in text
-
-
-# --- time
+    for number in (0, MOST_SAMPLES + 1):
+        with pytest.raises(ValueError, match="1 to 32"):
+            encode_frame(frame._replace(samples=((1, 2, 3),) * number))
 
 
 def one(sequence, time_us, n=1):
@@ -164,8 +148,6 @@ def test_times_never_go_back(steps):
         times += [t for t, _ in timeline.place(one(sequence, time_us, n))]
     assert all(a < b for a, b in itertools.pairwise(times))
 
-
-# --- the reference sketch
 
 HARNESS = """
 #include "framing.h"

@@ -82,27 +82,18 @@ def six():
     return {up: rest(up) for up in UPS}
 
 
-def test_an_axis_without_a_rest_is_named():
+def test_an_axis_without_a_rest_and_a_sensor_that_moved_are_named():
     assert "no rest with z up or down" in refused([rest("+x"), rest("-x"), rest("+y")])
     assert "x, y, z" in refused([])
+    for spread, told in (((0.002, 0.1, 0.002), " (it varied by 0.30 g)"), ((math.nan,) * 3, "")):
+        moved = six() | {"-y": rest("-y", spread=spread)}
+        assert f"with -y up the sensor was not at rest{told}" in refused([*moved.values()])
 
 
-def test_a_sensor_that_moved_is_told():
-    moved = six() | {"-y": rest("-y", spread=(0.002, 0.1, 0.002))}
-    assert "with -y up the sensor was not at rest (it varied by 0.30 g)" in refused(
-        [*moved.values()]
-    )
-    unknown = six() | {"-y": rest("-y", spread=(math.nan,) * 3)}
-    assert "with -y up" in refused([*unknown.values()])
-
-
-def test_swapped_orientations_are_told():
-    swapped = six()
-    swapped["+x"] = Rest("+x", rest("+y").mean_v, STILL)
-    assert "named +x up looks like +y up" in refused([*swapped.values()])
-    swapped = six()
-    swapped["+z"] = Rest("+z", rest("-z").mean_v, STILL)
-    assert "named +z up looks like -z up" in refused([*swapped.values()])
+@pytest.mark.parametrize(("named", "true"), [("+x", "+y"), ("+z", "-z")])
+def test_swapped_orientations_are_told(named, true):
+    swapped = six() | {named: Rest(named, rest(true).mean_v, STILL)}
+    assert f"named {named} up looks like {true} up" in refused([*swapped.values()])
 
 
 def test_a_slant_is_told():

@@ -54,17 +54,12 @@ def test_values_are_the_truth_and_times_the_boards(boards, drivers, connected):
     assert sensor.latency_ns == pytest.approx(318_310, abs=1)
 
 
-def test_frames_of_many_samples_arrive_evenly(boards, drivers, connected):
-    sensor = connected(drivers(boards(per_frame=8, rate_hz=4000.0)))
+def test_axes_are_turned_and_frames_of_many_samples_are_even(boards, drivers, connected):
+    sensor = connected(drivers(boards(per_frame=8, rate_hz=4000.0), axes=["x", "-z", "y"]))
     got = read_some(sensor, 400)
+    assert sum(r.value[1] for r in got) / len(got) == pytest.approx(-GRAVITY_M_S2, abs=0.1)
     steps = sorted(b.time_ns - a.time_ns for a, b in itertools.pairwise(got))
     assert steps[len(steps) // 2] == pytest.approx(250_000, abs=1000)
-
-
-def test_axes_are_turned_into_the_scenes(boards, drivers, connected):
-    sensor = connected(drivers(boards(), axes=["x", "-z", "y"]))
-    got = read_some(sensor, 50)
-    assert sum(r.value[1] for r in got) / len(got) == pytest.approx(-GRAVITY_M_S2, abs=0.1)
 
 
 def test_spoilt_frames_are_counted_and_survived(boards, drivers, connected):
@@ -86,14 +81,11 @@ def test_spoilt_frames_are_counted_and_survived(boards, drivers, connected):
     assert sensor.faults["restarts"] == 1
 
 
-def test_a_silent_board_is_told(boards, drivers):
+def test_a_board_that_is_silent_or_sends_text_is_told(boards, drivers, monkeypatch):
     board = boards()
     board.stall()
     with pytest.raises(MmtError, match=r"sent nothing for 0\.2 s: check that the sketch"):
         drivers(board, start_s=0.2).connect()
-
-
-def test_a_board_that_sends_text_is_told(boards, drivers, monkeypatch):
     board = boards()
     monkeypatch.setattr(board, "_spoil", lambda wire: b"x: 512, y: 510\r\n")
     with pytest.raises(MmtError, match="sends text: another sketch"):
@@ -135,9 +127,5 @@ def test_a_stored_calibration_is_used_and_its_mismatch_told(boards, drivers, con
     another.calibrate()
     (message,) = [r.getMessage() for r in caplog.records]
     assert "the calibration stored for bench-3 does not fit" in message
-
-
-def test_without_calibration_gravity_shows_a_wrong_supply(boards, drivers, connected, caplog):
-    sensor = connected(drivers(boards(), supply_v=1.8))
-    sensor.calibrate()
+    connected(drivers(boards(), supply_v=1.8)).calibrate()
     assert "it is not calibrated, and the options for supply" in caplog.text

@@ -2,18 +2,19 @@
 
 import itertools
 import math
+import random
 import re
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
-from emulated_gauges import EmulatedGauges
 from hypothesis import given
 from hypothesis import strategies as st
 from sensor_reading import read_some, read_until_fault, read_until_lost
 
-from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.devices.ati.gauges import (
     Gauges,
     GaugesOptions,
@@ -21,6 +22,7 @@ from mmt.devices.ati.gauges import (
     parse_calibration_file,
 )
 from mmt.devices.drivers import load_device
+from mmt.devices.protocols import VoltageReading
 
 NAMES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 ROWS = np.array(
@@ -57,33 +59,24 @@ def cal_file(
     ).encode()
 
 
-# --- the file
-
-
 def test_the_user_axes_are_the_matrix():
     head = '<?xml version="1.0" encoding="utf-8"?><!-- a note -->'
     loaded = parse_calibration_file(cal_file(head=head))
     np.testing.assert_allclose(loaded.matrix, ROWS)
-    assert loaded.calibration.serial == "FT00019"
-    assert loaded.calibration.part == "SI-12-0.12"
-    assert loaded.calibration.force_unit == "N"
-    assert loaded.calibration.range_n == (12.0, 12.0, 17.0)
-    assert loaded.calibration.range_n_mm == (120.0, 120.0, 120.0)
+    found = loaded.calibration
+    assert (found.serial, found.part, found.force_unit) == ("FT00019", "SI-12-0.12", "N")
+    assert found.range_n == (12.0, 12.0, 17.0)
+    assert found.range_n_mm == (120.0, 120.0, 120.0)
     assert loaded.output_v == 10.0
 
 
-def test_what_a_file_leaves_out_has_its_usual_value():
-    for usual in (' OutputRange="20"', ' GainMultiplier="1"', ' OutputBipolar="True"'):
-        whole = cal_file(ranges=(0.5, 1, 1, 1, 1, 1))
-        assert parse_calibration_file(whole.replace(usual.encode(), b"")) == (
-            parse_calibration_file(whole)
-        )
+def test_what_a_file_leaves_out_has_its_usual_value_and_other_units_are_converted():
+    whole = cal_file(ranges=(0.5, 1, 1, 1, 1, 1))
+    for usual in (b' OutputRange="20"', b' GainMultiplier="1"', b' OutputBipolar="True"'):
+        assert parse_calibration_file(whole.replace(usual, b"")) == parse_calibration_file(whole)
     nameless = re.sub(rb' (Serial|PartNumber)="[^"]*"', b"", cal_file())
     loaded = parse_calibration_file(nameless.replace(b'"True"', b'"False"'))
     assert (loaded.calibration.serial, loaded.calibration.part, loaded.output_v) == ("", "", 20.0)
-
-
-def test_other_units_are_converted():
     loaded = parse_calibration_file(cal_file(units=("lbf", "lbf-in", "in")))
     np.testing.assert_allclose(loaded.matrix[0], 4.4482216152605 * ROWS[0])
     np.testing.assert_allclose(loaded.matrix[5], 4.4482216152605 * 25.4 * ROWS[5])
@@ -130,7 +123,6 @@ def test_a_file_without_user_axes_gives_the_matrix_at_the_displaced_origin(
     ("content", "words"),
     [
         (b"", "it is no XML"),
-        (b"<FTSensor></FTSensor>", "no .cal file by ATI"),
         (b"<html><Calibration/></html>", "no .cal file by ATI"),
         (cal_file("<Nothing/>"), "neither UserAxis nor Axis"),
         (cal_file('<UserAxis Name="Fx" values="1 2 3 4 5 6" max="1"/>'), "no UserAxis for Fy, Fz"),
@@ -139,9 +131,7 @@ def test_a_file_without_user_axes_gives_the_matrix_at_the_displaced_origin(
         (cal_file(ranges=(0, 1, 1, 1, 1, 1)), "not above zero"),
         (cal_file(units=("stone", "N-mm", "mm")), "the file: the unit of force 'stone'"),
         (cal_file(units=("N", "stone", "mm")), "the file: the unit of torque 'stone'"),
-        (cal_file(units=("N", "", "mm")), "has no TorqueUnits"),
         (cal_file().replace(b' max="17"', b""), "max of Fz is '', not a finite number"),
-        (re.sub(rb'values="[^"]*"', b"", cal_file()), "Fx has 0 values"),
         (cal_file(units=("kN", "N-mm", "m")).replace(b"0.02 ", b"1e308 "), "matrix cannot be used"),
         (cal_file(units=("", "N-mm", "mm")), "has no ForceUnits"),
         (cal_file(gain="2"), "GainMultiplier is not 1"),
@@ -168,15 +158,44 @@ def test_a_file_that_is_missing_or_too_large_is_explained(tmp_path):
     large = tmp_path / "large.cal"
     large.write_bytes(cal_file().ljust(1 << 20))
     assert load_calibration_file(large).output_v == 10.0
-    large.write_bytes(cal_file().ljust((1 << 20) + 1))
-    with pytest.raises(InputError, match=r"calibration .*large.cal: over 1 MiB"):
-        load_calibration_file(large)
-    large.write_bytes(b"")
-    with pytest.raises(InputError, match=r"calibration .*large.cal: it is no XML"):
-        load_calibration_file(large)
+    for content, words in ((cal_file().ljust((1 << 20) + 1), "over 1 MiB"), (b"", "it is no XML")):
+        large.write_bytes(content)
+        with pytest.raises(InputError, match=rf"calibration .*large.cal: {words}"):
+            load_calibration_file(large)
 
 
-# --- the driver
+class EmulatedGauges:
+    """A `VoltageBoard` whose gauges feel the force that is true at a time (ns of the host)."""
+
+    inputs, latency_ns, limit_v = 6, 0, 10.0
+
+    def __init__(self, truth):
+        self.truth = truth
+        self.stuck = self.silent = False
+        self.faults = {}
+        self.began_ns = time.monotonic_ns()
+        self._noise_v = random.Random(1)
+        self._volts, self._sent = (0.0,) * 6, 0
+
+    def connect(self):
+        self._sent = self._due()
+
+    def close(self): ...
+
+    def read(self):
+        first, self._sent = self._sent, self._due()
+        numbers = range(first + 1, self._sent + 1)
+        return () if self.silent else [self._sample(number) for number in numbers]
+
+    def _due(self):
+        return (time.monotonic_ns() - self.began_ns) // 1_000_000
+
+    def _sample(self, number):
+        if not self.stuck:
+            force_n = self.truth(self.began_ns + number * 1_000_000)
+            volts = np.linalg.inv(ROWS)[:, :3] @ force_n + 0.2 + self._noise_v.gauss(0.0, 1e-4)
+            self._volts = tuple(np.clip(volts, -self.limit_v, self.limit_v).tolist())
+        return VoltageReading(number * 1_000_000, self._volts)
 
 
 @pytest.fixture
@@ -193,7 +212,7 @@ def make(file, board, **options):
 
 @pytest.fixture
 def board():
-    return EmulatedGauges(lambda _time_ns: FORCE, ROWS)
+    return EmulatedGauges(lambda _time_ns: FORCE)
 
 
 @pytest.fixture
@@ -202,7 +221,8 @@ def sensor(file, board, connected):
 
 
 def test_the_bias_is_taken_off_and_the_clock_is_the_boards(board, sensor):
-    board.truth = lambda _time_ns: (0.0, 0.0, 0.0)
+    """Voltages that are no numbers make no bias."""
+    board.truth = lambda time_ns: (0.0, 0.0 if time_ns // 5_000_000 % 2 else math.nan, 0.0)
     sensor.read()
     sensor.calibrate()
     board.truth = lambda _time_ns: FORCE
@@ -214,7 +234,7 @@ def test_the_bias_is_taken_off_and_the_clock_is_the_boards(board, sensor):
 
 
 def test_the_stamp_is_the_instant_of_the_force(file, connected):
-    board = EmulatedGauges(lambda time_ns: (0.0, 0.0, math.sin(40e-9 * time_ns)), ROWS)
+    board = EmulatedGauges(lambda time_ns: (0.0, 0.0, math.sin(40e-9 * time_ns)))
     readings = read_some(connected(make(file, board)), 300)
     z = np.array([reading.value[2] for reading in readings])
     times_s = 1e-9 * (board.began_ns + np.array([reading.time_ns for reading in readings]))
@@ -239,47 +259,20 @@ def test_overload_saturation_and_broken_voltages_are_counted(board, sensor):
     read_until_fault(sensor, "impossible value", 5)
 
 
-def test_voltages_that_are_no_numbers_make_no_bias(board, sensor):
-    board.truth = lambda time_ns: (0.0, 0.0 if time_ns // 5_000_000 % 2 else math.nan, 2.0)
-    sensor.calibrate()
-    board.truth = lambda _time_ns: (0.0, 0.0, 2.0)
-    assert read_some(sensor)[-1].value == pytest.approx((0, 0, 0), abs=0.05)
-
-
-def test_an_unplugged_board_is_lost_and_comes_back(board, sensor):
-    sensor.calibrate()
-    before = read_some(sensor)
-    board.unplug()
-    with pytest.raises(DeviceLost, match="the board does not answer any more"):
-        sensor.read()
-    with pytest.raises(MmtError, match="plug it in"):
-        sensor.connect()
-    with pytest.raises(DeviceLost, match="is closed"):
-        sensor.read()
-    board.plug()
-    sensor.connect()
-    after = read_some(sensor)
-    assert after[0].time_ns > before[-1].time_ns
-    assert after[-1].value == pytest.approx((0, 0, 0), abs=0.01)
-
-
-def test_silence_and_stuck_voltages_are_seen(board, sensor):
+def test_silence_stuck_voltages_and_the_boards_own_faults_are_told(board, sensor):
+    board.faults = {"bad checksum": 3}
+    assert sensor.faults["board: bad checksum"] == 3
     board.stuck = True
     read_until_lost(sensor, "the very same values")
-    board.stall()
+    board.silent = True
     read_until_lost(sensor, "no record for")
     with pytest.raises(MmtError, match="the board gives no voltages"):
         sensor.connect()
 
 
-def test_the_boards_own_faults_are_shown(board, sensor):
-    board.faults = {"bad checksum": 3}
-    assert sensor.faults["board: bad checksum"] == 3
-
-
 def board_of_a_lab(*, amplified):
     assert amplified
-    return EmulatedGauges(lambda _time_ns: FORCE, ROWS)
+    return EmulatedGauges(lambda _time_ns: FORCE)
 
 
 def test_the_board_is_made_by_its_own_driver(file, connected):
@@ -291,13 +284,6 @@ def test_the_board_is_made_by_its_own_driver(file, connected):
 def test_a_driver_imports_neither_scipy_nor_numba():
     program = (
         "import sys, mmt.devices.ati.net_ft, mmt.devices.ati.digital_ft, mmt.devices.ati.gauges;"
-        "print([m for m in ('scipy', 'numba', 'asyncio') if m in sys.modules])"
+        "sys.exit(bool({'scipy', 'numba', 'asyncio'} & set(sys.modules)))"
     )
-    result = subprocess.run(
-        [sys.executable, "-c", program],
-        check=True,
-        capture_output=True,
-        text=True,
-        timeout=150,
-    )
-    assert result.stdout.strip() == "[]"
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=150)

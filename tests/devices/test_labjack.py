@@ -1,11 +1,13 @@
 """A LabJack U6: its calibration, its stream through pyusb, and the accelerometer."""
 
+import time
+from itertools import pairwise
 from types import SimpleNamespace
 
 import pytest
 import usb.core
 from driver_fixtures import own_calibrations  # noqa: F401 - a fixture
-from sensor_reading import read_some, read_until_lost
+from sensor_reading import read_some
 
 from mmt.core.errors import InputError, MmtError
 from mmt.devices.drivers import load_device
@@ -14,8 +16,7 @@ from mmt.devices.labjack.board import U6Voltages
 from mmt.devices.labjack.packets import AnalogInput, plan
 from mmt.devices.labjack.scans import CentredLines, nominal_lines, read_lines, write_lines
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
-
-# --- calibration
+from mmt.testing.emulated.remote_u6 import RemoteU6, U6Server
 
 
 def test_a_calibration_memory_is_read_as_it_is_written():
@@ -29,15 +30,9 @@ def test_a_calibration_memory_is_read_as_it_is_written():
     assert line.volts(33_500) == 0.0
     assert line.volts(33_600) == pytest.approx(0.0315)
     assert line.volts(33_400) == pytest.approx(-0.0316)
-
-
-def test_an_erased_memory_is_no_calibration():
-    with pytest.raises(ValueError, match="calibration memory holds"):
-        read_lines([b"\xff" * 32] * 4)
     assert nominal_lines()[0].volts(0) == pytest.approx(-10.587, abs=1e-3)
-
-
-# --- the stream
+    with pytest.raises(ValueError, match="calibration memory holds"):
+        read_lines([b"\xff" * 32] * 4)  # erased
 
 
 def level(time_ns):
@@ -120,9 +115,8 @@ def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch):
         U6Voltages([AnalogInput(0)]).connect()
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
+def test_what_a_box_cannot_do_is_refused():
+    for options, words in (
         ({"inputs": []}, "inputs is .*at least 1"),
         ({"inputs": [*range(14), 0]}, "inputs is .*at most 14"),
         ({"inputs": [14]}, "input 14"),
@@ -131,31 +125,31 @@ def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch):
         ({"rate_hz": 50.0}, "rate_hz is 50.0"),
         ({"rate_hz": float("nan")}, "rate_hz is nan"),
         ({"inputs": range(14), "rate_hz": 4000.0}, "50000 samples a second, which is 3571 Hz"),
-    ],
-)
-def test_what_a_box_cannot_do_is_refused(options, words):
-    with pytest.raises(InputError, match=f"device 'labjack-u6': .*{words}"):
-        load_device("labjack-u6", options)
-
-
-# --- the accelerometer
-
-
-def test_a_stuck_accelerometer_stays_lost_until_its_value_changes(connected):
-    still = {"volts": [1.65, 1.65, 1.98]}
-    box = EmulatedU6(lambda _: [*still["volts"], *[0.0] * 11])
-    board = {"driver": "labjack-u6", "backend": box, "inputs": [0, 1, 2]}
-    sensor = connected(load_device("adxl335-board", {"board": board, "stuck_s": 0.1}))
-    for _ in range(2):
-        read_until_lost(sensor, r"not changed for 0\.1 s")
-        sensor.close()
-        sensor.connect()
-    still["volts"] = [1.65, 1.66, 1.98]
-    sensor.close()
-    sensor.connect()
-    assert read_some(sensor, 20)
-
-
-def test_the_former_driver_of_the_accelerometer_says_what_to_write():
+    ):
+        with pytest.raises(InputError, match=f"device 'labjack-u6': .*{words}"):
+            load_device("labjack-u6", options)
     with pytest.raises(InputError, match=r'no longer one; write driver = "adxl335-board".* inputs'):
         load_device("adxl335-u6", {"inputs": [1, 2, 3]})
+
+
+REMOTE = {"driver": "labjack-u6", "inputs": [0, 1, 2]}
+
+
+def test_one_in_another_process_is_read_as_if_it_were_here(started, closing, connected):
+    server = started(U6Server(EmulatedU6(lambda _time_ns: [1.65, 1.65, 1.98] + [0.0] * 11)))
+    remote = closing(RemoteU6(server.address))
+    options = {"board": {**REMOTE, "backend": remote}, "bandwidth_hz": 1000}
+    readings = read_some(connected(load_device("adxl335-board", options)), 100)
+    assert readings[-1].value[2] == pytest.approx(9.8, abs=0.3)
+    assert 0 < remote.own_ns < time.process_time_ns()
+    assert {b.time_ns - a.time_ns for a, b in pairwise(readings)} == {500_000}
+
+
+def test_one_whose_process_has_ended_is_gone():
+    server = U6Server(EmulatedU6(level))
+    server.start()
+    remote = RemoteU6(server.address)
+    remote.close()
+    server.stop()
+    with pytest.raises(MmtError, match="gone"):
+        load_device("adxl335-board", {"board": {**REMOTE, "backend": remote}}).connect()

@@ -4,17 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.devices.record_clocks import SequenceClock, StampClock
+from mmt.devices.record_clocks import CountingClock, SequenceClock, StampClock
 
 MS = 1_000_000
-
-
-def test_numbers_become_times_across_the_wrap_around():
-    clock = SequenceClock(1000.0)
-    numbers = [0xFFFFFFFE, 0xFFFFFFFF, 0, 1]
-    times = [clock.stamp(number, i * MS) for i, number in enumerate(numbers)]
-    assert times == [0, MS, 2 * MS, 3 * MS]
-    assert (clock.lost, clock.late, clock.strange, clock.restarts) == (0, 0, 0, 0)
 
 
 @given(
@@ -59,24 +51,18 @@ def test_time_goes_on_by_the_hosts_when_the_sensor_counts_anew():
     assert clock.restarts == 1
 
 
-def test_an_interrupted_stream_is_believed_at_once():
+@pytest.mark.parametrize(
+    ("number", "at_ms", "expected_ms", "restarts", "lost"),
+    [(1, 600, 600, 1, 0), (300, 303, 300, 0, 200)],
+    ids=["counts anew", "went on"],
+)
+def test_an_interrupted_stream_is_believed_at_once(number, at_ms, expected_ms, restarts, lost):
     clock = SequenceClock(1000.0)
     for i in range(100):
         clock.stamp(i, i * MS)
     clock.interrupt()
-    assert clock.stamp(1, 600 * MS) == 600 * MS
-
-
-def test_an_interrupted_stream_that_went_on_keeps_its_count():
-    clock = SequenceClock(1000.0)
-    for i in range(100):
-        clock.stamp(i, i * MS)
-    clock.interrupt()
-    assert clock.stamp(300, 303 * MS) == 300 * MS
-    assert (clock.restarts, clock.lost) == (0, 200)
-
-
-# --- stamps
+    assert clock.stamp(number, at_ms * MS) == expected_ms * MS
+    assert (clock.restarts, clock.lost) == (restarts, lost)
 
 
 def fed(clock, stamps_us, period_ms=1.0):
@@ -127,3 +113,36 @@ def test_after_an_interruption_what_has_passed_counts_and_nothing_is_lost():
     assert clock.stamp(77, 5019 * MS) == times[-1] + 5000 * MS
     assert clock.stamp(1077, 5020 * MS) == times[-1] + 5001 * MS
     assert (clock.lost, clock.restarts) == (0, 0)
+
+
+def feed(clock, arrivals):
+    """Count records that come in bundles (how many, when in ms); return the times of all."""
+    times = []
+    for records, at_ms in arrivals:
+        clock.arrive(records, at_ms * MS)
+        times += [clock.next() for _ in range(records)]
+    return times
+
+
+@pytest.mark.parametrize(
+    ("arrivals", "last_ms", "missing"),
+    [
+        ([(2, 0), (2, 2), (2, 4)], 5, 0),
+        ([*[(1, t) for t in range(1, 50)], *[(1, t) for t in range(150, 300)]], 298, 100),
+        *[
+            ([(1, 1), (1, 2), (40, 100), (58, 100 + late), (160, 260), (1, 261), (1, 262)], 261, 0)
+            for late in (0, 1, 30)
+        ],
+        ([(49, 50 * i) for i in range(1, 200)], 49 * 199 - 1, 0),
+    ],
+    ids=["even", "swallowed", "held back", "held back by 1", "held back by 30", "slower"],
+)
+def test_records_without_numbers_are_counted_with_what_a_silence_has_swallowed(
+    arrivals, last_ms, missing
+):
+    clock = CountingClock(1000.0)
+    times = feed(clock, arrivals)
+    assert (times[0], times[-1], clock.missing) == (0, last_ms * MS, missing)
+    clock.interrupt()
+    at_ms = arrivals[-1][1] + 500
+    assert feed(clock, [(2, at_ms)])[-1] == times[-1] + 500 * MS  # by the host's time

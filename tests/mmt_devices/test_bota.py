@@ -1,6 +1,7 @@
 """The driver of Bota's serial sensors on the emulated sensor, over a pseudo terminal."""
 
 import itertools
+import random
 import sys
 
 import pytest
@@ -12,9 +13,18 @@ from sensor_reading import (
     read_until_lost,
 )
 
-from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.errors import MmtError
 from mmt.devices.drivers import load_device
-from mmt_devices.bota.frames import OVERRANGE, RAW, SKIPPED
+from mmt_devices.bota.frames import (
+    OVERRANGE,
+    RAW,
+    SIZE,
+    SKIPPED,
+    BotaFrame,
+    FrameStream,
+    checksum,
+    pack_frame,
+)
 
 if sys.platform != "linux":
     pytest.skip("the emulated port is for Linux", allow_module_level=True)
@@ -42,6 +52,50 @@ def sensor(make):
     return make()
 
 
+def bitwise_crc(content):
+    """CRC-16/X.25 as its definition has it."""
+    crc = 0xFFFF
+    for byte in content:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ 0x8408 if crc & 1 else crc >> 1
+    return crc ^ 0xFFFF
+
+
+def test_the_checksum_is_x25():
+    assert checksum(b"123456789") == 0x906E  # the catalogues' check value
+    generator = random.Random(3)
+    for length in range(40):
+        content = generator.randbytes(length)
+        assert checksum(content) == bitwise_crc(content)
+
+
+def test_a_frame_is_37_bytes_in_the_documented_order():
+    frame = BotaFrame(5, (1.0, 2.0, 3.0, 0.5, 0.25, -1.0), 0x01020304, 30.0)
+    wire = pack_frame(frame)
+    assert len(wire) == SIZE
+    assert wire[:3] == b"\xaa\x05\x00"
+    assert wire[3:7] == b"\x00\x00\x80\x3f"
+    assert wire[27:31] == b"\x04\x03\x02\x01"
+    assert FrameStream().feed(wire) == [frame]
+
+
+def test_frames_are_found_however_the_bytes_are_split():
+    generator = random.Random(5)
+    frames = [BotaFrame(0, (k, 0.0, 1.0, 0.0, 0.0, 0.0), 1000 * k, 20.0) for k in range(50)]
+    content = b"App Init\r\n\xaa" + b"".join(map(pack_frame, frames))
+    stream = FrameStream()
+    found = []
+    while content:
+        length = generator.randrange(1, 60)
+        found += stream.feed(content[:length])
+        content = content[length:]
+    assert found == frames
+    assert stream.broken == 1
+    stream.feed(bytes(10 * SIZE))
+    assert stream.broken == 11
+
+
 def test_forces_come_at_the_rate_of_the_filter_by_the_sensors_clock(emulated, sensor):
     assert emulated.filter == (51, 0, 0, 1)
     readings = read_some(sensor, 200)
@@ -53,38 +107,41 @@ def test_forces_come_at_the_rate_of_the_filter_by_the_sensors_clock(emulated, se
     assert not sensor.faults.keys() - {"lost frame"}  # a busy machine loses some
 
 
-def test_the_filter_is_set_as_the_options_say(emulated, make):
-    sensor = make(sinc_length=64, fir=True)
-    assert emulated.filter == (64, 0, 0, 0)
-    readings = read_some(sensor)
+@pytest.mark.parametrize(
+    ("options", "wanted", "period_ns"),
+    [
+        ({"sinc_length": 64, "fir": True}, (64, 0, 0, 0), 1.25e6),
+        ({"configure": False}, (512, 0, 0, 1), 1e7),  # it is left as it is
+    ],
+)
+def test_the_filter_is_set_as_the_options_say(emulated, make, options, wanted, period_ns):
+    emulated.deaf = "configure" in options
+    readings = read_some(make(**options), 10)
+    assert emulated.filter == wanted
     steps = sorted(b.time_ns - a.time_ns for a, b in itertools.pairwise(readings))
-    assert steps[25] == pytest.approx(1.25e6, abs=1000)
-
-
-def test_a_sensor_can_be_left_as_it_is(emulated, make):
-    emulated.deaf = True
-    sensor = make(configure=False)
-    assert emulated.filter == (512, 0, 0, 1)
-    readings = read_some(sensor, 3)
-    assert readings[1].time_ns - readings[0].time_ns == pytest.approx(1e7, abs=1000)
-
-
-def test_text_and_raw_values_are_switched_to_forces(emulated, make):
-    emulated.text, emulated.calibrated = True, False
-    sensor = make()
-    assert read_some(sensor)[-1].value == NEAR
+    assert steps[4] == pytest.approx(period_ns, abs=1000)
 
 
 def test_the_counter_of_microseconds_wraps_unseen(started, connected):
     emulated = started(EmulatedBota(lambda _time_ns: FORCE, start_us=2**32 - 700_000))
     sensor = connected(load_device("bota-serial", emulated.options))
-    readings = read_until(sensor, has_wrapped)
+    wrapped_ns = (2**32 + 50_000) * 1000
+    readings = read_until(sensor, lambda come: come and come[-1].time_ns > wrapped_ns)
     assert "restart" not in sensor.faults
     check_times_rise(readings)
 
 
-def has_wrapped(readings):
-    return bool(readings) and readings[-1].time_ns > (2**32 + 50_000) * 1000
+def test_it_is_switched_from_text_and_raw_values_to_forces_whose_time_survives_a_restart(
+    emulated, make
+):
+    emulated.text, emulated.calibrated = True, False
+    sensor = make()
+    readings = read_some(sensor)
+    assert readings[-1].value == NEAR
+    emulated.repeat(3)
+    readings += read_until_fault(sensor, "repeated frame", 3)
+    emulated.restart()
+    check_times_rise(readings + read_until_fault(sensor, "restart"))
 
 
 def test_flipped_bits_and_half_frames_are_survived(emulated, sensor):
@@ -113,28 +170,6 @@ def test_a_gap_is_counted_and_no_error_in_time(emulated, make):
     assert longest_ns >= 100 * PERIOD_NS
 
 
-def test_frames_that_come_twice_are_left_out(emulated, sensor):
-    emulated.repeat(3)
-    readings = read_until_fault(sensor, "repeated frame", 3)
-    check_times_rise(readings)
-
-
-def test_a_restart_continues_the_time(emulated, sensor):
-    before = read_some(sensor)
-    emulated.restart()
-    after = read_until_fault(sensor, "restart")
-    check_times_rise(before + after)
-
-
-def test_an_unplugged_sensor_comes_back_with_its_settings(emulated, sensor):
-    emulated.unplug()
-    with pytest.raises(DeviceLost):
-        read_until(sensor, lambda _: False)
-    emulated.plug()
-    sensor.connect()
-    assert emulated.filter == (51, 0, 0, 1)
-
-
 def test_silence_is_lost(emulated, make, sensor):
     read_some(sensor)
     emulated.stall()
@@ -155,54 +190,34 @@ def test_raw_values_in_the_place_of_forces_are_told(emulated, make):
         sensor.connect()
 
 
-def test_overrange_and_skipped_measurements_are_counted(emulated, sensor):
-    emulated.status = OVERRANGE | SKIPPED
-    readings = read_until_fault(sensor, "overrange", 5)
-    assert sensor.faults["skipped measurements"] >= 5
-    assert readings[-1].value == NEAR
-
-
-def test_more_than_its_range_is_an_overload_and_much_more_is_left_out(emulated, make):
+def test_what_the_sensor_could_not_measure_is_counted_and_what_is_impossible_left_out(
+    emulated, make
+):
     sensor = make(range_n=[2.0, 2.0, 2.0])
+    emulated.status = OVERRANGE | SKIPPED
+    assert read_until_fault(sensor, "overrange", 5)[-1].value == NEAR
+    assert sensor.faults["skipped measurements"] >= 5
     emulated.truth = lambda _time_ns: (0.0, 0.0, 3.0)
     read_until_fault(sensor, "overload", 5)
     emulated.truth = lambda _time_ns: (0.0, 0.0, float("nan"))
     read_until_fault(sensor, "impossible value", 5)
 
 
-def test_a_wrong_baud_rate_is_explained(emulated, monkeypatch):
+@pytest.mark.parametrize(
+    ("fault", "options", "words"),
+    [
+        (("header", 0xAB), {}, "or the model speaks another protocol"),
+        (("text", True), {"configure": False}, "text comes: set its data format to binary"),
+        (("deaf", True), {}, "not answer the command 'C'; its frames come, but what is"),
+        (("refusal", 3), {}, r"it refuses the command 'C' \(code 3\): switch it off"),
+        (("refusal", 0), {"baud": 115_200}, "the baud rate is probably not 115200"),
+        (("refusal", 0), {"baud": 115_200, "configure": False}, "is probably not 115200"),
+    ],
+)
+def test_what_keeps_it_from_being_used_is_explained(
+    emulated, make, monkeypatch, fault, options, words
+):
     monkeypatch.setattr("mmt_devices.bota.driver._ANSWER_S", 0.1)
-    for configure in (True, False):
-        options = {"port": emulated.path, "baud": 115_200, "sinc_length": 256}
-        wrong = load_device("bota-serial", {**options, "configure": configure, "start_s": 0.3})
-        with pytest.raises(MmtError, match="no good frames: the baud rate is probably not 115200"):
-            wrong.connect()
-
-
-def test_a_model_with_another_protocol_is_explained(emulated, make):
-    emulated.header = 0xAB
-    with pytest.raises(MmtError, match="or the model speaks another protocol"):
-        make(start_s=0.3)
-
-
-def test_a_sensor_that_sends_text_is_explained(emulated, make):
-    emulated.text = True
-    with pytest.raises(MmtError, match="text comes: set its data format to binary"):
-        make(configure=False, start_s=0.3)
-
-
-def test_a_sensor_that_does_not_answer_is_explained(emulated, make, monkeypatch):
-    monkeypatch.setattr("mmt_devices.bota.driver._ANSWER_S", 0.1)
-    emulated.deaf = True
-    with pytest.raises(MmtError, match="not answer the command 'C'; its frames come, but what is"):
-        make()
-
-
-def test_a_command_that_is_refused_is_told(emulated, make):
-    emulated.refusal = 3
-    with pytest.raises(MmtError, match=r"it refuses the command 'C' \(code 3\): switch it off"):
-        make()
-
-
-def test_a_longer_filter_fits_a_slower_line():
-    assert load_device("bota-serial", {"port": "x", "baud": 230_400, "sinc_length": 128})
+    setattr(emulated, *fault)
+    with pytest.raises(MmtError, match=words):
+        make(start_s=0.3, sinc_length=256, **options)

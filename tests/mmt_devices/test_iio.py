@@ -2,28 +2,61 @@
 
 import itertools
 import logging
+import os
+import random
 import shutil
+import struct
+import sys
 import time
+from pathlib import Path
 
 import pytest
-from iio_drivers import LEVEL, emulated_adxl345, emulated_iio, iio_drivers  # noqa: F401 - fixtures
 from sensor_reading import check_times_rise, read_some, read_until_fault
+from waiting import until
 
+from mmt.core.errors import InputError, MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
+from mmt.devices.discovery import FoundPort
+from mmt.devices.drivers import load_device
 from mmt.devices.protocols import ArrivalStamping
-from mmt_devices.iio.emulated import EmulatedIio
+from mmt_devices.iio.attributes import find_iio_accelerometers
+from mmt_devices.iio.layout import Layout, parse_element
 
+if sys.platform != "linux":
+    pytest.skip("industrial I/O is a part of Linux", allow_module_level=True)
+
+from mmt_devices.iio.emulated import EmulatedIio
+from mmt_devices.iio.emulated_chips import ADXL345
+
+LEVEL = (0.5, -0.25, GRAVITY_M_S2)
 NEAR = pytest.approx(LEVEL, abs=0.15)
 PERIOD_NS = 500_000
 EN = "scan_elements/in_accel_x_en"
 
 
 @pytest.fixture
+def emulated(started):
+    """One that is there."""
+    return started(EmulatedIio(lambda _time_ns: LEVEL))
+
+
+@pytest.fixture
+def adxl345(started):
+    """One without stamps and triggers."""
+    return started(EmulatedIio(lambda _time_ns: LEVEL, ADXL345))
+
+
+@pytest.fixture
+def drivers(closing):
+    """Makes drivers of emulated ones, which are closed at the end."""
+    return lambda emulated, **more: closing(
+        load_device("iio-accelerometer", {**emulated.options, **more})
+    )
+
+
+@pytest.fixture
 def sensor(emulated, drivers, connected):
     return connected(drivers(emulated))
-
-
-# --- values and times
 
 
 def test_values_are_the_truth_and_times_the_kernels(emulated, sensor):
@@ -58,18 +91,6 @@ def test_a_sensor_without_stamps_is_counted(adxl345, drivers, connected):
     assert not isinstance(sensor, ArrivalStamping)
 
 
-def test_the_directories_of_later_kernels_do_as_well(started, drivers, connected):
-    emulated = started(EmulatedIio(lambda _time_ns: LEVEL, old=False))
-    sensor = connected(drivers(emulated))
-    assert emulated.read("buffer0/in_accel_x_en") == "1"
-    assert read_some(sensor)[-1].value == NEAR
-    sensor.close()
-    assert emulated.read("buffer0/enable") == "0"
-
-
-# --- settings
-
-
 def test_what_was_changed_is_put_back_and_nothing_else(emulated, drivers, connected):
     emulated.write(EN, "1")
     emulated.write("scan_elements/in_temp_en", "1")
@@ -85,20 +106,26 @@ def test_what_was_changed_is_put_back_and_nothing_else(emulated, drivers, connec
     assert attributes(emulated) == before
 
 
-def attributes(emulated):
-    return {
-        str(path): path.read_text(encoding="ascii").strip()
-        for path in emulated.directory.rglob("*")
-        if path.is_file()
-    }
-
-
 def test_a_buffer_that_a_killed_program_left_on_is_taken(emulated, drivers, connected):
     emulated.write("buffer/enable", "1")
     sensor = connected(drivers(emulated))
     assert read_some(sensor)
     sensor.close()
     assert emulated.read("buffer/enable") == "0"
+
+
+def test_the_directories_of_later_kernels_do_as_well(started, drivers, connected):
+    emulated = started(EmulatedIio(lambda _time_ns: LEVEL, old=False))
+    sensor = connected(drivers(emulated))
+    assert emulated.read("buffer0/in_accel_x_en") == "1"
+    assert read_some(sensor)[-1].value == NEAR
+    sensor.close()
+    assert emulated.read("buffer0/enable") == "0"
+
+
+def attributes(emulated):
+    paths = [path for path in emulated.directory.rglob("*") if path.is_file()]
+    return {str(path): path.read_text(encoding="ascii").strip() for path in paths}
 
 
 def test_the_rate_is_the_next_that_the_sensor_has(emulated, drivers, connected):
@@ -111,7 +138,7 @@ def test_the_rate_is_the_next_that_the_sensor_has(emulated, drivers, connected):
     assert emulated.read("in_accel_sampling_frequency") == "1500"
 
 
-def test_a_timer_can_be_its_trigger(emulated, drivers, connected):
+def test_a_timer_can_be_its_trigger_or_the_sensor_where_none_is(emulated, drivers, connected):
     emulated.write("../trigger7/name", "mmt")
     emulated.write("../trigger7/sampling_frequency", "100")
     sensor = connected(drivers(emulated, trigger="mmt"))
@@ -120,45 +147,26 @@ def test_a_timer_can_be_its_trigger(emulated, drivers, connected):
     sensor.close()
     assert emulated.read("trigger/current_trigger") == "adxl355-dev0"
     assert emulated.read("../trigger7/sampling_frequency") == "100"
-
-
-def test_the_sensors_own_trigger_is_set_where_none_is(emulated, drivers, connected):
     emulated.write("trigger/current_trigger", "")
     connected(drivers(emulated))
     assert emulated.read("trigger/current_trigger") == "adxl355-dev0"
 
 
-# --- faults
-
-
-def test_lost_scans_are_counted(emulated, sensor):
-    read_some(sensor)
-    emulated.cut(*[0] * 7)
-    read_until_fault(sensor, "lost samples", 7)
-    assert read_some(sensor)[-1].value == NEAR
-
-
 def test_a_buffer_that_is_not_read_in_time_runs_over_and_is_counted(emulated, drivers, connected):
     sensor = connected(drivers(emulated, length=16))
-    end = time.monotonic() + 20.0
-    while emulated.dropped < 50:
-        assert time.monotonic() < end
-        time.sleep(0.002)
-    readings = read_until_fault(sensor, "full buffer") + read_until_fault(
-        sensor, "lost samples", 50
-    )
-    check_times_rise(readings)
+    until(lambda: emulated.dropped >= 50)
+    readings = read_until_fault(sensor, "full buffer")
+    check_times_rise(readings + read_until_fault(sensor, "lost samples", 50))
 
 
-def test_scans_in_two_parts_are_put_together(emulated, sensor):
-    emulated.split(20)
-    readings = read_some(sensor, 100)
-    assert all(reading.value == NEAR for reading in readings)
-    assert "impossible stamp" not in sensor.faults
-
-
-def test_flipped_bits_move_no_time_back(emulated, sensor):
+def test_lost_split_and_spoilt_scans_move_no_time_back(emulated, sensor):
     readings = read_some(sensor)
+    emulated.split(20)
+    readings += read_some(sensor, 100)
+    assert "impossible stamp" not in sensor.faults
+    emulated.cut(*[0] * 7)
+    readings += read_until_fault(sensor, "lost samples", 7)
+    assert all(reading.value == NEAR for reading in readings)
     emulated.flip(100)
     readings += read_until_fault(sensor, "impossible stamp", 5)
     readings += read_some(sensor, 200)
@@ -201,3 +209,128 @@ def test_a_sensor_that_does_not_feel_gravity_is_told_at_the_start(emulated, sens
         read_some(sensor, 100)
         sensor.calibrate()
     assert "measures 7.0" in caplog.text
+
+
+def test_what_is_not_there_is_told_with_what_is(emulated, drivers, tmp_path):
+    for options, words in (
+        ({"device": "adxl372"}, r"no device 'adxl372' in .*; there are iio:device0 \(adxl355\)"),
+        ({"sysfs_root": str(tmp_path)}, "no accelerometer in .*; there are none: check the over"),
+    ):
+        with pytest.raises(InputError, match=words):
+            drivers(emulated, **options).connect()
+    for name in ("adxl355", "iio:device0", 0):
+        sensor = drivers(emulated, device=name)
+        sensor.connect()
+        sensor.close()
+    emulated.write("../iio:device1/name", "adxl355")
+    emulated.write("../iio:device1/in_accel_x_raw", "0")
+    with pytest.raises(InputError, match="has 2 of the accelerometer: name one by 'device'"):
+        drivers(emulated).connect()
+    with pytest.raises(MmtError, match="its driver in the kernel offers no buffer; a newer kernel"):
+        drivers(emulated, device="1").connect()
+
+
+def test_no_trigger_and_no_interrupt_are_told(emulated, drivers):
+    emulated.stall()
+    with pytest.raises(MmtError, match=r"no sample for 0\.2 s though its buffer runs; check the w"):
+        drivers(emulated, start_s=0.2).connect()
+    assert emulated.read("buffer/enable") == "0"
+    with pytest.raises(MmtError, match="there is no trigger 'mmt'; there are adxl355-dev0: wire"):
+        drivers(emulated, trigger="mmt").connect()
+    emulated.write("trigger/current_trigger", "")
+    shutil.rmtree(emulated.directory.parent / "trigger0")
+    with pytest.raises(MmtError, match="it has no trigger; there are none: wire its interrupt"):
+        drivers(emulated).connect()
+
+
+def test_what_a_sensor_without_stamps_and_triggers_needs_is_told(adxl345, emulated, drivers):
+    with pytest.raises(MmtError, match=r'no time stamps .*: set stamps = "counted"'):
+        drivers(adxl345).connect()
+    with pytest.raises(MmtError, match="it takes no trigger; leave 'trigger' out"):
+        drivers(adxl345, trigger="mmt", stamps="counted").connect()
+    for name in ("in_accel_sampling_frequency", "in_accel_sampling_frequency_available"):
+        (adxl345.directory / name).unlink()
+    with pytest.raises(MmtError, match="nothing tells its rate"):
+        drivers(adxl345, stamps="counted").connect()
+    (emulated.directory / "current_timestamp_clock").unlink()
+    with pytest.raises(MmtError, match=r"a clock that is set at times: take Linux 4\.7"):
+        drivers(emulated).connect()
+
+
+def test_a_type_or_scale_that_no_accelerometer_has_is_told(emulated, drivers):
+    for held in ("n/a", "nan", "inf"):
+        emulated.write("in_accel_scale", held)
+        with pytest.raises(MmtError, match=f"in_accel_scale holds '{held}' and no finite number"):
+            drivers(emulated).connect()
+    (emulated.directory / "in_accel_scale").unlink()
+    with pytest.raises(MmtError, match="gives no scale: in_accel_x_scale"):
+        drivers(emulated).connect()
+    for held in ("float", "le:s12/16X2>>4", "le:s12/16>>5"):
+        emulated.write("scan_elements/in_accel_x_type", held)
+        with pytest.raises(MmtError, match=f"has the type '{held}'.*, which "):
+            drivers(emulated).connect()
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (PermissionError(13, "Permission denied"), "no permission for .*: files of industrial I/O"),
+        (OSError(16, "Device or resource busy"), "in use: another program has it open"),
+        (FileNotFoundError(2, "No such file"), "is gone; check the wires"),
+        (
+            OSError(22, "Invalid argument"),
+            "the kernel refuses .*Invalid argument.; look with dmesg",
+        ),
+    ],
+)
+def test_what_the_kernel_refuses_is_explained(emulated, drivers, monkeypatch, error, words):
+    def refuse(*_arguments, **_named):
+        raise error
+
+    with monkeypatch.context() as patch:
+        patch.setattr("mmt_devices.iio.capture.os.open", refuse)
+        with pytest.raises(MmtError, match=words):
+            drivers(emulated).connect()
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_text", refuse)
+        with pytest.raises(MmtError, match=words):
+            drivers(emulated).connect()
+
+
+def test_accelerometers_are_listed_and_what_is_not_permitted_is_told(emulated, monkeypatch):
+    emulated.write("../iio:device1/name", "a thermometer")
+    roots = [Path(each) for each in emulated.options.values()]
+    assert find_iio_accelerometers(*roots) == [FoundPort("iio:device0", "adxl355", "", "")]
+    monkeypatch.setattr("os.access", lambda _path, way: way == os.R_OK)
+    (found,) = find_iio_accelerometers(*roots)
+    assert found.problem.startswith(f"no permission for {emulated.directory}/buffer/enable")
+
+
+def test_a_scan_lies_as_the_kernels_documentation_has_it():
+    kinds = {"a": "be:u16/16>>0", "b": "be:u32/32>>0", "c": "be:u32/32>>0", "d": "be:u64/64>>0"}
+    elements = [parse_element(name, str(i), kind) for i, (name, kind) in enumerate(kinds.items())]
+    layout = Layout(elements, "abcd")
+    assert layout.size == 24
+    scan = struct.pack(">HxxIIxxxxQ", 1, 2, 3, 4)
+    assert list(layout.decode(scan + scan)) == [(1, 2, 3, 4)] * 2
+    layout = Layout([elements[0], elements[3]], "da")
+    assert layout.size == 16
+    assert list(layout.decode(struct.pack(">H6xQ", 1, 4))) == [(4, 1)]
+    assert Layout(elements[1:2] + elements[:1], "a").size == 8  # padded to its largest
+
+
+def test_shifted_and_signed_values_are_decoded():
+    element = parse_element("in_accel_y", "1", "le:s12/16>>4")
+    assert element.bounds == (-2048, 2047)
+    layout = Layout([element], [element.name])
+    for value in (-2048, -1, 0, 1, 2047):
+        word = (value % 4096) << 4 | 0xF  # what is beside the bits is none of the value
+        assert list(layout.decode(word.to_bytes(2, "little"))) == [(value,)]
+    unsigned = parse_element("in_accel_y", "1", "be:u20/32>>4")
+    assert unsigned.bounds == (0, 2**20 - 1)
+    random.seed(1)
+    for value in (0, 1, 2**19, 2**20 - 1):
+        word = value << 4 | random.randrange(16) | random.randrange(256) << 24
+        assert list(Layout([unsigned], ["in_accel_y"]).decode(word.to_bytes(4, "big"))) == [
+            (value,)
+        ]

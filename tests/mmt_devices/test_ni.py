@@ -1,6 +1,5 @@
 """A board by NI, emulated beneath NI's own package: gauges and an accelerometer in one task."""
 
-import asyncio
 import math
 import re
 import time
@@ -16,14 +15,12 @@ from hypothesis import strategies as st
 from nano17_files import write_calibration
 from running_source import RunningSource
 from sensor_reading import read_some, read_until_fault, read_until_lost
-from service_runs import Together, small_scene
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.frames import acceleration_samples
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
 from mmt.devices.discovery import FoundPort
 from mmt.devices.drivers import load_device
-from mmt.session.files import read_session
 from mmt.testing.emulated.drivers import LAB
 
 pytest.importorskip("nidaqmx", reason="nidaqmx is not installed: pip install -e '.[ni]'")
@@ -47,9 +44,6 @@ def inputs(*numbers, backend, **options):
     return load_device("ni-daqmx", {"inputs": numbers, "backend": backend, **options})
 
 
-# --- the board
-
-
 def test_inputs_are_measured_against_ground_or_their_partners_at_the_boards_rate(closing):
     box = EmulatedNi(level)
     reader = closing(inputs(3, 0, backend=box, rate_hz=3000.0))
@@ -67,15 +61,19 @@ def test_inputs_are_measured_against_ground_or_their_partners_at_the_boards_rate
     assert reader.faults == {}
 
 
-def test_the_thread_waits_and_the_reader_does_not(connected):
-    box = EmulatedNi(level)
-    reader = connected(inputs(0, backend=box, rate_hz=100.0))
+def test_the_thread_waits_the_reader_does_not_and_what_it_does_not_take_is_counted(
+    connected, monkeypatch
+):
+    reader = connected(inputs(0, backend=EmulatedNi(level), rate_hz=100.0))
     read_some(reader, 3)
     began_ns = time.thread_time_ns()
     for _ in range(20):
         reader.read()
     assert time.thread_time_ns() - began_ns < 10_000_000
     assert 0 <= time.monotonic_ns() - reader.arrival_ns < 5_000_000_000
+    monkeypatch.setattr("mmt_devices.ni.stream._MOST_WAITING", 20)
+    time.sleep(0.5)
+    read_until_fault(reader, "lost scans")
 
 
 def test_a_board_that_is_read_too_late_says_so_and_goes_on(connected, caplog):
@@ -93,13 +91,6 @@ def test_a_board_that_is_read_too_late_says_so_and_goes_on(connected, caplog):
     assert sum(steps) == 500_000 * (len(steps) + lost)
 
 
-def test_blocks_that_nobody_takes_are_counted(connected, monkeypatch):
-    monkeypatch.setattr("mmt_devices.ni.stream._MOST_WAITING", 20)
-    reader = connected(inputs(0, backend=EmulatedNi(level)))
-    time.sleep(0.5)
-    read_until_fault(reader, "lost scans")
-
-
 def test_an_unplugged_board_is_lost_and_comes_back(closing):
     box = EmulatedNi(level)
     reader, other = closing(inputs(0, backend=box)), closing(inputs(1, backend=box))
@@ -115,19 +106,15 @@ def test_an_unplugged_board_is_lost_and_comes_back(closing):
         each.connect()
         assert read_some(each, 5)
     assert box.channels == 2
-    reader.close()
-    with pytest.raises(DeviceLost, match="is not open"):
-        reader.read()
-
-
-def test_a_board_that_gives_nothing_is_lost(connected):
-    box = EmulatedNi(level)
-    reader = connected(inputs(0, backend=box))
+    other.close()
     box.stalled = True
     read_until_lost(reader, "have not yet been acquired")
     box.stalled = False
     reader.connect()
     assert read_some(reader, 5)
+    reader.close()
+    with pytest.raises(DeviceLost, match="is not open"):
+        reader.read()
 
 
 def test_what_one_task_cannot_do_is_refused_and_the_other_goes_on(connected):
@@ -158,7 +145,7 @@ class Larger(EmulatedNi):
         return said if attribute == 0x631 else f"{said}, {device_name}/ai16:31"
 
 
-def test_which_board_is_told_where_there_are_several(connected):
+def test_which_board_is_told_where_there_are_several_or_another_program_has_it(connected):
     box = EmulatedNi(level)
     box.name = "Dev1, Dev2"
     with pytest.raises(InputError, match=r"2 boards by NI: .*'device': Dev1 \(USB-6251\), Dev2"):
@@ -167,18 +154,11 @@ def test_which_board_is_told_where_there_are_several(connected):
         inputs(0, backend=box, device="Dev7").connect()
     second = connected(inputs(0, backend=box, device="Dev2"))
     assert read_some(second, 5)
-
-
-def test_a_board_that_another_program_has_is_told(closing):
-    box = EmulatedNi(level)
-    task = box.task()
+    task = (taken := EmulatedNi(level)).task()
     task.start()
     with pytest.raises(MmtError, match="another program has it: close that one"):
-        inputs(0, backend=box).connect()
+        inputs(0, backend=taken).connect()
     task.close()
-
-
-# --- what there is, and what is missing
 
 
 def test_boards_are_listed_and_a_missing_driver_is_told(monkeypatch):
@@ -235,23 +215,18 @@ def test_the_page_has_every_option_and_its_scene_loads(tmp_path):
     assert len({board.rate_hz for board in boards}) == 1
 
 
-# --- the whole follower
-
-
 class Bench(RunningSource):
     """An emulated board that carries six gauges and an accelerometer, and a source on both."""
 
     def __init__(self, tmp_path, rate_hz, samples, fast_hz):
-        self.pressed = False
-        self._fast_hz = fast_hz
-        self.samples = samples
+        self.pressed, self._fast_hz = False, fast_hz
         self.box = EmulatedNi(self._volts, clock_ppm=60.0)
         common = {"driver": "ni-daqmx", "backend": self.box, "rate_hz": rate_hz}
         file = write_calibration(tmp_path)
-        self.gauges = load_device("ati-gauges", {"calibration_file": file, "board": common})
+        gauges = load_device("ati-gauges", {"calibration_file": file, "board": common})
         board = {**common, "inputs": [6, 7, 14], "terminals": "rse"}
         self.accelerometer = load_device("adxl335-board", {"board": board, "bandwidth_hz": 1600})
-        super().__init__(self.gauges, self.accelerometer, samples_per_frame=samples)
+        super().__init__(gauges, self.accelerometer, samples_per_frame=samples)
 
     def force_n(self, times_ns):
         return 2.0 + np.sin(10e-9 * math.pi * times_ns)
@@ -272,20 +247,15 @@ class Bench(RunningSource):
         return volts
 
 
-@pytest.fixture(params=[(2000.0, 1, 300.0)])
-def bench(request, tmp_path):
-    made = Bench(tmp_path, *request.param)
-    made.start()
-    made.pressed = True
-    made.run(lambda number: number >= 50)  # some are still from before
-    yield made
-    made.source.close()
-    assert made.box.channels == 0
-
-
-@pytest.mark.parametrize("bench", [(2000.0, 1, 300.0), (6000.0, 5, 1300.0)], indirect=True)
-def test_one_board_carries_gauges_and_accelerometer_into_frames(bench):
-    samples = bench.samples
+@pytest.mark.parametrize(
+    ("rate_hz", "samples", "fast_hz"), [(2000.0, 1, 300.0), (6000.0, 5, 1300.0)]
+)
+def test_one_board_carries_gauges_and_accelerometer_into_frames(
+    tmp_path, started, rate_hz, samples, fast_hz
+):
+    bench = started(Bench(tmp_path, rate_hz, samples, fast_hz))
+    bench.pressed = True
+    bench.run(lambda number: number >= 50)  # some are still from before
     frames = bench.run(lambda number: number >= 600)
     assert bench.box.channels == 9
     assert np.median(np.diff(frames["time_ns"])) == pytest.approx(1e6, abs=1e4)
@@ -299,63 +269,6 @@ def test_one_board_carries_gauges_and_accelerometer_into_frames(bench):
     assert np.std(y) == pytest.approx(np.std(expected[:, 1]), rel=0.15)
     assert np.median(z) == pytest.approx(GRAVITY_M_S2, abs=0.1)
     assert bench.told == []
-
-
-def test_an_unplugged_board_is_two_lost_sensors_which_both_come_back(bench):
-    bench.box.plugged = False
-    bench.run_until_told("force sensor.* NI Dev1 is gone", "accelerometer.* NI Dev1 is gone")
-    bench.box.plugged = True
-    bench.run(lambda _: not bench.is_lost)
-    frames = bench.run(lambda number: number >= 200)
-    assert np.median(abs(frames["force_n"][:, 2] - bench.force_n(frames["time_ns"]))) < 0.1
-
-
-def test_an_overrun_is_survived_and_counted(bench):
-    bench.box.lag(10_000)
-    bench.run(lambda _: bench.gauges.faults.get("board: overruns"))
-    frames = bench.run(lambda number: number >= 1500)
-    assert (
-        np.median(abs(frames["force_n"][-200:, 2] - bench.force_n(frames["time_ns"][-200:]))) < 0.1
-    )
-    assert bench.accelerometer.faults["overruns"] == 1
-
-
-# --- both services on the virtual board
-
-
-@pytest.mark.parametrize(("acceleration_hz", "rate_hz"), [(1000, 2000), (5000, 6000)])
-async def test_a_session_runs_on_the_virtual_board(tmp_path, acceleration_hz, rate_hz):
-    lab = {"surface": "wood", "acceleration_rate_hz": acceleration_hz}
-    file = str(write_calibration(tmp_path))
-    board = {"driver": "virtual-ni-daqmx", "rate_hz": rate_hz, **lab}
-    gauges = {**board, "calibration_file": file}
-    axes = {**board, "inputs": [6, 7, 14], "terminals": "rse"}
-    scene = small_scene(
-        tmp_path,
-        link={"port": 0, "patience_s": 20.0},
-        session={"duration_s": 100.0, "acceleration_rate_hz": acceleration_hz},
-        simulated=None,
-        devices={
-            "on_lost": "hold",
-            "robot": {"driver": "virtual-robot", **lab},
-            "force_sensor": {"driver": "ati-gauges", "calibration_file": file, "board": gauges},
-            "accelerometer": {"driver": "adxl335-board", "bandwidth_hz": 1600, "board": axes},
-        },
-    )
-    together = await Together.listening(scene)
-    following = asyncio.create_task(together.follow())
-    await together.until(  # on a busy machine frames are rare
-        lambda: together.leader.time_s > 3.0 and together.leader.status().frames > 500
-    )
-    together.leader.stop()
-    leader, follower = await together.end(), await following
-    assert (leader.problem, follower.problem) == (None, None)
-    frames = read_session(tmp_path / "session.mcap").frames
-    assert frames["force_n"][:, 2].max() > 0.1  # the hand has pressed on the surface
-    felt = acceleration_samples(frames).reshape(len(frames), -1, 3)
-    assert felt.shape[1] == acceleration_hz // 1000
-    assert np.std(felt[..., 0]) > 0.01
-    assert np.median(felt[..., 2]) == pytest.approx(GRAVITY_M_S2, abs=0.5)
 
 
 def test_a_lab_that_ends_is_a_lost_board_which_comes_back(connected):
