@@ -19,20 +19,28 @@ from mmt.devices.haptuator.framing import FULL_SCALE  # noqa: E402
 from mmt.devices.haptuator.serial_driver import SerialHaptuator  # noqa: E402
 from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard  # noqa: E402
 
-# --- the board's clock
+
+def resampled(rate_hz, signal, *, ahead=0.0, board_ppm=0.0):
+    """Push a signal a millisecond at a time to a board of 8 kHz.
+
+    Return the resampler, what was played, and how much was waiting before each push.
+    """
+    pusher, played, fills = BoardResampler(rate_hz, 8000.0, 6.0), [], []
+    for tick in np.reshape(signal, (-1, round(rate_hz / 1000.0))).tolist():
+        fills.append(ahead)
+        played.append(pusher.push(tick, math.floor(ahead)))
+        ahead = max(0.0, ahead + len(played[-1]) - 8.0 * (1.0 + 1e-6 * board_ppm))
+    return pusher, np.concatenate(played), [*fills, ahead]
+
+
+def tone(hz, rate_hz, seconds):
+    return np.sin(2.0 * np.pi * hz * np.arange(round(rate_hz * seconds)) / rate_hz)
 
 
 @pytest.mark.parametrize("board_ppm", [-1000.0, 0.0, 300.0])
 def test_a_boards_drift_is_learnt_and_the_signal_stays_whole(board_ppm):
-    pusher, ahead, played = BoardResampler(1000.0, 8000.0, 6.0), 0.0, []
-    fills = []
-    for k in range(20_000):
-        fills.append(ahead)
-        block = pusher.push([math.sin(2.0 * math.pi * 200.0 * k / 1000.0)], math.floor(ahead))
-        played.append(block)
-        ahead = max(0.0, ahead + len(block) - 8.0 * (1.0 + 1e-6 * board_ppm))
-    signal = np.concatenate(played)
-    assert np.max(np.abs(np.diff(signal))) < 1.1 * 2.0 * np.pi * 200.0 / 8000.0
+    pusher, played, fills = resampled(1000.0, tone(200.0, 1000.0, 20.0), board_ppm=board_ppm)
+    assert np.max(np.abs(np.diff(played))) < 1.1 * 2.0 * np.pi * 200.0 / 8000.0
     assert np.mean(fills[-5000:]) == pytest.approx(48.0, abs=4.0)
     assert min(fills[1:]) > 16.0
     assert pusher.follower.drift == pytest.approx(-1e-6 * board_ppm, abs=2e-4)
@@ -41,28 +49,18 @@ def test_a_boards_drift_is_learnt_and_the_signal_stays_whole(board_ppm):
 
 @pytest.mark.parametrize("k", [2, 5, 8])
 def test_a_faster_signal_reaches_the_board_as_it_is(k):
-    pusher, ahead, played = BoardResampler(1000.0 * k, 8000.0, 6.0), 0.0, []
-    tone = np.sin(2.0 * np.pi * 200.0 * k * np.arange(4000 * k) / (1000.0 * k))
-    for tick in tone.reshape(4000, k).tolist():
-        block = pusher.push(tick, math.floor(ahead))
-        played.append(block)
-        ahead = max(0.0, ahead + len(block) - 8.0)
-    heard = np.concatenate(played)[-8000:]
+    pusher, played, _ = resampled(1000.0 * k, tone(200.0 * k, 1000.0 * k, 4.0))
+    heard = played[-8000:]
     assert np.argmax(np.abs(np.fft.rfft(heard * np.hanning(8000)))) == pytest.approx(200 * k, abs=2)
     assert np.std(heard) == pytest.approx(math.sqrt(0.5), rel=0.03)
     assert pusher.slips == 0
 
 
 def test_a_buffer_that_is_far_too_full_is_caught_up_with_smoothly():
-    pusher, ahead, played = BoardResampler(1000.0, 8000.0, 6.0), 400.0, []
-    for k in range(1000):
-        block = pusher.push([math.sin(2.0 * math.pi * 100.0 * k / 1000.0)], math.floor(ahead))
-        played.append(block)
-        ahead = max(0.0, ahead + len(block) - 8.0)
+    pusher, played, fills = resampled(1000.0, tone(100.0, 1000.0, 1.0), ahead=400.0)
     assert pusher.slips == 1
-    assert ahead < 80.0
-    signal = np.concatenate(played)
-    assert np.max(np.abs(np.diff(signal))) < 2.3 * 2.0 * np.pi * 100.0 / 8000.0
+    assert fills[-1] < 80.0
+    assert np.max(np.abs(np.diff(played))) < 2.3 * 2.0 * np.pi * 100.0 / 8000.0
 
 
 @settings(max_examples=40)
@@ -72,9 +70,6 @@ def test_whatever_is_held_up_the_board_gets_finite_bounded_samples(turns):
     for count, ahead in turns:
         block = pusher.push([1.0] * count, ahead)
         assert np.all(np.abs(block) <= 1.5)
-
-
-# --- the driver
 
 
 @pytest.fixture
@@ -125,18 +120,12 @@ def test_a_tone_reaches_the_converter_at_its_level(board, device):
     device.close()
 
 
-@pytest.mark.parametrize("fault", ["garbled", "halved"])
-def test_garbled_and_half_frames_are_counted_and_survived(board, device, fault):
-    setattr(board, fault, 0.1)
-    play(device, lambda: device.statistics.lost_frames > 3 and device.statistics.bad_messages > 3)
-    setattr(board, fault, 0.0)
-    samples = device.statistics.samples
-    play(device, lambda: device.statistics.samples > samples + 300)
-    assert max(map(abs, board.played()[-1600:])) > 0.9 / 6.0 * FULL_SCALE
+def test_a_board_that_is_unplugged_or_hangs_is_lost_and_connected_again(board, device):
+    def plays_on(samples=100):
+        before = device.statistics.samples
+        play(device, lambda: device.statistics.samples > before + samples)
 
-
-def test_an_unplugged_board_is_lost_and_connected_again(board, device):
-    play(device, lambda: device.statistics.samples > 100)
+    plays_on()
     board.unplug()
     with pytest.raises(DeviceLost, match="plug it in again"):
         play(device, lambda: False)
@@ -146,12 +135,14 @@ def test_an_unplugged_board_is_lost_and_connected_again(board, device):
         device.write([1.0])
     board.plug()
     device.connect()
-    samples = device.statistics.samples
-    assert samples >= 100
-    play(device, lambda: device.statistics.samples > samples + 100)
-
-
-def test_a_board_that_hangs_is_lost(board, device):
+    assert device.statistics.samples >= 100
+    plays_on()
+    board.frozen = True
+    with pytest.raises(DeviceLost, match="reports, but has taken no frame"):
+        play(device, lambda: False)
+    board.frozen = False
+    device.connect()
+    plays_on(700)
     board.stalled = True
     with pytest.raises(DeviceLost, match="reported nothing"):
         play(device, lambda: False)
@@ -159,15 +150,18 @@ def test_a_board_that_hangs_is_lost(board, device):
         device.connect()
 
 
-def test_a_board_that_reports_the_same_for_ever_is_lost_and_comes_back(board, device):
-    play(device, lambda: device.statistics.samples > 100)
-    board.frozen = True
-    with pytest.raises(DeviceLost, match="reports, but has taken no frame"):
-        play(device, lambda: False)
-    board.frozen = False
-    device.connect()
+@pytest.mark.parametrize("fault", ["garbled", "halved"])
+def test_garbled_and_half_frames_are_counted_and_survived(board, device, fault):
+    device._sequence = 65_500  # and the number of a frame begins again, as it does after 65 s
+    board.count_from(65_500)
+    play(device, lambda: device.statistics.samples > 700)
+    assert device.statistics.lost_frames == 0
+    setattr(board, fault, 0.1)
+    play(device, lambda: device.statistics.lost_frames > 3 and device.statistics.bad_messages > 3)
+    setattr(board, fault, 0.0)
     samples = device.statistics.samples
-    play(device, lambda: device.statistics.samples > samples + 700)
+    play(device, lambda: device.statistics.samples > samples + 300)
+    assert max(map(abs, board.played()[-1600:])) > 0.9 / 6.0 * FULL_SCALE
 
 
 def test_a_board_that_restarts_by_itself_plays_on(board, device):
@@ -175,35 +169,24 @@ def test_a_board_that_restarts_by_itself_plays_on(board, device):
     board.restart()
     samples = device.statistics.samples
 
-    def at_its_level():
-        volts = np.array(board.played()[-2400:-800]) * 6.0 / FULL_SCALE
-        level = np.sqrt(np.mean(volts**2))
+    def at_its_level():  # a busy machine's gaps lower it meanwhile
+        level = np.sqrt(np.mean((np.array(board.played()[-2400:-800]) * 6.0 / FULL_SCALE) ** 2))
         return device.statistics.samples > samples + 700 and abs(level - math.sqrt(0.5)) < 0.07
 
-    play(device, at_its_level)  # a busy machine's gaps lower it meanwhile
+    play(device, at_its_level)
 
 
-def test_the_number_of_a_frame_may_begin_again(board, device):
-    """It does after 65 s, a frame a millisecond."""
-    device._sequence = 65_500  # which would take a minute
-    board.count_from(65_500)
-    play(device, lambda: device.statistics.samples > 700)
-    assert device.statistics.lost_frames == 0
-
-
-def test_a_port_that_is_not_permitted_is_explained(board, monkeypatch):
-    def refuse(*_, **__):
-        raise serial.SerialException(errno.EACCES, "could not open port: Permission denied")
-
-    monkeypatch.setattr(serial, "Serial", refuse)
-    with pytest.raises(MmtError, match=r"no permission.*dialout"):
-        haptuator(board).connect()
-
-
-def test_what_cannot_be_is_explained(board):
+def test_what_cannot_be_is_explained(board, monkeypatch):
     with pytest.raises(MmtError, match="set 'board_rate_hz'"):
         haptuator(board, board_rate_hz=16_000).connect()
     with pytest.raises(MmtError, match="make it smaller"):
         haptuator(board, buffer_ms=100).connect()
     with pytest.raises(InputError, match="port"):
         haptuator(board, port="")
+
+    def refuse(*_, **__):
+        raise serial.SerialException(errno.EACCES, "could not open port: Permission denied")
+
+    monkeypatch.setattr(serial, "Serial", refuse)
+    with pytest.raises(MmtError, match=r"no permission.*dialout"):
+        haptuator(board).connect()

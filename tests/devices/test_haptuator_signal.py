@@ -1,6 +1,7 @@
 """What a Haptuator gets: band, voltage limit, interpolation, and two clocks."""
 
 import math
+from itertools import count, islice
 
 import numpy as np
 import pytest
@@ -23,9 +24,6 @@ def drive(**changes):
     return VoltageDrive(
         HaptuatorOptions(**{"volts_per_m_s2": 0.1, "full_scale_v": 6.0, **changes}), 1000.0
     )
-
-
-# --- the voltage
 
 
 def test_the_voltage_is_that_of_scipys_filters_scaled():
@@ -95,9 +93,6 @@ def test_options_that_cannot_be_are_explained():
             read_options(HaptuatorOptions, "haptuator", options)
 
 
-# --- between the samples
-
-
 def ring_of(samples):
     """One that holds as many samples, which have been written."""
     ring = SampleRing(len(samples).bit_length() - 1)
@@ -132,41 +127,37 @@ def test_a_tone_in_the_band_keeps_its_level(frequency_hz, within):
     st.floats(1e-3, 3.0),
     st.integers(0, 200),
 )
-def test_a_ring_is_read_around_its_end(ring, position, step, count):
+def test_a_ring_is_read_around_its_end(ring, position, step, number):
     twice = np.concatenate([ring, ring, ring, ring])
-    whole = 64 * (math.ceil((position + step * count + AFTER) / 64) + 1)
+    whole = 64 * (math.ceil((position + step * number + AFTER) / 64) + 1)
     if whole > len(twice):
-        count = int((len(twice) - AFTER - 1 - position) / step)
-    expected = ring_of(twice).read(position, step, count)
+        number = int((len(twice) - AFTER - 1 - position) / step)
+    expected = ring_of(twice).read(position, step, number)
     np.testing.assert_allclose(
-        ring_of(ring).read(position + 640.0, step, count), expected, atol=1e-3, rtol=1e-6
+        ring_of(ring).read(position + 640.0, step, number), expected, atol=1e-3, rtol=1e-6
     )
-
-
-# --- two clocks
-
-
-def tone():
-    k = 0
-    while True:
-        yield math.sin(2.0 * math.pi * 200.0 * k / 1000.0)
-        k += 1
 
 
 def run(buffer, seconds, *, session_ppm=0.0, block=96):
     """Write and read in turn, as the two clocks demand."""
-    samples, due, played = tone(), 0.0, []
+    tone = (math.sin(0.4 * math.pi * k) for k in count())
+    due, played = 0.0, []
     for _ in range(round(seconds * 48_000 / block)):
         due += block / 48.0 * (1.0 + 1e-6 * session_ppm)
-        buffer.write([next(samples) for _ in range(int(due))])
+        buffer.write(list(islice(tone, int(due))))
         due -= int(due)
         played.append(buffer.read(block))
     return np.concatenate(played)
 
 
+@pytest.fixture
+def buffer():
+    """One of a session of 1 kHz and a card of 48 kHz."""
+    return CardBuffer(1000.0, 48_000.0, 96, 4.0)
+
+
 @pytest.mark.parametrize("session_ppm", [-1000.0, 0.0, 300.0])
-def test_a_drift_is_learnt_without_a_slip(session_ppm):
-    buffer = CardBuffer(1000.0, 48_000.0, 96, 4.0)
+def test_a_drift_is_learnt_without_a_slip(buffer, session_ppm):
     played = run(buffer, 20.0, session_ppm=session_ppm)
     assert (buffer.underruns, buffer.slips) == (0, 0)
     assert abs(buffer.fill - buffer.target) < 1.5
@@ -175,8 +166,7 @@ def test_a_drift_is_learnt_without_a_slip(session_ppm):
     assert np.max(np.abs(np.diff(played))) < 1.1 * 2.0 * np.pi * 200.0 / 48_000.0
 
 
-def test_a_drift_beyond_what_can_be_followed_slips_and_goes_on():
-    buffer = CardBuffer(1000.0, 48_000.0, 96, 4.0)
+def test_a_drift_beyond_what_can_be_followed_slips_and_goes_on(buffer):
     played = run(buffer, 20.0, session_ppm=20_000.0)
     assert buffer.slips >= 3
     assert buffer.underruns == 0
@@ -184,8 +174,7 @@ def test_a_drift_beyond_what_can_be_followed_slips_and_goes_on():
     assert np.sqrt(np.mean(played[-48_000:] ** 2)) > 0.6
 
 
-def test_late_samples_make_one_underrun_that_fades_and_ends():
-    buffer = CardBuffer(1000.0, 48_000.0, 96, 4.0)
+def test_late_samples_make_one_underrun_that_fades_and_ends(buffer):
     run(buffer, 0.5)
     starved = np.concatenate([buffer.read(96) for _ in range(20)])
     assert buffer.underruns == 1
@@ -197,8 +186,7 @@ def test_late_samples_make_one_underrun_that_fades_and_ends():
     assert np.sqrt(np.mean(played[-9600:] ** 2)) == pytest.approx(math.sqrt(0.5), rel=0.02)
 
 
-def test_a_clump_of_samples_is_no_loss_of_the_card_and_does_not_block():
-    buffer = CardBuffer(1000.0, 48_000.0, 96, 4.0)
+def test_a_clump_of_samples_is_no_loss_of_the_card_and_does_not_block(buffer):
     run(buffer, 0.2)
     buffer.write([0.5] * 20_000)
     played = np.concatenate([buffer.read(96) for _ in range(10)])
@@ -207,8 +195,7 @@ def test_a_clump_of_samples_is_no_loss_of_the_card_and_does_not_block():
     assert np.max(np.abs(np.diff(played))) < 0.15
 
 
-def test_muting_fades_to_silence():
-    buffer = CardBuffer(1000.0, 48_000.0, 96, 4.0)
+def test_muting_fades_to_silence(buffer):
     before = run(buffer, 0.2)
     buffer.mute()
     after = np.concatenate([before[-1:], *(buffer.read(96) for _ in range(3))])

@@ -28,45 +28,24 @@ def play(device, card, seconds):
         card.advance(0.001)
 
 
-def test_a_tone_is_heard_at_its_level_on_its_channel_alone(connected):
-    card = EmulatedSoundCard(clock_ppm=200.0)
-    device = connected(haptuator(card, channel=2))
-    device.calibrate()
-    play(device, card, 1.0)
-    heard_v = 6.0 * card.played(2)[-24_000:]
-    assert np.sqrt(np.mean(heard_v**2)) == pytest.approx(math.sqrt(0.5), rel=0.02)
-    assert not card.played(1).any()
-    statistics = device.statistics
-    assert statistics.samples == 1000
-    assert (statistics.underruns, statistics.slips, statistics.clipped) == (0, 0, 0)
-    device.close()
-    device.close()
-
-
 @pytest.mark.parametrize(("k", "tone_hz"), [(1, 250.0), (2, 250.0), (5, 1500.0), (10, 3000.0)])
-def test_a_tone_of_several_khz_is_heard_at_its_frequency_and_level(k, tone_hz, connected):
+def test_a_tone_is_heard_at_its_frequency_and_level_on_its_channel_alone(k, tone_hz, connected):
     card = EmulatedSoundCard(clock_ppm=200.0)
-    device = haptuator(card, low_hz=20.0, high_hz=5000.0)
+    device = haptuator(card, low_hz=20.0, high_hz=5000.0, channel=2)
     device.set_rate(1000.0 * k)
     connected(device)
     wanted = 10.0 * np.sin(2.0 * math.pi * tone_hz * np.arange(2000 * k) / (1000.0 * k))
     for tick in wanted.reshape(2000, k):
         device.write(tick)
         card.advance(0.001)
-    heard_v = 6.0 * card.played()[-48_000:]
+    heard_v = 6.0 * card.played(2)[-48_000:]
+    assert not card.played(1).any()
     spectrum = np.abs(np.fft.rfft(heard_v * np.hanning(48_000)))
     assert np.argmax(spectrum) == pytest.approx(tone_hz, abs=2.0)  # in Hz, by the card's own clock
     assert np.sqrt(np.mean(heard_v**2)) == pytest.approx(math.sqrt(0.5), rel=0.03)
     statistics = device.statistics
     assert statistics.samples == 2000 * k
     assert (statistics.underruns, statistics.slips, statistics.clipped) == (0, 0, 0)
-
-
-def test_a_converter_that_is_too_slow_for_the_session_is_refused():
-    device = haptuator(EmulatedSoundCard(), card_rate_hz=8000)
-    device.set_rate(8000.0)
-    with pytest.raises(InputError, match=r"8000 samples a second.*is 10000"):
-        device.set_rate(10_000.0)
 
 
 def test_the_latency_stated_is_the_one_that_passes(connected):
@@ -93,22 +72,15 @@ def test_no_frame_is_beyond_the_limit_between_the_samples_either(connected):
     assert device.statistics.clipped > 0
 
 
-def test_a_card_that_runs_dry_and_samples_that_are_late_are_counted(connected):
+def test_late_samples_are_counted_and_a_card_that_is_unplugged_or_hangs_is_lost(connected):
     card = EmulatedSoundCard()
     device = connected(haptuator(card))
     play(device, card, 0.2)
     card.underflow()
     card.advance(0.1)
-    assert device.statistics.card_underflows == 1
-    assert device.statistics.underruns == 1
+    assert (device.statistics.card_underflows, device.statistics.underruns) == (1, 1)
     play(device, card, 0.2)
     assert device.statistics.underruns == 1
-
-
-def test_an_unplugged_card_is_lost_and_found_again(connected):
-    card = EmulatedSoundCard()
-    device = connected(haptuator(card))
-    play(device, card, 0.2)
     card.unplug()
     with pytest.raises(DeviceLost, match="check its cable"):
         device.write([1.0])
@@ -120,13 +92,7 @@ def test_an_unplugged_card_is_lost_and_found_again(connected):
     device.connect()
     play(device, card, 0.2)
     assert np.max(np.abs(card.played()[-4800:])) > 0.1
-    assert device.statistics.samples == 400
-
-
-def test_a_card_that_asks_for_nothing_is_lost(connected):
-    card = EmulatedSoundCard()
-    device = connected(haptuator(card))
-    play(device, card, 0.1)
+    assert device.statistics.samples == 600
     card.stall()
     with pytest.raises(DeviceLost, match="asks for no more sound"):
         play(device, card, 1.0)
@@ -153,16 +119,18 @@ def test_what_cannot_be_opened_is_explained():
     ):
         with pytest.raises(InputError, match=words):
             haptuator(card, **changes).connect()
-    first, second = haptuator(card), haptuator(card)
+    first, second = haptuator(card), haptuator(card, card_rate_hz=8000)
     first.connect()
     with pytest.raises(MmtError, match="no other program holds it"):
         second.connect()
     first.close()
-    second.connect()
-    second.close()
+    second.set_rate(8000.0)
+    with pytest.raises(InputError, match=r"8000 samples a second.*is 10000"):
+        second.set_rate(10_000.0)
 
 
 def test_a_missing_library_is_explained(monkeypatch):
+    assert isinstance(load_device("haptuator-sound", OPTIONS), SoundHaptuator)
     monkeypatch.setitem(sys.modules, "sounddevice", None)
     with pytest.raises(InputError, match=r"\[sound\]"):
         load_sounddevice()
@@ -179,10 +147,3 @@ def test_a_missing_library_is_explained(monkeypatch):
     monkeypatch.setattr(builtins, "__import__", load)
     with pytest.raises(MmtError, match="libportaudio2"):
         load_sounddevice()
-
-
-def test_the_driver_is_found_by_its_name_and_imports_no_library_before_it_is_connected():
-    device = load_device("haptuator-sound", OPTIONS)
-    assert isinstance(device, SoundHaptuator)
-    with pytest.raises(InputError, match="full_scale_v"):
-        load_device("haptuator-sound", {"volts_per_m_s2": 0.1})
