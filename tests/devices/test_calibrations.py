@@ -35,9 +35,3 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(MmtError, match=r"cannot write .*box-7\.json"):
         save_calibration("box", "7", {}, tmp_path / "file")
-
-
-def test_the_users_own_folder_is_the_default(monkeypatch):
-    path = calibration_file("box", "7")
-    assert path.name == "box-7.json"
-    assert path.parent.name == "calibrations"

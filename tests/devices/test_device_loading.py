@@ -1,13 +1,14 @@
 """Drivers by name: the table, other packages' entry points, options, and what is said."""
 
+import math
+
 import pytest
 from plugin_samples import install_package
-from pydantic import BaseModel, ConfigDict, Field
 
-from mmt.core.errors import DeviceLost, InputError, MmtError, located
+from mmt.core.errors import InputError, located
 from mmt.core.plugins import is_own
 from mmt.devices import drivers
-from mmt.devices.drivers import load_device, read_options
+from mmt.devices.drivers import load_device
 from mmt.scene import Scene
 from mmt.scene.files import environment_overrides, scene_from_tables
 
@@ -38,21 +39,15 @@ def module(tmp_path, monkeypatch):
 
 @pytest.fixture
 def names(module, tmp_path, monkeypatch):
-    """A driver whose role is named, and one that tells it itself."""
-    names = {"inside.force_sensor": f"{module}:Sensor", "outside": f"{module}:Plain"}
+    """A driver whose role is named, and one that tells it itself: what is no role is its name."""
+    names = {"inside.force_sensor": f"{module}:Sensor", "outside.one": f"{module}:Plain"}
     install_package(tmp_path, monkeypatch, "lab-devices", {drivers.GROUP: names})
 
 
-def test_a_driver_of_the_table_gets_its_options(names):
+def test_drivers_of_other_packages_are_found_by_their_entry_points(names):
     device = load_device("inside", {"host": "10.0.0.1", "rate_hz": 2000})
     assert (device.options.host, device.options.rate_hz) == ("10.0.0.1", 2000)
-
-
-def test_a_driver_of_another_package_is_found_by_its_entry_point(names):
-    assert load_device("outside", {"port": "/dev/ttyACM0"}).port == "/dev/ttyACM0"
-
-
-def test_an_unknown_driver_is_answered_with_those_there_are(names):
+    assert load_device("outside.one", {"port": "/dev/ttyACM0"}).port == "/dev/ttyACM0"
     with pytest.raises(InputError, match=r"'insid' is not known; allowed are .*inside.* outside"):
         load_device("insid")
 
@@ -76,63 +71,31 @@ def test_a_name_of_mmt_cannot_be_taken(module, tmp_path, monkeypatch):
     assert drivers.locate("ati-net-ft") == "mmt.devices.ati.net_ft:net_ft"
 
 
-def test_what_is_no_role_is_part_of_the_name(module, tmp_path, monkeypatch):
-    install_package(
-        tmp_path, monkeypatch, "lab-devices", {drivers.GROUP: {"a.b": f"{module}:Plain"}}
-    )
-    assert drivers.drivers()["a.b"][""].value == f"{module}:Plain"
-
-
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("driver", "options", "words"),
     [
-        ({"host": "a", "rate": 1}, "rate is not a key"),
-        ({"host": "a", "rate_hz": "fast"}, "rate_hz is 'fast'"),
-        ({}, "host"),
+        ("inside", {"host": "a", "rate": 1}, "rate is not a key"),
+        ("inside", {"host": "a", "rate_hz": "fast"}, "rate_hz is 'fast'"),
+        ("inside", {}, "host"),
+        ("outside.one", {"speed": 1}, ".*'speed'; its options are port='/dev/null'"),
     ],
 )
-def test_an_option_that_a_driver_does_not_take_is_named(names, options, words):
-    with pytest.raises(InputError, match=rf"device 'inside': .*{words}"):
-        load_device("inside", options)
+def test_an_option_that_a_driver_does_not_take_is_named(names, driver, options, words):
+    with pytest.raises(InputError, match=rf"device '{driver}': .*{words}"):
+        load_device(driver, options)
 
 
-def test_an_option_that_a_plain_factory_does_not_take_is_bad_input(names):
-    with pytest.raises(
-        InputError, match=r"device 'outside': .*'speed'; its options are port='/dev/null'"
-    ):
-        load_device("outside", {"speed": 1})
-
-
-def test_options_that_are_read_by_a_model_say_what_is_allowed():
-    class Options(BaseModel):
-        model_config = ConfigDict(extra="forbid")
-        baud: int = Field(115_200, gt=0)
-
-    assert read_options(Options, "box", {"baud": 9600}).baud == 9600
-    with pytest.raises(InputError, match="device 'box': bauds is not a key; allowed are baud"):
-        read_options(Options, "box", {"bauds": 9600})
-
-
-def test_a_scene_names_a_driver_with_or_without_options():
+def test_a_scene_names_a_driver_with_or_without_options_and_the_environment_another():
     sensor = {"driver": "ati-net-ft", "host": "192.168.1.1", "filter": 4}
-    scene = scene_from_tables(
-        {
-            "link": {},
-            "devices": {"robot": "lab.arms:Arm", "force_sensor": sensor},
-            "recording": {"channels": "needed"},
-        }
-    )
+    devices = {"robot": "lab.arms:Arm", "force_sensor": sensor}
+    tables = {"link": {}, "devices": devices, "recording": {"channels": "needed"}}
+    scene = scene_from_tables(tables)
     assert scene.devices.robot.driver == "lab.arms:Arm"
     assert scene.devices.robot.options == {}
     assert scene.devices.force_sensor.options == {"host": "192.168.1.1", "filter": 4}
     assert Scene.model_validate(scene.dump()) == scene
-
-
-def test_the_environment_names_a_driver_too():
-    tables = {"link": {}, "devices": {"robot": "lab:Arm"}, "recording": {}}
     overrides = environment_overrides({"MMT_DEVICES__ROBOT": "lab:Other"})
-    scene = scene_from_tables(tables, overrides)
-    assert scene.devices.robot.driver == "lab:Other"
+    assert scene_from_tables(tables, overrides).devices.robot.driver == "lab:Other"
 
 
 @pytest.mark.parametrize("driver", ["", "a:b:c", "lab:", {"host": "a"}, 5])
@@ -140,11 +103,6 @@ def test_what_is_no_driver_is_refused(driver):
     tables = {"link": {}, "devices": {"robot": driver}, "recording": {}}
     with pytest.raises(InputError, match=r"devices\.robot"):
         scene_from_tables(tables)
-
-
-def test_a_lost_device_is_an_error_that_speaks():
-    assert issubclass(DeviceLost, MmtError)
-    assert DeviceLost("the box is silent").exit_code == 1
 
 
 @pytest.mark.parametrize(("package", "told"), [("mmtools.arm", True), ("mmt_devices.arm", False)])
@@ -156,3 +114,53 @@ def test_the_line_of_another_packages_code_is_told(package, *, told):
     below = caught.value.__traceback__
     error = caught.value.with_traceback(below.tb_next)  # as called from the product's own code
     assert ("(arm.py, line 2)" in located(error)) == told
+
+
+REFUSED = [
+    ("adxl335-board", {"board": "labjack-u6", "port": "a"}, "port is not a key; allowed .*board"),
+    *((name, {"port": ""}, "port is ''") for name in ("adxl335-serial", "bota-serial")),
+    ("adxl335-serial", {"port": "a", "axes": ["x", "x", "z"]}, "must name each of x, y, z once"),
+    ("adxl335-serial", {"port": "a", "supply_v": 5.0}, "supply_v is 5.0"),
+    ("ati-digital-ft", {"port": "x", "baud": 9600}, "baud"),
+    ("ati-gauges", {}, "calibration_file"),
+    ("ati-net-ft", {"filter": 13}, "filter"),
+    ("ati-net-ft", {"range_n": (1, 2)}, "range_n"),
+    ("ati-net-ft", {"mounted": "x"}, "mounted"),
+    ("bota-serial", {"port": "x", "sinc_length": 50}, "sinc_length"),
+    ("bota-serial", {"port": "x", "baud": 230_400}, "230400 baud carry 623: raise 'sinc_length'"),
+    ("franka", {"host": "arm", "stiffness_n_mm": 5.0}, "stiffness_n_mm is 5"),
+    ("franka", {"host": "arm", "force_limit_n": 30.0}, "lower the first, or raise the second"),
+    ("franka", {"host": "arm", "speed": 1.0}, "not a key; allowed are axes, host, realtime"),
+    ("iio-accelerometer", {"stamps": "own"}, "stamps"),
+    ("openhaptics", {"stiffness_n_mm": 2.0, "damping_n_s_m": 1.0}, "oscillates at 1 kHz below 3"),
+    ("openhaptics", {"axes": "x,y,y"}, "name x, y and z once each"),
+    ("openhaptics", {"axes": "x,y,-z"}, "mirrors"),
+    ("openhaptics", {"force_limit_n": math.inf}, "force_limit_n"),
+    ("ur", {"host": "a", "frequency_hz": 1000}, "frequency_hz"),
+    ("ur", {"host": "a", "least_mm": [0, 0, 5], "most_mm": [1, 1, 5]}, "along z"),
+    ("virtual-robot", {"acceleration_rate_hz": 1500}, "acceleration_rate_hz"),
+]
+
+
+@pytest.mark.parametrize(("driver", "options", "words"), REFUSED)
+def test_a_refused_option_is_named(driver, options, words):
+    with pytest.raises(InputError, match=f"device '{driver}': .*{words}"):
+        load_device(driver, options)
+
+
+@pytest.mark.parametrize(
+    ("driver", "role", "options", "words"),
+    [
+        ("adxl335-board", None, {"board": "labjack-u6"}, "set to 6 inputs, the sensor needs three"),
+        ("openhaptics", "handle", {"force_limit_n": [1.0, 0.0, 3.0]}, "force_limit_n"),
+        ("ur", "force_sensor", {"host": "a", "origin_mm": [0, 0, 0]}, "origin_mm"),
+        ("inverse3", "handle", {"address": "localhost:10001"}, "address"),
+        ("inverse3", "handle", {"lead_limit_mm": 5.0}, "lead_limit_mm is not a key; allowed are a"),
+        ("inverse3", "robot", {"origin_mm": [0.0, math.nan, 0.0]}, "origin_mm"),
+        ("inverse3", "robot", {"commands": "2.0"}, "commands"),
+        ("virtual-inverse3", "robot", {"axes": "x,y,-z"}, "mirrors"),
+    ],
+)
+def test_a_refused_option_of_a_role_is_named(driver, role, options, words):
+    with pytest.raises(InputError, match=words):
+        load_device(driver, options, role=role)
