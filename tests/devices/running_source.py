@@ -27,17 +27,7 @@ class Arm:
 
 
 class RunningSource:
-    """A source that holds where a device is lost, ticked by hand.
-
-    Parameters
-    ----------
-    force_sensor, accelerometer
-        Either may be None.
-    robot
-        None for one that stands still.
-    samples_per_frame
-        Of the acceleration.
-    """
+    """A source that holds where a device is lost, ticked by hand; either sensor may be None."""
 
     command_mm: Vector | None = None
     """What the robot is told at each tick."""
@@ -47,7 +37,7 @@ class RunningSource:
         self.told = []
         """Whether a device is lost now, and a sentence."""
         self.source = DeviceSource(
-            Arm() if robot is None else robot,
+            robot or Arm(),
             force_sensor,
             accelerometer,
             ("position", *(name for name, sensor in channels if sensor is not None)),

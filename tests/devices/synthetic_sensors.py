@@ -4,7 +4,10 @@ import random
 from dataclasses import dataclass
 from types import SimpleNamespace
 
+import numpy as np
+
 from mmt.devices.protocols import SensorReading
+from mmt.devices.streaming.source import DeviceSource
 
 START_NS = 5_000_000_000_000
 MS = 1_000_000
@@ -109,3 +112,31 @@ class SyntheticSensor:
         self._last_arrival_ns = arrival_ns
         value = ((stamp_true_ns - self.latency_ns - START_NS) / 1e6, 0.0, 0.0)
         return arrival_ns, SensorReading(stamp_ns, value)
+
+
+def simulated_time(patch):
+    """Put simulated time in the place of a source's own, and return it."""
+    made = Time()
+    patch.setattr("mmt.devices.streaming.source.time", made)
+    patch.setattr("mmt.devices.streaming.slots.time", made.still)
+    return made
+
+
+class SteppedSource:
+    """A source of devices in simulated time, started, and ticked by hand."""
+
+    def __init__(self, time, *devices, channels, on_lost="hold", samples=1):
+        self.time = time
+        self.told = []
+        """Whether a device is lost now, and a sentence."""
+        self.source = DeviceSource(*devices, channels, on_lost=on_lost, samples_per_frame=samples)
+        self.source.on_loss(lambda lost, sentence: self.told.append((lost, sentence)))
+        self.source.start(0)
+
+    def run(self, ticks, elapsed=1):
+        """Return the frames of so many ticks."""
+        blocks = []
+        for _ in range(ticks):
+            self.time.now_ns += elapsed * MS
+            blocks.append(self.source.step(elapsed, self.time.now_ns, (0.0, 0.0, 0.0)))
+        return np.concatenate(blocks)

@@ -8,10 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from typer.testing import CliRunner
 
-from mmt.cli.device import calibrating, testing
-from mmt.cli.main import app
+from mmt.cli.device import calibrating
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import ALL_CHANNELS, CHANNELS, empty_frames
 from mmt.devices.streaming.source import DeviceSource
@@ -23,7 +21,7 @@ from mmt.devices.streaming.tool_load import (
     load_from,
     measure_pose,
 )
-from mmt.scene.files import load_scene
+from mmt.scene.files import scene_from_tables
 
 GRAVITY = 9.80665
 POSES = np.vstack([np.eye(3), -np.eye(3)])
@@ -116,12 +114,10 @@ def test_the_surfaces_force_is_left_while_the_tool_tilts_and_shakes():
     assert load.mass_kg == pytest.approx(0.12, rel=0.02)
     assert 0.0 < load.residual_n < 0.05
     tool.up = np.array([0.0, 0.0, 1.0])
-    sensors = Sensor(tool.force, takes_bias=True), Sensor(tool.proper)
-    source = DeviceSource(
-        Sensor(lambda: (0.0, 0.0, 0.0)), *sensors, CHANNELS, tool=LoadRemover(load)
-    )
+    devices = Sensor(lambda: (0.0,) * 3), Sensor(tool.force, takes_bias=True), Sensor(tool.proper)
+    source = DeviceSource(*devices, CHANNELS, tool=LoadRemover(load))
     source.start(0)
-    off, plain = [], []
+    off = []
     for tick in range(1500):
         angle = math.radians(60.0) * math.sin(2e-3 * math.pi * tick)
         tool.up = np.array([0.0, math.sin(angle), math.cos(angle)])
@@ -129,49 +125,36 @@ def test_the_surfaces_force_is_left_while_the_tool_tilts_and_shakes():
         tool.contact = np.array([0.3, 0.0, 1.0 + math.sin(0.01 * tick)])
         (frame,) = source.step(1, 10**6 * tick, None)
         off.append(frame["force_n"] - tool.contact)
-        plain.append(-0.12 * (GRAVITY * (tool.up - [0.0, 0.0, 1.0]) + tool.acceleration))
     assert np.sqrt(np.mean(np.square(off), axis=0)).max() < 0.05
-    assert np.sqrt(np.mean(np.square(plain), axis=0)).max() > 0.5, "what the tool adds"
 
 
-@pytest.mark.parametrize("oriented", [True, False])
-def test_the_normal_force_of_a_tilting_tool_is_found_by_its_orientation(oriented):
+def test_the_normal_force_of_a_tilting_tool_is_found_by_its_orientation():
     """As before, but both sensors turn with the tool, and begin tilted by 20 degrees."""
     tool = Tool(noise=0.06)
     tool.turned = Rotation.identity()  # the sensors' options say how they are mounted
     load = identify(tool.poses())
     tilt = Rotation.from_euler("xyz", [20.0, 0.0, 5.0], degrees=True)
-
-    def in_tool(vector_of_scene):
-        return tilt.inv().apply(vector_of_scene)
-
-    def orientation():
-        x, y, z, w = tilt.as_quat().tolist()
-        return (w, x, y, z)
-
     arm = Sensor(lambda: (0.0, 0.0, 0.0))
-    arm.orientation = orientation
-    tool.up = in_tool(np.array([0.0, 0.0, 1.0]))
+    arm.orientation = lambda: tuple(np.roll(tilt.as_quat(), 1).tolist())
+    tool.up = tilt.inv().apply([0.0, 0.0, 1.0])
     sensors = Sensor(tool.force, takes_bias=True), Sensor(tool.proper)
-    channels = ALL_CHANNELS if oriented else CHANNELS
-    turned = ("force", "acceleration") if oriented else ()
-    source = DeviceSource(arm, *sensors, channels, tool=LoadRemover(load), tool_axes=turned)
+    turned = ("force", "acceleration")
+    source = DeviceSource(arm, *sensors, ALL_CHANNELS, tool=LoadRemover(load), tool_axes=turned)
     source.start(0)
-    off = []
+    off_n = []
     for tick in range(1500):
         angle = 60.0 * math.sin(2e-3 * math.pi * tick)
         tilt = Rotation.from_euler("xyz", [angle, 0.3 * angle, 2.0 * angle], degrees=True)
+        shaken = np.array([0.0, 3.0, 10.0 * math.sin(0.03 * tick)])
         contact = np.array([0.3, 0.0, 3.0 + math.sin(0.01 * tick)])
-        tool.up = in_tool(np.array([0.0, 0.0, 1.0]))
-        tool.acceleration = in_tool(np.array([0.0, 3.0, 10.0 * math.sin(0.03 * tick)]))
-        tool.contact = in_tool(contact)
+        tool.up, tool.acceleration, tool.contact = (
+            tilt.inv().apply(each) for each in ([0.0, 0.0, 1.0], shaken, contact)
+        )
         (frame,) = source.step(1, 10**6 * tick, None)
-        off.append(frame["force_n"] - contact)
-        if oriented:
-            proper = [0.0, 3.0, GRAVITY + 10.0 * math.sin(0.03 * tick)]
-            np.testing.assert_allclose(frame["acceleration_m_s2"], proper, atol=0.5)
-    rms_n = float(np.sqrt(np.mean(np.square(off), axis=0))[2])
-    assert rms_n < 0.05 if oriented else rms_n > 0.5
+        off_n.append(frame["force_n"][2] - contact[2])
+        proper = shaken + np.array([0.0, 0.0, GRAVITY])
+        np.testing.assert_allclose(frame["acceleration_m_s2"], proper, atol=0.5)
+    assert np.sqrt(np.mean(np.square(off_n))) < 0.05
 
 
 @pytest.mark.parametrize("samples", [1, 10])
@@ -191,47 +174,44 @@ def test_poses_that_do_not_determine_a_load_are_refused_with_the_reason():
     assert identify(Tool().poses(tetrahedron)).mass_kg == pytest.approx(0.12)
     cone = np.array([[0.35, 0, 1], [-0.35, 0, 1], [0, 0.35, 1], [0, -0.35, 1], [0, 0, 1]])
     narrow = cone / np.linalg.norm(cone, axis=1, keepdims=True)
-    with pytest.raises(InputError, match=r"5 poses, too alike: .* down, six poses are best$"):
-        identify(Tool().poses(narrow))
-    with pytest.raises(InputError, match="3 poses, too alike"):
-        identify(poses[:3])
-    with pytest.raises(InputError, match="0 poses, too alike"):
-        identify([])
-    flat = [poses[number] for number in (0, 1, 3, 4)]
-    with pytest.raises(InputError, match="4 poses, too alike"):
-        identify(flat)
-    touched = [*poses[:2], poses[2]._replace(force_n=(0.0, 0.0, 0.0)), *poses[3:]]
-    with pytest.raises(InputError, match=r"pose 3 is \d\.\d\d N off the load of \d+ g that "):
-        identify(touched)
-    pulled = [*poses[:2], poses[2]._replace(force_n=(0.8, -0.2, 1.8)), *poses[3:]]
-    with pytest.raises(InputError, match=r"the load of 1\d\d g that .* is not fixed to the tool$"):
-        identify(pulled)
-    with pytest.raises(InputError, match=r"by 0\.039 N .* sensor carries no tool, or does"):
-        identify(Tool(mass_kg=0.004).poses())
-    weak = [pose._replace(proper_acceleration_m_s2=(0.0, 0.0, 5.0)) for pose in poses]
-    with pytest.raises(InputError, match=r"pose 1: the accelerometer feels 5\.00 m/s2 at rest"):
-        identify(weak)
+
+    def third(force_n):
+        return [*poses[:2], poses[2]._replace(force_n=force_n), *poses[3:]]
+
+    for wrong, words in (
+        (Tool().poses(narrow), r"5 poses, too alike: .* down, six poses are best$"),
+        (poses[:3], "3 poses, too alike"),
+        ([], "0 poses, too alike"),
+        ([poses[number] for number in (0, 1, 3, 4)], "4 poses, too alike"),
+        (third((0.0, 0.0, 0.0)), r"pose 3 is \d\.\d\d N off the load of \d+ g that "),
+        (third((0.8, -0.2, 1.8)), r"the load of 1\d\d g that .* is not fixed to the tool$"),
+        (Tool(mass_kg=0.004).poses(), r"by 0\.039 N .* sensor carries no tool, or does"),
+        (
+            [pose._replace(proper_acceleration_m_s2=(0.0, 0.0, 5.0)) for pose in poses],
+            r"pose 1: the accelerometer feels 5\.00 m/s2 at rest",
+        ),
+    ):
+        with pytest.raises(InputError, match=words):
+            identify(wrong)
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"mass_kg": -1.0},
-        {"mass_kg": math.nan},
-        {"mass_kg": 0.0},
-        {"mass_kg": 100.0},
-        {"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, math.nan]]},
-        {"rotation": [[math.inf, 0, 0], [0, 1, 0], [0, 0, 1]]},
-        {"rotation": [[1, 0.001, 0], [0, 1, 0], [0, 0, 1]]},
-        {"rotation": [[1, 0, 0], [0, 1, 0]]},
-        {"rotation": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]},
-        {"residual_n": "much"},
-    ],
-)
-def test_a_stored_load_that_is_damaged_is_refused(wrong):
+def test_a_stored_load_that_is_damaged_is_refused():
     stored = identify(Tool().poses()).as_dict()
-    with pytest.raises(InputError, match="calibrate again with mmt device calibrate"):
-        load_from(stored | wrong)
+    rotations = (
+        [[1, 0, 0], [0, 1, 0], [0, 0, math.nan]],
+        [[math.inf, 0, 0], [0, 1, 0], [0, 0, 1]],
+        [[1, 0.001, 0], [0, 1, 0], [0, 0, 1]],
+        [[1, 0, 0], [0, 1, 0]],
+        [[2, 0, 0], [0, 1, 0], [0, 0, 1]],
+    )
+    for damage in (
+        *({"mass_kg": mass_kg} for mass_kg in (-1.0, math.nan, 0.0, 100.0)),
+        *({"rotation": rotation} for rotation in rotations),
+        {"residual_n": "much"},
+        *({"centre_m": c} for c in ([0.0, math.nan, 0.0], [1.0], "there", [math.inf] * 3)),
+    ):
+        with pytest.raises(InputError, match="calibrate again with mmt device calibrate"):
+            load_from(stored | damage)
 
 
 def test_a_tool_that_moves_or_a_silent_sensor_is_no_pose():
@@ -249,79 +229,23 @@ def test_a_tool_that_moves_or_a_silent_sensor_is_no_pose():
     assert 0.1 <= time.monotonic() - began < 5.0
     np.testing.assert_allclose(found.force_n, [0.5, -0.2, 3.0 - 0.12 * GRAVITY], atol=0.01)
     np.testing.assert_allclose(found.proper_acceleration_m_s2, still.proper(), atol=0.1)
-
-    class Silent(Sensor):
-        latency_ns = 0
-
-        def read(self):
-            return []
-
-    silent = Silent(tool.proper)
+    silent = Sensor(tool.proper)
+    silent.latency_ns, silent.read = 0, list
     with pytest.raises(MmtError, match=r"^accelerometer: 0 readings came in 0\.1 s"):
         measure_pose(Sensor(tool.force), silent, 0.1)
     with pytest.raises(MmtError, match=r"^force sensor: 0 readings came"):
         measure_pose(silent, Sensor(tool.proper), 0.1)
 
 
-def test_frames_without_acceleration_keep_no_load():
-    load = identify(Tool().poses())
+def test_a_tool_without_both_sensors_or_with_a_driver_is_refused():
     robot = Sensor(lambda: (0.0, 0.0, 0.0))
+    remover = LoadRemover(identify(Tool().poses()))
     with pytest.raises(InputError, match="must need force and acceleration"):
-        DeviceSource(robot, robot, robot, ("position", "force"), tool=LoadRemover(load))
-
-
-SCENE = """[link]
-[devices]
-robot = "virtual-phantom"
-force_sensor = "virtual-net-ft"
-accelerometer = "virtual-adxl335"
-tool = "probe"
-[texture]
-"""
-
-
-def test_the_command_asks_for_six_poses_and_the_follower_finds_what_it_stored(
-    tmp_path, monkeypatch
-):
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    (tmp_path / "lab.toml").write_text(SCENE, encoding="utf-8")
-    tool, up = Tool(noise=0.02), iter(POSES)
-
-    def device(driver, options, *, role):
-        return Sensor(tool.force if role == "force_sensor" else tool.proper)
-
-    def prompt(text, **_):
-        if text.startswith("pose 2"):
-            next(up)
-            return "s"
-        tool.up = next(up)
-        return ""
-
-    monkeypatch.setattr(calibrating, "load_device", device)
-    monkeypatch.setattr("mmt.cli.common.typer.prompt", prompt)
-    arguments = ["device", "calibrate", str(tmp_path / "lab.toml"), "--tool", "probe"]
-    run = CliRunner().invoke(app, [*arguments, "--duration", "0.2"], catch_exceptions=False)
-    assert run.exit_code == 0
-    assert "mass g" in run.output
-    (stored,) = (tmp_path / "mmt-haptics" / "calibrations").iterdir()
-    assert stored.name == "tool-probe.json"
-
-    from mmt.follower.sources import build_source
-
-    scene = load_scene(tmp_path / "lab.toml")
-    build_source(scene)
-    stored.unlink()
-    with pytest.raises(InputError, match="'probe' was never calibrated on this machine"):
-        build_source(scene)
-
-
-def test_a_tool_without_both_sensors_or_with_a_driver_is_refused(tmp_path):
-    lacking = SCENE.replace('accelerometer = "virtual-adxl335"\n', "")
-    (tmp_path / "lab.toml").write_text(lacking, encoding="utf-8")
+        DeviceSource(robot, robot, robot, ("position", "force"), tool=remover)
+    devices = {"robot": "virtual-phantom", "force_sensor": "virtual-net-ft", "tool": "probe"}
     with pytest.raises(InputError, match="needs a force_sensor and an accelerometer"):
-        load_scene(tmp_path / "lab.toml")
+        scene_from_tables({"link": {}, "devices": devices, "texture": {}})
     with pytest.raises(InputError, match="virtual-adxl335 is a driver"):
         calibrating.calibrate_tool("virtual-adxl335", [], "probe", 0.2, None)
     with pytest.raises(InputError, match="a scene has its own"):
         calibrating.calibrate_tool("virtual-lab", ["port=x"], "probe", 0.2, None)
-    assert testing.is_scene("demo")

@@ -61,18 +61,9 @@ def responses(rate_hz, frequency_hz, kind=VibrationLane):
 def test_a_sine_comes_out_with_the_stated_gain_and_error(rate_hz, frequency_hz, least, most, error):
     """The figures of docs/explanation/sensor-clocks.md, with little room."""
     gains = responses(rate_hz, frequency_hz)
-    print(
-        f"{rate_hz} Hz, {frequency_hz} Hz: gain {abs(gains).min():.3f} to {abs(gains).max():.3f}, "
-        f"error {abs(gains - 1).max():.3f}"
-    )
     assert least <= abs(gains).min()
     assert abs(gains).max() <= most
     assert abs(gains - 1).max() <= error
-
-
-def test_a_straight_line_would_lose_what_is_fast():
-    assert abs(responses(1000, 400, Lane)).min() == pytest.approx(math.cos(0.4 * math.pi), abs=0.01)
-    assert abs(responses(2000, 400, Lane)).min() == pytest.approx(math.cos(0.2 * math.pi), abs=0.01)
 
 
 @settings(max_examples=60)
@@ -111,36 +102,21 @@ def test_a_value_is_there_exactly_when_that_of_a_straight_line_is(steps_ns, move
             assert found == pytest.approx((1.0, 2.0, 3.0))
 
 
-def test_a_lost_reading_costs_the_values_around_it_their_shape_and_no_more():
+def test_where_readings_lack_around_it_a_value_lies_on_a_straight_line():
     readings = readings_of(2000, 300, 60)
     del readings[30]
     shaped, straight = lane_of(readings), lane_of(readings, Lane)
-    by_shape = []
-    for k in range(20, 50):
-        time_ns = readings_of(2000, 300, 60)[k].time_ns + 250_000
+    on_line = []
+    for k in range(50):
+        time_ns = 500_000 * k + 250_000
         found, line = shaped.at(time_ns), straight.at(time_ns)
         angle = 2 * math.pi * 300 * time_ns * 1e-9 + 0.3
-        assert isinstance(found, tuple)
         if found == line:
-            by_shape.append(False)
+            on_line.append(k)
         else:
-            by_shape.append(True)
             assert math.dist(found[:2], (math.cos(angle), math.sin(angle))) < 0.03
-    assert by_shape.count(False) == BEFORE + 1
-    assert by_shape[0]
-    assert by_shape[-1]
-
-
-def test_the_first_values_lie_on_a_straight_line():
-    readings = readings_of(2000, 300, 20)
-    shaped, straight = lane_of(readings), lane_of(readings, Lane)
-    for k in range(BEFORE - 1):
-        time_ns = readings[k].time_ns + 200_000
-        assert shaped.at(time_ns) == straight.at(time_ns)
-    assert shaped.at(readings[BEFORE].time_ns + 200_000) != straight.at(
-        readings[BEFORE].time_ns + 200_000
-    )
-    assert lane_of(readings).at(-1) is None
+    assert on_line == [*range(BEFORE - 1), *range(29, 30 + BEFORE)]
+    assert shaped.at(-1) is None
 
 
 def test_a_sensor_that_comes_back_at_another_rate_has_other_weights():
