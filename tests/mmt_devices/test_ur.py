@@ -236,15 +236,15 @@ def test_a_process_that_stands_still_holds_up_no_call(lab):
 
 
 def test_commands_are_cut_to_the_box_and_the_force_and_those_that_are_no_numbers_counted(lab):
-    box = {"least_mm": [-10, -10, -20], "most_mm": [10, 10, 20]}
+    box = {"least_mm": [-5, -5, -20], "most_mm": [5, 5, 0]}
     lab.robot = lab.make("robot", **box, force_limit_n=6.0, speed_limit_mm_s=20)
     lab.robot.connect()
     lab.robot.write((0.0, 0.0, -20.0))
     held_back = "periods held back by force_limit_n"
     until(lambda: lab.robot.faults.get(held_back, 0) > 50, lab.robot.read)
     assert -3.0 >= lab.robot.read()[2] > -6.0  # 2 N/mm, and a little more for the servo's lag
-    lab.robot.write((30.0, 0.0, 50.0))
-    until(lambda: lab.robot.read() == pytest.approx((10.0, 0.0, 20.0), abs=0.01))
+    lab.robot.write((30.0, 0.0, 20.0))
+    until(lambda: lab.robot.read() == pytest.approx((5.0, 0.0, 0.0), abs=0.01))
     lab.robot.write((float("nan"), 0.0, 5.0))
     assert lab.robot.faults["commands outside of least_mm and most_mm"] == 1
     assert lab.robot.faults["commands that are not finite"] == 1
