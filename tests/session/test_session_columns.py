@@ -5,11 +5,11 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-import scipy.io
+from recording_files import force, motion, to_workbook, vibration
 
 from mmt.core.errors import InputError
 from mmt.session.files import import_session, read_session
-from mmt.session.importing.proposal import propose, try_proposal
+from mmt.session.importing.proposal import propose
 from mmt.session.importing.recording import import_recording
 from mmt.session.info import info
 from mmt.session.mcap.index import open_windows
@@ -17,43 +17,11 @@ from mmt.session.stream import open_recording
 
 pytestmark = pytest.mark.usefixtures("read_here")
 
-TIME_S = np.arange(3000) / 1000
-POSITION_MM = np.column_stack([30 * np.sin(5 * TIME_S), 10 * TIME_S, 0 * TIME_S])
-FORCE_N = np.column_stack([0.1 * np.cos(5 * TIME_S), 0 * TIME_S, 1 + 0.5 * np.sin(2 * TIME_S)])
-ACCELERATION_M_S2 = np.random.default_rng(1).normal([0.0, 0.0, 9.81], size=(3000, 3))
+TIME_S = np.arange(2000) / 1000
+POSITION_MM, FORCE_N, ACCELERATION_M_S2 = (made(TIME_S) for made in (motion, force, vibration))
 
 
-def check(frames):
-    np.testing.assert_allclose(frames["position_mm"], POSITION_MM, atol=1e-3)
-    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-4)
-    np.testing.assert_allclose(frames["acceleration_m_s2"], ACCELERATION_M_S2, atol=1e-4)
-
-
-@pytest.mark.parametrize("trials", [1, 2, 3000])
-def test_a_matlab_array_of_structures_is_read_by_series_or_by_rows(tmp_path, trials):
-    run = np.empty(trials, dtype=[(name, object) for name in "tFxa"])
-    parts = (TIME_S, FORCE_N, POSITION_MM, ACCELERATION_M_S2)
-    for number in range(trials):
-        run[number] = tuple(part[number] if trials == len(TIME_S) else part for part in parts)
-    scipy.io.savemat(tmp_path / "a.mat", {"run": run})
-    which = "{2}" if trials == 2 else ""
-    columns = {"time": "run.t", "force": "run.F", "position": "run.x", "acceleration": "run.a"}
-    columns = {target: name + which for target, name in columns.items()}
-    check(import_session(tmp_path / "a.mat", columns=columns).frames)
-
-
-def test_a_matlab_file_of_version_7_3_is_read(tmp_path):
-    h5py = pytest.importorskip("h5py")
-    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
-        file["time_s"], file["force_n"] = TIME_S[None], FORCE_N.T  # as MATLAB stores its columns
-    header = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
-    with (tmp_path / "a.mat").open("r+b") as stream:
-        stream.write(header)
-    frames = import_session(tmp_path / "a.mat").frames
-    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-6)
-
-
-def ros_bag(path, rows=2000):
+def test_a_ros_2_bag_is_read_by_topic(tmp_path):
     rosbag2 = pytest.importorskip("rosbags.rosbag2")
     from rosbags.typesys import Stores, get_typestore
 
@@ -73,9 +41,9 @@ def ros_bag(path, rows=2000):
             "/tool": types["PoseStamped"](header, types["Pose"](place, turn)),
         }
 
-    with rosbag2.Writer(path, version=9) as writer:
+    with rosbag2.Writer(tmp_path / "bag", version=9) as writer:
         connections = {}
-        for row in range(rows):
+        for row in range(len(TIME_S)):
             time_ns = 1_700_000_000_000_000_000 + row * 1_000_000
             stamp = types["Time"](time_ns // 10**9, time_ns % 10**9)
             for topic, message in messages(row, types["Header"](stamp, "tool")).items():
@@ -84,17 +52,11 @@ def ros_bag(path, rows=2000):
                     connections[topic] = writer.add_connection(topic, kind, typestore=store)
                 late_ns = time_ns + 3_000_000 + row % 7 * 100_000  # when it was received
                 writer.write(connections[topic], late_ns, store.serialize_cdr(message, kind))
-    return path
-
-
-def test_a_ros_2_bag_is_read_by_topic(tmp_path):
-    path = ros_bag(tmp_path / "bag")
     columns = {"force": "/sensor/wrench", "acceleration": "/imu", "position": "/tool"}
-    frames = import_session(path, columns=columns).frames
-    assert len(frames) == 2000
-    np.testing.assert_allclose(frames["position_mm"], POSITION_MM[:2000], atol=1e-3)
-    np.testing.assert_allclose(frames["force_n"], FORCE_N[:2000], atol=1e-6)
-    np.testing.assert_allclose(frames["acceleration_m_s2"], ACCELERATION_M_S2[:2000], atol=1e-5)
+    frames = import_session(tmp_path / "bag", columns=columns).frames
+    np.testing.assert_allclose(frames["position_mm"], POSITION_MM, atol=1e-3)
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-6)
+    np.testing.assert_allclose(frames["acceleration_m_s2"], ACCELERATION_M_S2, atol=1e-5)
 
 
 def test_what_is_no_bag_is_explained(tmp_path):
@@ -132,9 +94,6 @@ def test_options_of_other_kinds_of_files_are_refused(tmp_path, given):
         import_session(tmp_path / "a.npz", **given)
 
 
-# What looks wrong is said, with the option that mends it.
-
-
 @pytest.mark.parametrize("gravity_m_s2", [0.0, 9.81])
 def test_a_sound_recording_passes_without_a_word(tmp_path, gravity_m_s2):
     arrays = {"time_s": TIME_S, "position_mm": POSITION_MM, "force_n": FORCE_N}
@@ -161,41 +120,9 @@ def test_a_heading_as_long_as_a_file_takes_no_time(part, end, tmp_path):
     assert time.monotonic() - started < 40.0
 
 
-@pytest.mark.parametrize(
-    ("seconds", "fraction", "ticks"),
-    [
-        ("header.stamp.sec", "header.stamp.nanosec", 1e9),
-        ("secs", "nsecs", 1e9),
-        ("field.header.stamp.secs", "field.header.stamp.nsecs", 1e9),
-        ("tv_sec", "tv_usec", 1e6),
-        ("Seconds", "Milliseconds", 1e3),
-        ("sec", "microseconds", 1e6),
-    ],
-)
-def test_seconds_and_their_parts_in_two_columns_are_one_time(tmp_path, seconds, fraction, ticks):
-    whole = np.floor(TIME_S + 1.7e9)
-    ticked = np.round(np.round(TIME_S - (whole - 1.7e9), 6) * ticks)
-    names = [f"pose.position.{axis}" for axis in "xyz"]
-    names += [f"wrench.force.{axis}" for axis in "xyz"]
-    names += [f"linear_acceleration.{axis}" for axis in "xyz"]
-    table = np.column_stack([whole, ticked, POSITION_MM, FORCE_N, ACCELERATION_M_S2])
-    path, header = tmp_path / "a.csv", ",".join([seconds, fraction, *names])
-    np.savetxt(path, table, fmt="%.7f", delimiter=",", header=header, comments="")
-    proposal, _, error = try_proposal(path, propose(path))
-    assert error is None
-    assert proposal.options.columns["time"] == seconds
-    assert proposal.options.columns["time_fraction"] == fraction
-    session = import_recording(path, proposal.options)[0]
-    check(session.frames)
-    assert np.array_equal(np.diff(session.frames["sequence"]), np.ones(2999))
-
-
 def test_formulas_without_values_are_told(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.Workbook()
-    for row in [["t", "fx", "fy", "fz"], *([0.001 * n, 0, 0, "=1+1"] for n in range(50))]:
-        book.active.append(row)
-    book.save(tmp_path / "a.xlsx")
+    table = {"t": TIME_S[:50], "fx": 0 * TIME_S[:50], "fy": 0 * TIME_S[:50]}
+    to_workbook(tmp_path / "a.xlsx", table | {"fz": np.full(50, "=1+1")}, {})
     columns = {"time": "t", **{f"force_{axis}": f"f{axis}" for axis in "xyz"}}
     with pytest.raises(InputError, match="force_z has no value in any row; a workbook's formulas"):
         import_session(tmp_path / "a.xlsx", columns=columns)

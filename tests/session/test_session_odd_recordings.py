@@ -2,65 +2,77 @@
 
 import json
 import pickle
+import re
+import zipfile
 from dataclasses import replace
+from decimal import Decimal
 
 import numpy as np
 import pytest
+from recording_files import (
+    FIELDS,
+    TIME_S,
+    TRUTH,
+    force,
+    hdf5,
+    imported,
+    lines,
+    motion,
+    to_workbook,
+    vibration,
+    write_columns,
+)
 from scipy.io import savemat
+from scipy.sparse import csc_matrix
 
 from mmt.core.errors import InputError
 from mmt.session.files import import_session
 from mmt.session.importing.options import ImportOptions
-from mmt.session.importing.proposal import propose, try_proposal
+from mmt.session.importing.proposal import propose
 from mmt.session.importing.recording import import_recording
 
 pytestmark = pytest.mark.usefixtures("read_here")
 
-TIME_S = np.arange(0.0, 2.0, 0.001)
-"""Times of the rows of every file here, but those of tables with several sensors."""
+KINDS = {}
+"""Writers by the name of the file, with the channels that are in it and the options it needs."""
 
 
-def motion(time_s):
-    return np.column_stack([40 * np.sin(4.4 * time_s), 2 * time_s, 5 * np.cos(3 * time_s)])
+def kind(name, *arguments, channels=TRUTH, **given):
+    """Have a file written by a function, imported, and compared with the truth."""
+
+    def register(write):
+        KINDS[name] = (lambda path: write(path, *arguments), set(channels), given)
+        return write
+
+    return register
 
 
-def force(time_s):
-    return np.column_stack([0.3 * np.cos(4.4 * time_s), 0 * time_s, 1.5 + np.sin(1.9 * time_s)])
+def rows_of(*made):
+    """Rows of a time and the numbers of channels."""
+    return np.column_stack([TIME_S, *(each(TIME_S) for each in made)]).tolist()
 
 
-def vibration(time_s):
-    return np.column_stack(
-        [2 * np.sin(90 * time_s), 3 * np.cos(70 * time_s), 9.8 + np.sin(80 * time_s)]
-    )
+NAMED = {f"force_{axis}": f"f{axis}" for axis in "xyz"}
+ONLY_FORCE = ["force"]
 
 
-TRUTH = {"position": motion, "force": force, "acceleration": vibration}
-FIELDS = {"position": "position_mm", "force": "force_n", "acceleration": "acceleration_m_s2"}
+# --- columns of all rows
 
 
-def lines(path, head, rows, sign=","):
-    path.write_text("\n".join([head, *(sign.join(map(str, row)) for row in rows)]) + "\n")
-
-
-def imported(path):
-    """Import a file with the options that are proposed for it."""
-    proposal, _, error = try_proposal(path, propose(path))
-    assert error is None
-    return import_recording(path, proposal.options)[0]
-
-
+@kind("units.log", channels=["position", "force"])
 def with_units(path):
-    rows = zip(TIME_S, force(TIME_S), motion(TIME_S), strict=True)
-    cells = ([f"{t:.3f} s", *(f"{f:.6f}N" for f in fs), *(f"{p:.4f} mm" for p in ps)]
-             for t, fs, ps in rows)  # fmt: skip
+    cells = ([f"{t:.3f} s", *(f"{f:.6f}N" for f in row[:3]), *(f"{p:.4f} mm" for p in row[3:])]
+             for t, *row in rows_of(force, motion))  # fmt: skip
     lines(path, "time;Fx;Fy;Fz;px;py;pz", cells, ";")
 
 
+@kind("a column.csv", channels=ONLY_FORCE)
 def in_a_column_of_units(path):
-    rows = zip(TIME_S, 1e3 * force(TIME_S), strict=True)
-    lines(path, "time,fx,fy,fz,Units", ([t, *fs, "mN"] for t, fs in rows))
+    rows = ([t, *(1e3 * f for f in fs), "mN"] for t, *fs in rows_of(force))
+    lines(path, "time,fx,fy,fz,Units", rows)
 
 
+@kind("hex.csv", channels=["acceleration"])
 def in_hexadecimals(path):
     counts = np.rint(1000 * vibration(TIME_S)).astype(int)
     cells = ([f"0x{round(1e6 * t):08X}", *(f"0x{c & 0xFFFF:04x}" for c in row)]
@@ -68,39 +80,364 @@ def in_hexadecimals(path):
     lines(path, "t_us,ax_mm_s2,ay_mm_s2,az_mm_s2", cells)
 
 
-def readings(values):
-    """Rows of three sensors, each at its times: time, sensor and three numbers."""
-    for row, time_s in enumerate(TIME_S):
-        for sensor, every, late_s in (("acc", 1, 0.0), ("force", 2, 2e-4), ("pos", 4, 3e-4)):
-            if row % every == 0:
-                t = round(time_s + late_s, 6)
-                yield t, sensor, *np.round(values[sensor](np.array([t]))[0], 6).tolist()
+@kind("first.mat", channels=["position", "force"])
+def with_times_first(path):
+    """As Simulink's block To File and QUARC write them: a row for the time and each element."""
+    matrices = {"pos": motion(TIME_S), "force": np.column_stack([force(TIME_S), motion(TIME_S)])}
+    savemat(path, {name: np.vstack([TIME_S, values.T]) for name, values in matrices.items()})
+
+
+@kind("dataset.mat", channels=ONLY_FORCE)
+def dataset_of_structures(path):
+    series = {"Time": TIME_S[:, None], "Data": force(TIME_S)}
+    savemat(path, {"logsout": {"force": {"Values": series}, "Name": "logsout"}})
+
+
+@kind("sparse.mat", channels=["force", "acceleration"])
+def sparse_matrix_and_time_series(path):
+    waves = {"Time": TIME_S[:, None], "Data": vibration(TIME_S).T[:, None, :]}
+    savemat(path, {"t": TIME_S, "force": csc_matrix(force(TIME_S)), "acc": waves})
+
+
+@kind("characters.mat", None, channels=ONLY_FORCE)
+@kind("cells.mat", object, channels=ONLY_FORCE)
+def with_times_as_texts(path, dtype):
+    times = np.array([f"10:30:{time_s:06.3f}" for time_s in TIME_S], dtype=dtype)
+    savemat(path, {"time": times, "force": force(TIME_S), "unit": "N", "axes": ["x", "y", "z"]})
+
+
+MATLAB = {target: f"run.{target[0]}" for target in ("time", *TRUTH)}
+
+
+@kind("one.mat", 1, columns=MATLAB)
+@kind("two.mat", 2, columns={target: name + "{2}" for target, name in MATLAB.items()})
+@kind("rows.mat", len(TIME_S), columns=MATLAB)
+def an_array_of_structures_of_series_or_of_rows(path, trials):
+    run = np.empty(trials, dtype=[(name, object) for name in "tpfa"])
+    parts = (TIME_S, *(made(TIME_S) for made in TRUTH.values()))
+    for number in range(trials):
+        run[number] = tuple(part[number] if trials == len(TIME_S) else part for part in parts)
+    savemat(path, {"run": run})
+
+
+@kind("v7.3.mat", channels=ONLY_FORCE)
+def version_7_3_of_matlab(path):
+    with hdf5(path, userblock_size=512) as file:
+        file["time_s"], file["force_n"] = TIME_S[None], force(TIME_S).T  # as MATLAB stores them
+    with path.open("r+b") as stream:
+        stream.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+
+
+@kind("title.txt", channels=ONLY_FORCE)
+def with_a_title_before_the_units(path):
+    lines(path, "Sampling rate (Hz);1000\nabs time (s);Fx;Fy;Fz\nUnits:;N;N;N", rows_of(force), ";")
+
+
+AXES = ",x,y,z" * 3
+LEVELS = "".join(f",{channel}" * 3 for channel in TRUTH)
+DATES = [f"2026-05-01 10:00:{time_s:09.6f}" for time_s in TIME_S]
+DAYS_END = (np.datetime64("2026-01-31T23:59:59.8") + (TIME_S * 1e6).astype("m8[us]")).tolist()
+
+
+@kind("levels.csv", TIME_S, f"{LEVELS}\n{AXES}\nstamp{',' * 9}")
+@kind("merged.csv", 1e3 * TIME_S, f"Time{LEVELS}\nms{AXES}")
+@kind("index.csv", DATES, ",px,py,pz,fx,fy,fz,ax,ay,az")
+@kind("days.csv", [f"{d:%d-%b-%Y %H:%M:%S.%f}" for d in DAYS_END], f"t{LEVELS}\n{AXES}")
+@kind("hours.csv", [f"{d:%H:%M:%S.%f}" for d in DAYS_END], f"t{LEVELS}\n{AXES}")
+def each_channel(path, times, head):
+    lines(
+        path, head, ((t, *row[1:]) for t, row in zip(times, rows_of(*TRUTH.values()), strict=True))
+    )
+
+
+@kind("fixed.h5", True)
+@kind("frame.h5", False)
+def frame(path, fixed):
+    """What pandas stores, as arrays with their columns' names or as a table."""
+    names = [c[0] + axis for c in TRUTH for axis in "xyz"]
+    values = np.hstack([made(TIME_S) for made in TRUTH.values()])
+    with hdf5(path) as file:
+        group = file.create_group("log")
+        if fixed:
+            group["axis1"], group["block0_values"] = TIME_S, values
+            group["axis1"].attrs["name"] = np.bytes_(b"time")
+            group["block0_items"] = np.array(names, dtype="S")
+            return
+        dtype = [("index", "i8"), ("block", "f8", (1,)), ("values_block_1", "f8", (9,))]
+        rows = zip(range(len(TIME_S)), TIME_S[:, None], values, strict=True)
+        group["table"] = np.array(list(rows), dtype=dtype)
+        for field, told in (("block", ["t"]), ("values_block_1", names)):
+            group["table"].attrs[f"{field}_kind"] = np.bytes_(pickle.dumps(told, protocol=0))
+
+
+@kind("unity.csv", channels=["position", "force"])
+def with_vectors_of_unity(path):
+    rows = ((t, tuple(row[:3]), tuple(row[3:])) for t, *row in rows_of(motion, force))
+    lines(path, "Time,Position,Force", rows)
+
+
+def printed(values, form):
+    """Return numbers as NumPy or Python print them, or as a cell of a table with commas."""
+    if form == "array":  # without the blank in place of a sign
+        return str(np.round(values, 6)).replace("[ ", "[")
+    text = str([round(float(value), 6) for value in values])
+    forms = {"list": text, "tuple": f"({text[1:-1]})", "cell": f'"{text}"'}
+    return {**forms, "tensor": f'"tensor({text})"', "dtype": f'"np.array({text}, dtype=f4)"'}[form]
+
+
+@kind("array.csv", "array", ",", channels=["position", "force"])
+@kind("array;.csv", "array", ";", channels=["position", "force"])
+@kind("list.csv", "list", "\t", channels=["position", "force"])
+@kind("tuple.csv", "tuple", ";", channels=["position", "force"])
+@kind("cell.csv", "cell", ",", channels=["position", "force"])
+@kind("tensor.csv", "tensor", ",", channels=["position", "force"])
+@kind("dtype.csv", "dtype", ",", channels=["position", "force"])
+def with_cells_of_several_numbers(path, form, sign):
+    rows = (
+        (t, printed(row[:3], form), printed(row[3:], form)) for t, *row in rows_of(motion, force)
+    )
+    lines(path, sign.join(["t", "pos", "force"]), rows, sign)
+
+
+NUMBERED = dict(zip(("time", *NAMED), "1234", strict=True))
+
+
+@kind("list.txt", "list", channels=ONLY_FORCE, columns=NUMBERED)
+@kind("tuple.txt", "tuple", channels=ONLY_FORCE, columns=NUMBERED)
+@kind("array.txt", "array", channels=ONLY_FORCE, columns=NUMBERED)
+def lists_a_line_each(path, form):
+    path.write_text("\n".join(printed(row, form) for row in rows_of(force)))
+
+
+@kind("no names.csv", None, channels=ONLY_FORCE, columns=NUMBERED)
+@kind("names.csv", "0,1,2,3", channels=ONLY_FORCE,
+      columns=dict(zip(NUMBERED, "0123", strict=True)))  # fmt: skip
+def with_columns_that_are_numbered(path, head):
+    first, *others = rows_of(force)
+    lines(path, head or ",".join(map(str, first)), [first, *others] if head else others)
+
+
+@kind("arduino.log", channels=["acceleration"])
+def behind_arduinos_time(path):
+    texts = ((f"10:30:{t:06.3f} -> {ax}", ay, az) for t, ax, ay, az in rows_of(vibration))
+    lines(path, "10:30:00.000 -> ax,ay,az", texts)
+
+
+@kind("force.csv", channels=ONLY_FORCE)
+def in_sections(path):
+    texts = [
+        "\n".join(",".join(map(str, row)) for row in rows_of(made)) for made in (force, motion)
+    ]
+    path.write_text(f"[Force]\nt,x,y,z\n{texts[0]}\n[Camera]\nt,x,y,z\n{texts[1]}\n")
+
+
+@kind("settings=.txt", ("Name=", "Range=", "Unit="), channels=ONLY_FORCE, columns={"time": "1"})
+@kind("settings.txt", ("", "", ""), channels=ONLY_FORCE, columns={"time": "1"})
+@kind("t.txt", ("t", "", "s"), channels=ONLY_FORCE)
+def with_settings_of_the_columns(path, keys):
+    settings = (["Fx", "10 V", "mN"], ["Fy", "±2.5 V", "mN"], ["Fz", "±2.5 V", "mN"])
+    head = ["Interval=\t0.001 s", *map("\t".join, zip(keys, *settings, strict=True))]
+    rows = ((t, *(1e3 * value for value in row)) for t, *row in rows_of(force))
+    lines(path, "\n".join(head), rows, "\t")
+
+
+@kind("blanks of r.txt", " ", '"', channels=ONLY_FORCE)
+@kind("tabs of r.txt", "\t", "", channels=ONLY_FORCE)
+@kind("commas of r.csv", ",", '"', channels=ONLY_FORCE)
+def with_row_numbers_that_have_no_name(path, sign, quote):
+    """As ``write.table`` of R writes them."""
+    names = [f"{quote}{name}{quote}" for name in ("t", "Fx", "Fy", "Fz")]
+    rows = enumerate(rows_of(force), start=1)
+    lines(path, sign.join(names), ([f"{quote}{n}{quote}", *row] for n, row in rows), sign)
+
+
+@kind("header.csv", "t;Fx;Fy;Fz\ns;mN;mN;mN", channels=ONLY_FORCE)
+@kind("header;.csv", "t;Fx;Fy;Fz;\ns;mN;mN;mN;", channels=ONLY_FORCE)
+@kind("names;.csv", "t;Fx;Fy;Fz;", channels=ONLY_FORCE, units={"force": "mN"})
+def with_its_header_repeated(path, head):
+    rows = [[t, *(1e3 * value for value in row)] for t, *row in rows_of(force)]
+    rows = [[*row, ""] if head.endswith(";") else row for row in rows]
+    lines(
+        path, head, [*rows[:99], *(line.split(";") for line in head.split("\n")), *rows[99:]], ";"
+    )
+
+
+VICON = """Trajectories
+1000
+,,pen:tip,,,cap:top,,
+Frame,Sub Frame,X,Y,Z,X,Y,Z
+,,mm,mm,mm,mm,mm,mm"""
+
+
+@kind("vicon.txt", channels=["position"], rate_hz=1000.0,
+      columns={f"position_{axis}": f"pen:tip.{axis.upper()}" for axis in "xyz"})  # fmt: skip
+def trajectories_of_vicon_above_its_devices(path):
+    rows = [(n, 0, *row[1:], 0, 0, 0) for n, row in enumerate(rows_of(motion))]
+    below = ["", "Devices", "2000", "Frame,Sub Frame,Fx", ",,N", "1,0,7", "1,1,7"]
+    lines(path, VICON, [*rows, *(line.split(",") for line in below)])
+
+
+@kind("qualisys.tsv", channels=["position"])
+def markers_of_qualisys(path):
+    head = "NO_OF_FRAMES\t2000\nTIME_STAMP\t2026-01-01, 10:00:00.000\t123.4\nMARKER_NAMES\ttip\n"
+    rows = ((n, *row) for n, row in enumerate(rows_of(motion)))
+    lines(path, f"{head}Frame\tTime\ttip X\ttip Y\ttip Z", rows, "\t")
+
+
+@kind("mm.csv", "Millimeters", 1, True, channels=["position"])
+@kind("m.csv", "Meters", 1e-3, False, channels=["position"])
+@kind("inches.csv", "Inches", 1 / 25.4, True, channels=["position"])
+def a_rigid_body_of_motive(path, unit, scale, angles):
+    """As OptiTrack's Motive writes it, with or without its rotation."""
+    over = [*["Rotation"] * (4 * angles), *["Position"] * 3]
+    axes = [*"XYZW"[: 4 * angles], *"XYZ"]
+    head = f"Format Version,1.23,Capture Frame Rate,1000.0,Length Units,{unit},Rotation Type,XYZ"
+    named = [["", "Type", *["Rigid Body"] * len(axes)], ["", "Name", *["Tool"] * len(axes)],
+             ["", "", *over], ["Frame", "Time (Seconds)", *axes]]  # fmt: skip
+    turns = [1.0, 0.0, 0.0, 0.0][: 4 * angles]
+    rows = ((n, t, *turns, *(scale * p for p in ps)) for n, (t, *ps) in enumerate(rows_of(motion)))
+    lines(path, "\n".join([head, "", *map(",".join, named)]), rows)
+
+
+@kind("labview.lvm", "", channels=["force", "acceleration"])
+@kind("comment.lvm", "\tComment", channels=["force", "acceleration"])
+def a_labview_file_with_units_in_its_heading(path, comment):
+    head = "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n\t\n"
+    head += "Channels\t6\t\nY_Unit_Label" + "\tmN" * 3 + "\tg" * 3
+    head += "\nDelta_X" + "\t0.001" * 6 + "\n***End_of_Header***\t\t\n"
+    names = "\t".join(["X_Value", "Fx", "Fy", "Fz", "accX", "accY", "accZ"])
+    values = np.column_stack([TIME_S, 1e3 * force(TIME_S), vibration(TIME_S) / 9.80665])
+    lines(path, f"{head}{names}{comment}", values.tolist(), "\t")
+
+
+@kind("seconds.csv", "header.stamp.sec", "header.stamp.nanosec", 1e9)
+@kind("secs.csv", "field.header.stamp.secs", "field.header.stamp.nsecs", 1e9)
+@kind("tv.csv", "tv_sec", "tv_usec", 1e6)
+@kind("milliseconds.csv", "Seconds", "Milliseconds", 1e3)
+@kind("microseconds.csv", "sec", "microseconds", 1e6)
+def with_seconds_and_their_parts(path, seconds, fraction, ticks):
+    parts = ("pose.position", "wrench.force", "linear_acceleration")
+    names = [seconds, fraction, *(f"{part}.{axis}" for part in parts for axis in "xyz")]
+    rows = enumerate(rows_of(*TRUTH.values()))
+    cells = ((1.7e9 + n // 1000, round(n % 1000 / 1e3 * ticks), *row[1:]) for n, row in rows)
+    lines(path, ",".join(names), cells)
+
+
+def pandas_json(path, form, encoding):
+    """A table as pandas writes it by `form`, rows below their names, or one by dates."""
+    names, rows = ["t", *NAMED.values()], rows_of(force)
+    objects = [dict(zip(names, row, strict=True)) for row in rows]
+    content = {
+        "columns": {name: {str(n): row[name] for n, row in enumerate(objects)} for name in names},
+        "index": {str(n): row for n, row in enumerate(objects)},
+        "split": {"columns": names, "index": list(range(len(rows))), "data": rows},
+        "rows": [names, *rows],
+        "dated": {f"{9 + 1e3 * row.pop('t'):.0f}": row for row in map(dict, objects)},
+    }[form]
+    path.write_text(json.dumps(content), encoding)
+
+
+for form, encoding in zip(("columns", "index", "split", "rows"), 4 * ["utf-8-sig"], strict=True):
+    kind(f"{form}.json", form, encoding, channels=ONLY_FORCE)(pandas_json)
+kind("utf-16.json", "split", "utf-16", channels=ONLY_FORCE)(pandas_json)
+kind("dated.json", "dated", "utf-8", channels=ONLY_FORCE,
+     columns={"time": "index"}, units={"time": "ms"})(pandas_json)  # fmt: skip
+
+
+TIMES = {
+    "numbers": TIME_S,
+    "column": TIME_S[:, None],
+    "dates": np.array(DAYS_END, dtype="M8[us]"),
+    "durations": np.round(TIME_S * 1e6).astype("m8[us]"),
+    "texts": np.array([f"{time_s:.6f}" for time_s in TIME_S]),
+    "texts of dates": np.array(DATES),
+    "decimals": np.array([Decimal(n) / 1000 for n in range(len(TIME_S))]),
+}
+
+
+def with_times_and_vectors(path, times):
+    vectors = force(TIME_S) if path.suffix == ".parquet" else force(TIME_S).T
+    write_columns(path, {"t": TIMES[times], "force": vectors})
+
+
+LACKING = {"npz": ("decimals",), "h5": ("dates", "durations", "decimals"), "parquet": ("column",)}
+for suffix, lacking in LACKING.items():
+    for times in sorted({*TIMES} - {*lacking}):
+        mapped = {"time": "t", "force": "force"}
+        kind(f"{times}.{suffix}", times, channels=ONLY_FORCE, columns=mapped)(
+            with_times_and_vectors
+        )
+
+
+@kind("structures.h5", channels=ONLY_FORCE)
+def structures_within_structures(path):
+    table = np.zeros(len(TIME_S), [("t", "f8"), ("tip", [("force", [(a, "f8") for a in "xyz"])])])
+    table["t"] = TIME_S
+    for axis, column in zip("xyz", force(TIME_S).T, strict=True):
+        table["tip"]["force"][axis] = column
+    with hdf5(path) as file:
+        file["log"] = table
+
+
+@kind("structures.parquet", channels=ONLY_FORCE)
+def structures_of_parquet(path):
+    tips = [{"force": dict(zip("xyz", row[1:], strict=True))} for row in rows_of(force)]
+    write_columns(path, {"t": TIME_S, "tip": tips})
+
+
+@kind("one cell.xlsx", "A1", channels=ONLY_FORCE)
+@kind("few cells.xlsx", "A1:B20", channels=ONLY_FORCE)
+@kind("many cells.xlsx", "A1:Z9999", channels=ONLY_FORCE)
+def workbook_that_states_another_size(path, stated):
+    columns = np.column_stack([TIME_S, force(TIME_S)]).T
+    whole = path.with_name("whole.xlsx")
+    to_workbook(whole, dict(zip(("t", *NAMED.values()), columns, strict=True)), {})
+    with zipfile.ZipFile(whole) as source, zipfile.ZipFile(path, "w") as target:
+        for name in source.namelist():
+            content, size = source.read(name), f'ref="{stated}"'.encode()
+            target.writestr(name, re.sub(rb'ref="A1:D\d+"', size, content))
+
+
+# --- rows of several sensors
 
 
 SENSORS = {"acc": vibration, "force": force, "pos": motion}
 
 
+def readings():
+    """Rows of three sensors, each at its times: time, sensor and three numbers."""
+    for row, time_s in enumerate(TIME_S):
+        for sensor, every, late_s in (("acc", 1, 0.0), ("force", 2, 2e-4), ("pos", 4, 3e-4)):
+            if row % every == 0:
+                t = round(time_s + late_s, 6)
+                yield t, sensor, *np.round(SENSORS[sensor](np.array([t]))[0], 6).tolist()
+
+
+def axes_of(row):
+    return dict(zip("xyz", row[2:], strict=True))
+
+
+@kind("tidy.csv")
 def tidy(path):
-    lines(path, "time,topic,x,y,z", readings(SENSORS))
+    lines(path, "time,topic,x,y,z", readings())
 
 
+@kind("tidy first.csv")
 def tidy_with_texts(path):
-    lines(path, "topic,t,x,y,z,note", ((r[1], r[0], *r[2:], "fine") for r in readings(SENSORS)))
+    lines(path, "topic,t,x,y,z,note", ((r[1], r[0], *r[2:], "fine") for r in readings()))
 
 
+@kind("tidy axis.csv")
 def tidy_by_axis(path):
-    each = (
-        (r[0], r[1], axis, value)
-        for r in readings(SENSORS)
-        for axis, value in zip("XYZ", r[2:], strict=True)
-    )
+    each = ((r[0], r[1], axis.upper(), v) for r in readings() for axis, v in axes_of(r).items())
     lines(path, "timestamp;sensor;axis;value", each, ";")
 
 
+@kind("molten.csv")
 def molten(path):
     """As `pandas.melt` writes it: the rows of one sensor after those of another, with units."""
     scales = {"acc": (1 / 9.80665, "g"), "force": (1e3, "mN"), "pos": (1e-3, "m")}
-    rows = ((r[1], r[0], place, r[2 + place]) for r in readings(SENSORS) for place in range(3))
+    rows = ((r[1], r[0], place, r[2 + place]) for r in readings() for place in range(3))
     each = (
         (t, f"{s}_{'xyz'[place]}", value * scales[s][0], scales[s][1])
         for s, t, place, value in sorted(rows, key=lambda r: (r[0], r[2], r[1]))
@@ -108,60 +445,37 @@ def molten(path):
     lines(path, "time,variable,value,unit", each)
 
 
+@kind("longer.csv")
 def pivoted(path):
     """As databases and R's pivot_longer write it."""
-    each = (
-        (r[0], f"{r[1]}_{axis}", v) for r in readings(SENSORS) for axis, v in axes_of(r).items()
-    )
+    each = ((r[0], f"{r[1]}_{axis}", v) for r in readings() for axis, v in axes_of(r).items())
     lines(path, "_time,_field,_value", each)
 
 
-def tidy_rows_of_json(path):
-    names = ("time", "topic", "x", "y", "z")
-    path.write_text(
-        "\n".join(json.dumps(dict(zip(names, r, strict=True))) for r in readings(SENSORS))
+@kind("blanks.csv")
+def with_blanks_for_others(path):
+    """Columns of all sensors, of which each row has those of its own, and texts."""
+    cells = (
+        (r[0], r[1], *(f"{v}" if r[1] == s else "" for s in SENSORS for v in r[2:]), "fine")
+        for r in readings()
     )
+    lines(path, "t,device,ax,ay,az,fx,fy,fz,px,py,pz,note", cells)
 
 
-def axes_of(row):
-    return dict(zip("xyz", row[2:], strict=True))
-
-
-MESSAGES = {
-    "vectors": lambda r: [{"sensor": r[1], **axes_of(r), "temperature": 20.0}],
-    "lists": lambda r: [{"topic": f"/{r[1]}", "value": r[2:]}],
-    "within": lambda r: [{"meta": {"device": r[1]}, "data": axes_of(r)}],
-    "axes": lambda r: [
-        {"node": r[1], "data": {"axis": a, "value": v}} for a, v in axes_of(r).items()
-    ],
-    "own fields": lambda r: [{"sensor": r[1], **{r[1][0] + a: v for a, v in axes_of(r).items()}}],
-}
-"""A reading as messages of a topic that several sensors share."""
-
-
-def tidy_messages(form):
-    def write(path):
-        pytest.importorskip("rosbags", reason="needs the extra 'import'")
-        from mcap.writer import Writer
-
-        with path.open("wb") as stream:
-            writer = Writer(stream)
-            writer.start()
-            topic = writer.register_channel("/readings", "json", 0)
-            for row in readings(SENSORS):
-                for message in MESSAGES[form](row):
-                    at_ns = 1_765_000_000_000_000_000 + round(row[0] * 1e9)
-                    writer.add_message(topic, at_ns, json.dumps(message).encode(), at_ns)
-            writer.finish()
-
-    return write
-
-
-def tidy_objects_of_json(path):
-    rows = ({"t": r[0], "meta": {"sensor": r[1]}, "data": axes_of(r)} for r in readings(SENSORS))
+@kind("tidy.jsonl")
+@kind("lines.json")
+def tidy_rows_of_json(path):
+    rows = ({"time": r[0], "topic": r[1], **axes_of(r)} for r in readings())
     path.write_text("\n".join(map(json.dumps, rows)))
 
 
+@kind("objects.jsonl")
+def tidy_objects_of_json(path):
+    rows = ({"t": r[0], "meta": {"sensor": r[1]}, "data": axes_of(r)} for r in readings())
+    path.write_text("\n".join(map(json.dumps, rows)))
+
+
+@kind("lists.jsonl")
 def lists_of_sensors_in_any_order(path):
     rows = []
     for place, time_s in enumerate(TIME_S):
@@ -171,136 +485,101 @@ def lists_of_sensors_in_any_order(path):
     path.write_text("\n".join(map(json.dumps, rows)))
 
 
+@kind("vectors.mcap", lambda r: [{"sensor": r[1], **axes_of(r), "temperature": 20.0}])
+@kind("lists.mcap", lambda r: [{"topic": f"/{r[1]}", "value": r[2:]}])
+@kind("within.mcap", lambda r: [{"meta": {"device": r[1]}, "data": axes_of(r)}])
+@kind("axes.mcap", lambda r: [{"node": r[1], "data": {"axis": a, "value": v}}
+                              for a, v in axes_of(r).items()])  # fmt: skip
+@kind("own.mcap", lambda r: [{"sensor": r[1], **{r[1][0] + a: v for a, v in axes_of(r).items()}}])
+def tidy_messages(path, messages):
+    """Messages of a topic that several sensors share."""
+    pytest.importorskip("rosbags", reason="needs the extra 'import'")
+    from mcap.writer import Writer
+
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        topic = writer.register_channel("/readings", "json", 0)
+        for row in readings():
+            for message in messages(row):
+                at_ns = 1_765_000_000_000_000_000 + round(row[0] * 1e9)
+                writer.add_message(topic, at_ns, json.dumps(message).encode(), at_ns)
+        writer.finish()
+
+
+VALUES = ("value", "f8", (3,))
+
+
+@kind("tidy.npy")
 def tidy_array(path):
-    kind = [("time", "f8"), ("sensor", "S8"), ("value", "f8", (3,))]
-    np.save(path, np.array([(r[0], r[1], r[2:]) for r in readings(SENSORS)], dtype=kind))
+    dtype = [("time", "f8"), ("sensor", "S8"), VALUES]
+    np.save(path, np.array([(r[0], r[1], r[2:]) for r in readings()], dtype=dtype))
 
 
+@kind("within.npy")
 def tidy_array_of_structures(path):
-    kind = [("head", [("time", "f8"), ("sensor", "U8")]), ("value", "f8", (3,))]
-    np.save(path, np.array([((r[0], r[1]), r[2:]) for r in readings(SENSORS)], dtype=kind))
+    dtype = [("head", [("time", "f8"), ("sensor", "U8")]), VALUES]
+    np.save(path, np.array([((r[0], r[1]), r[2:]) for r in readings()], dtype=dtype))
 
 
+@kind("fields.npz")
 def tidy_archive(path):
     """Structured arrays in an archive: a table of two sensors, one of a third, and an object."""
-    kind = [("time", "f8"), ("sensor", "S8"), ("value", "f8", (3,))]
-    slow = np.array([(r[0], r[1], r[2:]) for r in readings(SENSORS) if r[1] != "acc"], dtype=kind)
-    fast = np.array([(r[0], (r[2:],)) for r in readings(SENSORS) if r[1] == "acc"],
+    dtype = [("time", "f8"), ("sensor", "S8"), VALUES]
+    slow = np.array([(r[0], r[1], r[2:]) for r in readings() if r[1] != "acc"], dtype=dtype)
+    fast = np.array([(r[0], (r[2:],)) for r in readings() if r[1] == "acc"],
                     dtype=[("t", "f8"), ("data", [("acc", "f8", (3,))])])  # fmt: skip
     np.savez_compressed(path, log=slow, imu=fast, note=np.array({"by": "ATI"}, dtype=object))
 
 
+@kind("tidy.npz")
 def tidy_arrays(path):
-    rows = list(readings(SENSORS))
+    rows = list(readings())
     np.savez(path, time=[r[0] for r in rows], topic=[r[1] for r in rows], xyz=[r[2:] for r in rows])
 
 
+@kind("structures.mat")
 def tidy_structures(path):
-    kind = [(name, object) for name in ("t", "sensor", "x", "y", "z")]
-    savemat(path, {"log": np.array(list(readings(SENSORS)), dtype=kind)})
+    dtype = [(name, object) for name in ("t", "sensor", "x", "y", "z")]
+    savemat(path, {"log": np.array(list(readings()), dtype=dtype)})
 
 
+@kind("tables.h5")
 def two_tables(path):
     """A table of two sensors, one of a third alone, and sets that hold no numbers."""
-    h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
-    kind = [("time", "f8"), ("sensor", h5py.string_dtype()), *((a, "f8") for a in "xyz")]
-    rows = list(readings(SENSORS))
-    with h5py.File(path, "w") as file:
-        file["run/motion"] = np.array([r for r in rows if r[1] != "acc"], dtype=kind)
+    rows = list(readings())
+    with hdf5(path) as file:
+        axes = [(axis, "f8") for axis in "xyz"]
+        slow = [(r[0], r[1].encode(), *r[2:]) for r in rows if r[1] != "acc"]
+        file["run/motion"] = np.array(slow, dtype=[("time", "f8"), ("sensor", "S8"), *axes])
         fast = [(r[0], *r[2:]) for r in rows if r[1] == "acc"]
-        file["acc"] = np.array(fast, dtype=[("time", "f8"), *((a, "f8") for a in "xyz")])
+        file["acc"] = np.array(fast, dtype=[("time", "f8"), *axes])
         file["channel"] = np.array([["a", "b"]], dtype="S1")
 
 
+@kind("sets.h5")
 def tidy_sets(path):
-    h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
-    rows = list(readings(SENSORS))
-    with h5py.File(path, "w") as file:
+    rows = list(readings())
+    with hdf5(path) as file:
         group = file.create_group("log")
         group["t"], group["xyz"] = [r[0] for r in rows], [r[2:] for r in rows]
         group["sensor"] = [r[1] for r in rows]
 
 
+@kind("tidy.parquet")
 def tidy_parquet(path):
     pa = pytest.importorskip("pyarrow", reason="needs the extra 'export'")
-    import pyarrow.parquet
-
-    columns = list(zip(*readings(SENSORS), strict=True))
-    named = dict(zip(("time", "topic", "x", "y", "z"), columns, strict=True))
-    named["topic"] = pa.array(named["topic"]).dictionary_encode()
-    pyarrow.parquet.write_table(pa.table(named), path)
+    columns = dict(zip(("time", "topic", *"xyz"), zip(*readings(), strict=True), strict=True))
+    topics = pa.array(columns["topic"]).dictionary_encode()
+    write_columns(path, columns | {"topic": topics})
 
 
-def with_blanks_for_others(path):
-    """Columns of all sensors, of which each row has those of its own, and texts."""
-    cells = (
-        (r[0], r[1], *(f"{v}" if r[1] == s else "" for s in SENSORS for v in r[2:]), "fine")
-        for r in readings(SENSORS)
-    )
-    lines(path, "t,device,ax,ay,az,fx,fy,fz,px,py,pz,note", cells)
-
-
-def with_times_first(path):
-    """As Simulink's block To File and QUARC write them: a row for the time and each element."""
-    matrices = {"pos": motion(TIME_S), "force": np.column_stack([force(TIME_S), motion(TIME_S)])}
-    savemat(path, {name: np.vstack([TIME_S, values.T]) for name, values in matrices.items()})
-
-
-def dataset_of_structures(path):
-    series = {"Time": TIME_S[:, None], "Data": force(TIME_S)}
-    savemat(path, {"logsout": {"force": {"Values": series}, "Name": "logsout"}})
-
-
-def with_a_title_before_the_units(path):
-    head = "Sampling rate (Hz);1000\nabs time (s);Fx;Fy;Fz\nUnits:;N;N;N"
-    cells = ((t, *row) for t, row in zip(TIME_S, force(TIME_S).tolist(), strict=True))
-    lines(path, head, cells, ";")
-
-
-def each_channel(times, head=""):
-    """Return a writer of rows with all channels, behind times in any form."""
-
-    def write(path):
-        values = np.hstack([made(TIME_S) for made in TRUTH.values()]).tolist()
-        lines(path, head, ((t, *row) for t, row in zip(times, values, strict=True)))
-
-    return write
-
-
-AXES = ",x,y,z" * 3
-LEVELS = "".join(f",{channel}" * 3 for channel in TRUTH)
-DATES = [f"2026-05-01 10:00:{time_s:09.6f}" for time_s in TIME_S]
-
-
-def frame(fixed):
-    """Return a writer of what pandas stores, as arrays with their columns' names or as a table."""
-
-    def write(path):
-        h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
-        names = [c[0] + axis for c in TRUTH for axis in "xyz"]
-        values = np.hstack([made(TIME_S) for made in TRUTH.values()])
-        with h5py.File(path, "w") as file:
-            group = file.create_group("log")
-            if fixed:
-                group["axis1"], group["block0_values"] = TIME_S, values
-                group["axis1"].attrs["name"] = np.bytes_(b"time")
-                group["block0_items"] = np.array(names, dtype="S")
-                return
-            kind = [("index", "i8"), ("block", "f8", (1,)), ("values_block_1", "f8", (9,))]
-            rows = zip(range(len(TIME_S)), TIME_S[:, None], values, strict=True)
-            group["table"] = np.array(list(rows), dtype=kind)
-            for field, told in (("block", ["t"]), ("values_block_1", names)):
-                group["table"].attrs[f"{field}_kind"] = np.bytes_(pickle.dumps(told, protocol=0))
-
-    return write
-
-
+@kind("texts.h5")
 def tidy_frame(path):
     """As pandas stores a frame with a column of texts, which PyTables pickles."""
-    h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
-    rows = list(readings(SENSORS))
+    rows = list(readings())
     texts = np.array([("fine", r[1], None) for r in rows], dtype=object)
-    with h5py.File(path, "w") as file:
+    with hdf5(path) as file:
         group = file.create_group("log")
         group["axis1"], group["block0_values"] = range(len(rows)), [(r[0], *r[2:]) for r in rows]
         group["block0_items"] = np.array(["t", *"xyz"], dtype="S")
@@ -315,67 +594,11 @@ def pickled(group, array, names, protocol=pickle.HIGHEST_PROTOCOL):
     stored[0], stored.attrs["PSEUDOATOM"] = code, np.bytes_(b"object")
 
 
-def with_vectors_of_unity(path):
-    rows = zip(TIME_S, motion(TIME_S).tolist(), force(TIME_S).tolist(), strict=True)
-    lines(path, "Time,Position,Force", ((t, tuple(p), tuple(f)) for t, p, f in rows))
-
-
-def behind_arduinos_time(path):
-    texts = ((f"10:30:{t:06.3f} -> {ax}", ay, az) for t, (ax, ay, az) in
-             zip(TIME_S, vibration(TIME_S).tolist(), strict=True))  # fmt: skip
-    lines(path, "10:30:00.000 -> ax,ay,az", texts)
-
-
-def in_sections(path):
-    each = (np.column_stack([TIME_S, made(TIME_S)]).tolist() for made in (force, motion))
-    texts = ["\n".join(",".join(map(str, row)) for row in rows) for rows in each]
-    path.write_text(f"[Force]\nt,x,y,z\n{texts[0]}\n[Camera]\nt,x,y,z\n{texts[1]}\n")
-
-
-ALL = set(TRUTH)
-KINDS = {
-    "tidy.csv": (tidy, ALL),
-    "tidy first.csv": (tidy_with_texts, ALL),
-    "tidy axis.csv": (tidy_by_axis, ALL),
-    "molten.csv": (molten, ALL),
-    "tidy.jsonl": (tidy_rows_of_json, ALL),
-    "objects.jsonl": (tidy_objects_of_json, ALL),
-    "lists.jsonl": (lists_of_sensors_in_any_order, ALL),
-    **{f"{form}.mcap": (tidy_messages(form), ALL) for form in MESSAGES},
-    "tables.h5": (two_tables, ALL),
-    "sets.h5": (tidy_sets, ALL),
-    "fixed.h5": (frame(fixed=True), ALL),
-    "frame.h5": (frame(fixed=False), ALL),
-    "texts.h5": (tidy_frame, ALL),
-    "lines.json": (tidy_rows_of_json, ALL),
-    "longer.csv": (pivoted, ALL),
-    "structures.mat": (tidy_structures, ALL),
-    "tidy.npy": (tidy_array, ALL),
-    "within.npy": (tidy_array_of_structures, ALL),
-    "tidy.npz": (tidy_arrays, ALL),
-    "fields.npz": (tidy_archive, ALL),
-    "tidy.parquet": (tidy_parquet, ALL),
-    "blanks.csv": (with_blanks_for_others, ALL),
-    "first.mat": (with_times_first, {"position", "force"}),
-    "dataset.mat": (dataset_of_structures, {"force"}),
-    "levels.csv": (each_channel(TIME_S, f"{LEVELS}\n{AXES}\nstamp{',' * 9}"), ALL),
-    "merged.csv": (each_channel(1e3 * TIME_S, f"Time{LEVELS}\nms{AXES}"), ALL),
-    "index.csv": (each_channel(DATES, ",px,py,pz,fx,fy,fz,ax,ay,az"), ALL),
-    "unity.csv": (with_vectors_of_unity, {"position", "force"}),
-    "arduino.log": (behind_arduinos_time, {"acceleration"}),
-    "force.csv": (in_sections, {"force"}),
-    "title.txt": (with_a_title_before_the_units, {"force"}),
-    "a column.csv": (in_a_column_of_units, {"force"}),
-    "units.log": (with_units, {"position", "force"}),
-    "hex.csv": (in_hexadecimals, {"acceleration"}),
-}
-
-
 @pytest.mark.parametrize("name", KINDS)
 def test_a_recording_comes_in_as_it_was_made(tmp_path, name):
-    make, channels = KINDS[name]
+    make, channels, given = KINDS[name]
     make(tmp_path / name)
-    session = imported(tmp_path / name)
+    session = imported(tmp_path / name, **given)
     time_s = session.frames["time_ns"] / 1e9
     assert set(session.channels) == channels
     assert len(time_s) == pytest.approx(len(TIME_S), abs=6)
@@ -480,22 +703,19 @@ def test_a_state_beside_several_channels_tells_no_arms_apart(tmp_path, state):
     assert "px" in propose(tmp_path / "a.csv").names
 
 
-def in_a_group_with_its_unit(path, unit, **others):
+def in_a_group_with_its_unit(path, unit):
     """Forces in mN, or others, as the members of a group or structure that has a unit."""
-    axes = dict(zip("xyz", 1e3 * force(TIME_S).T, strict=True))
-    content = {"force": {"time": TIME_S, **axes, **unit}, **others}
+    members = {"time": TIME_S, **dict(zip("xyz", 1e3 * force(TIME_S).T, strict=True)), **unit}
     if path.suffix == ".mat":
-        savemat(path, content)
+        savemat(path, {"force": members})
     elif path.suffix == ".json":
-        path.write_text(json.dumps(content, default=np.ndarray.tolist))
+        path.write_text(json.dumps({"force": members}, default=np.ndarray.tolist))
     else:
-        h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
-        with h5py.File(path, "w") as file:
-            for name, values in content["force"].items():
-                if name in unit and path.suffix == ".h5":
-                    file["force"].attrs[name] = values
-                else:
-                    file[f"force/{name}"] = values
+        with hdf5(path) as file:
+            group = file.create_group("force")
+            for name, values in members.items():
+                where = group.attrs if name in unit and path.suffix == ".h5" else group
+                where[name] = values
 
 
 @pytest.mark.parametrize("name", ["a.mat", "a.json", "a.h5", "a.hdf5"])
@@ -524,25 +744,6 @@ def test_a_line_above_a_table_tells_its_unit(tmp_path, head):
     (tmp_path / "a.csv").write_text(text.replace("mN", "V"))
     with pytest.raises(InputError, match="which is in 'V' by the file"):
         import_recording(tmp_path / "a.csv", propose(tmp_path / "a.csv").options)
-
-
-@pytest.mark.parametrize(
-    ("unit", "scale"), [("Millimeters", 1), ("Meters", 1e-3), ("Inches", 1 / 25.4)]
-)
-@pytest.mark.parametrize("angles", [True, False])
-def test_the_unit_of_length_in_motives_head_is_heeded(tmp_path, unit, scale, angles):
-    """As OptiTrack's Motive writes a rigid body, with or without its rotation."""
-    over = [*["Rotation"] * (4 * angles), *["Position"] * 3]
-    axes = [*"XYZW"[: 4 * angles], *"XYZ"]
-    head = f"Format Version,1.23,Capture Frame Rate,1000.0,Length Units,{unit},Rotation Type,XYZ"
-    named = [["", "Type", *["Rigid Body"] * len(axes)], ["", "Name", *["Tool"] * len(axes)],
-             ["", "", *over], ["Frame", "Time (Seconds)", *axes]]  # fmt: skip
-    turns = [1.0, 0.0, 0.0, 0.0][: 4 * angles]
-    each = zip(TIME_S, (scale * motion(TIME_S)).tolist(), strict=True)
-    head = "\n".join([head, "", *map(",".join, named)])
-    lines(tmp_path / "a.csv", head, ((i, t, *turns, *p) for i, (t, p) in enumerate(each)))
-    frames = imported(tmp_path / "a.csv").frames
-    np.testing.assert_allclose(frames["position_mm"], motion(TIME_S), atol=1e-4)
 
 
 @pytest.mark.parametrize("names", ["t,fx,fy,fz,unit", "t,fx,fy,fz,force_unit"])
@@ -612,12 +813,6 @@ def test_readings_are_no_numbers_of_sensors(tmp_path):
     assert told in found.columns.notes
 
 
-def test_a_number_has_no_underscores(tmp_path):
-    lines(tmp_path / "a.csv", "Date,Fz", ((f"20240301_1000{int(t):02}", t) for t in TIME_S))
-    with pytest.raises(InputError, match="Date does not hold numbers: '20240301_100000'"):
-        import_session(tmp_path / "a.csv", columns={"time": "Date", "force": "Fz"})
-
-
 @pytest.mark.parametrize(
     ("name", "value", "told"),
     [("gain", 0.5, True), ("Calibration", 2.0, True), ("offset", 0, False), ("note", 2.0, False),
@@ -655,18 +850,6 @@ def test_numbers_that_pandas_pickled_are_read_right_or_refused(tmp_path, protoco
 def test_axes_without_a_name_are_told(tmp_path):
     lines(tmp_path / "a.csv", "time,x,y,z", ((t, t, t, t) for t in TIME_S))
     assert "nothing says that it is one" in str(propose(tmp_path / "a.csv").columns.notes)
-
-
-@pytest.mark.parametrize("comment", ["", "\tComment"])
-def test_the_units_in_a_labview_files_heading_are_heeded(tmp_path, comment):
-    head = "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n\t\n"
-    head += "Channels\t2\t\nY_Unit_Label\tmN\tg\nDelta_X\t0.001\t0.001\n***End_of_Header***\t\t\n"
-    rows = zip(TIME_S, 1e3 * force(TIME_S)[:, 2], vibration(TIME_S)[:, 2] / 9.80665, strict=True)
-    lines(tmp_path / "a.lvm", f"{head}X_Value\tFz\taccZ{comment}", rows, "\t")
-    frames = imported(tmp_path / "a.lvm").frames
-    np.testing.assert_allclose(frames["force_n"][:, 2], force(TIME_S)[:, 2], atol=1e-5)
-    found = frames["acceleration_m_s2"][:, 2]
-    np.testing.assert_allclose(found, vibration(TIME_S)[:, 2], atol=1e-5)
 
 
 def test_a_labview_file_without_times_needs_a_rate(tmp_path):
