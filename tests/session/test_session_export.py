@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from session_samples import made_frames
 
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError
 from mmt.session.data import RecordedSession
 from mmt.session.files import export_session
 
@@ -108,17 +108,7 @@ def test_a_folder_that_is_not_there_is_named(tmp_path, session, suffix):
 
 
 def test_unknown_suffixes_are_refused(tmp_path, session):
-    with pytest.raises(InputError, match=r"\.bag cannot be written.*\.parquet"):
-        export_session(session, tmp_path / "run.bag")
-    with pytest.raises(InputError, match="or none for a ROS 2 bag"):
-        export_session(session, tmp_path / "run.2")
-
-
-def test_a_failed_export_leaves_nothing_behind(tmp_path, session, monkeypatch):
-    def full(*_, **__):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(np, "savetxt", full)
-    with pytest.raises(MmtError, match="No space left"):
-        export_session(session, tmp_path / "run.csv")
-    assert not list(tmp_path.iterdir())
+    for name, said in (("run.bag", r"\.bag cannot be written.*\.parquet"),
+                       ("run.2", "or none for a ROS 2 bag")):  # fmt: skip
+        with pytest.raises(InputError, match=said):
+            export_session(session, tmp_path / name)

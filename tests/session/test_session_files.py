@@ -1,9 +1,9 @@
 """What is written into a session file comes back, for this package and for any other."""
 
 import json
+import re
 import subprocess
 import sys
-import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from mcap.writer import Writer
 from session_samples import START_NS, made_frames
 
 import mmt.session
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError
 from mmt.core.extras import __version__
 from mmt.core.frames import ALL_CHANNELS, CHANNELS
 from mmt.session.data import OutputBlock
@@ -75,56 +75,26 @@ def test_extreme_numbers_come_back(tmp_path):
 
 
 def test_everything_beside_the_frames_comes_back(tmp_path):
-    models = [(0.25, b"first model"), (0.75, b"\x00\xff" * 40_000)]
-    events = [
-        {"time_s": 0.1, "event": "mode", "mode": "streamed"},
-        {"time_s": 0.6, "event": "mark", "list": [1, 2], "nothing": None},
-    ]
-    outputs = [
-        OutputBlock(0.1, "streamed", np.arange(20.0)),
-        OutputBlock(0.2, "model", np.array([0.5])),
-    ]
-    path = tmp_path / "run.mcap"
-    write_session(
-        path,
-        made_frames(1000),
-        scene=SCENE,
-        annotations=b"\x00truth\xff",
-        models=models,
-        events=events,
-        outputs=outputs,
-    )
-    session = read_session(path)
-    assert session.scene == SCENE
-    assert session.annotations == b"\x00truth\xff"
-    assert session.models == models
-    assert session.events == events
+    beside = {
+        "scene": SCENE,
+        "annotations": b"\x00truth\xff",
+        "models": [(0.25, b"first model"), (0.75, b"\x00\xff" * 40_000)],
+        "events": [{"time_s": 0.6, "event": "mark", "list": [1, 2], "nothing": None}],
+    }
+    outputs = [OutputBlock(0.1, "streamed", np.arange(20.0)), OutputBlock(0.2, "model", np.ones(1))]
+    write_session(tmp_path / "run.mcap", made_frames(1000), outputs=outputs, **beside)
+    session = read_session(tmp_path / "run.mcap")
+    assert {name: getattr(session, name) for name in beside} == beside
     assert [(o.time_s, o.mode) for o in session.outputs] == [(0.1, "streamed"), (0.2, "model")]
     np.testing.assert_array_equal(session.outputs[0].vibration_m_s2, np.arange(20.0))
-    assert session.path == path
-    assert not list(tmp_path.glob("*.part"))
+    assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
 
 
 def test_numbers_that_json_lacks_do_not_break_an_event(tmp_path):
-    event = {
-        "time_s": 0.0,
-        "distance": float("nan"),
-        "numpy": np.float32(2.5),
-        "array": np.arange(2),
-        "path": Path("a/b"),
-        "tuple": (1, np.inf),
-    }
-    write_session(tmp_path / "run.mcap", made_frames(1), events=[event])
-    assert read_session(tmp_path / "run.mcap").events == [
-        {
-            "time_s": 0.0,
-            "distance": None,
-            "numpy": 2.5,
-            "array": [0, 1],
-            "path": "a/b",
-            "tuple": [1, None],
-        }
-    ]
+    odd = [float("nan"), np.float32(2.5), np.arange(2), Path("a/b"), (1, np.inf)]
+    write_session(tmp_path / "run.mcap", made_frames(1), events=[{"time_s": 0.0, "odd": odd}])
+    (event,) = read_session(tmp_path / "run.mcap").events
+    assert event == {"time_s": 0.0, "odd": [None, 2.5, [0, 1], "a/b", [1, None]]}
 
 
 @pytest.mark.parametrize("time_s", [float("nan"), None, "soon"])
@@ -157,20 +127,6 @@ def test_chunks_are_small_and_compressed(tmp_path):
     assert {chunk.compression for chunk in chunks} == {"zstd"}
     assert max(chunk.uncompressed_size for chunk in chunks) < 64 * 1024 + 2000
     assert len(chunks) > 3
-
-
-def test_an_existing_file_stays_when_writing_fails(tmp_path, monkeypatch):
-    path = tmp_path / "run.mcap"
-    path.write_bytes(b"precious")
-
-    def fail(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(SessionWriter, "finish", fail)
-    with pytest.raises(MmtError, match="No space left on device"):
-        write_session(path, made_frames(100))
-    assert path.read_bytes() == b"precious"
-    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize(
@@ -283,17 +239,6 @@ def test_info_says_what_was_no_measurement(tmp_path, monkeypatch):
     assert info(path).faults is None
 
 
-def test_a_demo_session_is_read_fast(tmp_path):
-    path = tmp_path / "run.mcap"
-    write_session(path, made_frames(18_000))
-    seconds = []
-    for _ in range(5):
-        begin = time.perf_counter()
-        read_session(path)
-        seconds.append(time.perf_counter() - begin)
-    assert min(seconds) < 1.0  # 0.015 s measured; a wide margin for a loaded machine
-
-
 def test_neither_scipy_nor_numba_is_imported():
     program = (
         "import sys, mmt.session, mmt.session.recorder, mmt.session.replay,"
@@ -310,14 +255,13 @@ def test_the_example_in_the_reference_reads_a_session(tmp_path):
     page = Path(__file__).parents[2] / "docs" / "reference" / "session-file.md"
     example = page.read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
     frames = made_frames(1234)
-    path = tmp_path / "run.mcap"
-    write_session(path, frames)
-    arguments = [sys.executable, "-c", example, str(path)]
+    write_session(tmp_path / "run.mcap", frames)
+    arguments = [sys.executable, "-c", example, tmp_path / "run.mcap"]
     done = subprocess.run(arguments, check=True, capture_output=True, text=True, timeout=60)
-    count, _, mean = done.stdout.partition(" frames, mean force ")
+    count, *mean_n = re.findall(r"-?\d+(?:\.\d+)?(?:e-?\d+)?", done.stdout)
     assert count == "1234"
-    said_n = np.array(mean.removesuffix(" N\n").strip("[]").split(), dtype=float)
-    np.testing.assert_allclose(said_n, frames["force_n"].mean(axis=0), rtol=1e-4)
+    expected_n = frames["force_n"].mean(axis=0)
+    np.testing.assert_allclose(np.array(mean_n, dtype=float), expected_n, rtol=1e-4)
 
 
 def test_a_file_says_what_it_is_and_who_wrote_it(tmp_path):

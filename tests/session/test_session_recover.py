@@ -147,7 +147,7 @@ def test_damage_costs_what_it_touches_and_is_never_called_whole(
 
 
 @pytest.mark.parametrize("value", [0x07, 0x0C, 0x46, 0x80])
-def test_a_chunk_that_passes_for_another_record_is_found(tmp_path, whole, monkeypatch, value):
+def test_a_chunk_that_passes_for_another_record_is_found(tmp_path, whole, value):
     path, frames, _ = whole
     for checksum in (True, False):  # files of earlier versions have none over all
         content = bytearray(path.read_bytes())
@@ -208,21 +208,16 @@ def test_a_tail_of_zeros_is_cut_off(tmp_path, whole):
 
 def test_a_whole_file_is_copied_whole(tmp_path):
     path, out = tmp_path / "run.mcap", tmp_path / "copy.mcap"
-    write_session(
-        path,
-        made_frames(300),
-        scene={"a": 1},
-        annotations=b"truth",
-        models=[(0.1, b"npz")],
-        events=[{"time_s": 0.2, "event": "mark"}],
-        outputs=[OutputBlock(0.1, "model", np.ones(3))],
-    )
+    beside = {"scene": {"a": 1}, "annotations": b"truth", "models": [(0.1, b"npz")]}
+    outputs = [OutputBlock(0.1, "model", np.ones(3))]
+    events = [{"time_s": 0.2, "event": "mark"}]
+    write_session(path, made_frames(300), events=events, outputs=outputs, **beside)
     saved = recover(path, out)
     assert (saved.problem, saved.damaged_chunks, saved.frames) == ("", 0, 300)
     before, after = read_session(path), read_session(out)
     assert after.complete
     np.testing.assert_array_equal(after.frames, before.frames)
-    for name in ("scene", "annotations", "models", "events"):
+    for name in (*beside, "events"):
         assert getattr(after, name) == getattr(before, name)
     assert after.outputs[0].mode == "model"
 
@@ -250,13 +245,13 @@ from mmt.core.frames import CHANNELS
 from mmt.session.recorder import McapRecorder
 frames = made_frames(60_000)
 recorder = McapRecorder(pathlib.Path(sys.argv[1]), channels=CHANNELS)
-start = time.monotonic()
+start_s = time.monotonic()
 sent = 0
 while True:
-    due = int((time.monotonic() - start) * 1000)
-    for index in range(sent, due):
-        recorder.record_frames(frames[index:index + 1])
-    sent = max(sent, due)
+    due = int((time.monotonic() - start_s) * 1000)
+    for sent in range(sent, due):
+        recorder.record_frames(frames[sent:sent + 1])
+    sent = due
     print(sent, recorder.frames, flush=True)
     time.sleep(0.005)
 """

@@ -1,9 +1,6 @@
 """A replay sends the recorded frames with their timing, and invents nothing."""
 
-import subprocess
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -14,11 +11,7 @@ from session_samples import made_frames
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, frame_dtype
 from mmt.session.data import RecordedSession
-from mmt.session.files import write_session
 from mmt.session.replay import ReplaySource
-
-if TYPE_CHECKING:
-    pass
 
 START_NS = 5_000_000_000
 TICK_NS = 1_000_000
@@ -94,28 +87,18 @@ def test_every_frame_is_sent_once_at_its_deadline(speed, elapsed, loop, gaps, da
     expected = kept if gaps == "keep" else np.minimum(kept, 2)
     np.testing.assert_array_equal(jumps, expected[index[:-1] % count])
     assert source.finished is (not loop and len(sent) == count)
-
-
-def test_loops_go_on_in_sequence_and_time_with_one_frame_missing_between():
-    source = ReplaySource(session_of(even_frames(10)), CHANNELS, loop=True)
-    sent = np.concatenate(play(source, 34))
-    np.testing.assert_array_equal(sent["sequence"], np.r_[:10, 11:21, 22:32, 33])
-    np.testing.assert_array_equal(
-        sent["time_ns"], START_NS + sent["sequence"].astype(np.int64) * TICK_NS
-    )
-    assert not source.finished
     source.close()
     assert source.finished
-    assert len(source.step(1, START_NS + 10**12, None)) == 0
+    assert len(source.step(1, now_ns + 10**12, None)) == 0
 
 
-def test_recorded_jitter_is_sent_again():
+def test_recorded_jitter_is_sent_again_whenever_it_is_started():
     frames = made_frames(200)
     source = ReplaySource(session_of(frames), CHANNELS)
-    sent = np.concatenate(play(source, 201))
-    np.testing.assert_array_equal(
-        sent["time_ns"] - START_NS, frames["time_ns"] - frames["time_ns"][0]
-    )
+    for _ in range(2):
+        sent = np.concatenate(play(source, 201))
+        since_ns = frames["time_ns"] - frames["time_ns"][0]
+        np.testing.assert_array_equal(sent["time_ns"] - START_NS, since_ns)
 
 
 def test_a_follower_that_started_anew_is_joined():
@@ -138,23 +121,12 @@ def test_only_the_channels_that_are_asked_for_are_sent():
     np.testing.assert_array_equal(frames, even_frames(5))  # the session is not changed
 
 
-def test_it_can_be_started_again():
-    source = ReplaySource(session_of(even_frames(10)), CHANNELS)
-    first = np.concatenate(play(source, 10))
-    again = np.concatenate(play(source, 10))
-    np.testing.assert_array_equal(first, again)
-
-
 def test_it_says_what_it_replays():
-    steps = np.ones(999, dtype=int)
-    steps[3] = 5
-    session = session_of(even_frames(1000, steps=steps))
-    assert ReplaySource(session, CHANNELS).describe() == (
-        "replay of run.mcap, 1.0 s, 1000 frames, 4 missing (kept)"
-    )
-    assert ReplaySource(session, CHANNELS, speed=2.5, loop=True, gaps="skip").describe() == (
-        "replay of run.mcap, 1.0 s, 1000 frames, 4 missing (closed up), 2.5 times as fast, looped"
-    )
+    session = session_of(even_frames(1000, steps=np.where(np.arange(999) == 3, 5, 1)))
+    told = "replay of run.mcap, 1.0 s, 1000 frames, 4 missing"
+    assert ReplaySource(session, CHANNELS).describe() == f"{told} (kept)"
+    fast = ReplaySource(session, CHANNELS, speed=2.5, loop=True, gaps="skip")
+    assert fast.describe() == f"{told} (closed up), 2.5 times as fast, looped"
 
 
 def test_what_cannot_be_replayed_is_refused():
@@ -178,24 +150,3 @@ def test_a_recording_of_another_rate_is_refused_with_what_to_write():
     source = ReplaySource(session, CHANNELS, samples_per_frame=4)
     sent = source.step(1, 10**9)["acceleration_m_s2"]
     np.testing.assert_array_equal(sent, session.frames["acceleration_m_s2"])
-
-
-def test_it_is_a_follower_source():
-    source = ReplaySource(session_of(even_frames(2)), CHANNELS)
-    source.start(START_NS)
-    assert len(source.step(1, START_NS, (0.0, 0.0, 0.0))) == 1
-
-
-def test_replaying_imports_neither_scipy_nor_numba(tmp_path):
-    path = tmp_path / "run.mcap"
-    write_session(path, even_frames(10))
-    program = (
-        "import sys, pathlib\n"
-        "from mmt.session.files import read_session\n"
-        "from mmt.session.replay import ReplaySource\n"
-        "source = ReplaySource(read_session(pathlib.Path(sys.argv[1])), ('force',))\n"
-        "source.start(0)\n"
-        "assert len(source.step(1, 10**9, None)) == 10\n"
-        "sys.exit(', '.join({'scipy', 'numba'} & set(sys.modules)) or None)"
-    )
-    subprocess.run([sys.executable, "-c", program, str(path)], check=True, timeout=60)

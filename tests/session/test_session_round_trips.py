@@ -67,6 +67,15 @@ def test_what_belongs_to_the_frames_survives(tmp_path, suffix):
     assert back.began_utc_ns is None
 
 
+def test_a_follower_that_began_anew_and_a_value_that_is_none_survive_in_parquet(tmp_path):
+    frames = made_frames(300)
+    frames["sequence"][101:] -= 60
+    frames["time_ns"][101:] -= 80_000_000
+    frames["force_n"][7, 1] = np.nan
+    export_session(RecordedSession(frames), tmp_path / "run.parquet")
+    assert read_session(tmp_path / "run.parquet").frames.tobytes() == frames.tobytes()
+
+
 def test_a_sound_holds_what_is_missing_and_other_programs_may_cut_and_round_it(tmp_path):
     steps = np.ones(59, dtype=int)
     steps[9] = 11
