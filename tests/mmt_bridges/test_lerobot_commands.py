@@ -1,4 +1,7 @@
-"""LeRobot's own commands record through mmt; run where it is installed (`pip install lerobot`)."""
+"""LeRobot itself records through mmt and reads what is exported; run where it is installed.
+
+Its data sets come with `pip install 'lerobot[dataset]'`, its commands with `pip install lerobot`.
+"""
 
 import json
 import os
@@ -9,12 +12,16 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
+from session_samples import made_frames
 
+from mmt.session.data import RecordedSession
 from mmt.session.files import read_session
 from mmt_bridges.lerobot.dataset import export_lerobot
 
 PROGRAM = Path(__file__).with_name("lerobot_dataset_program.py")
+READER = Path(__file__).with_name("lerobot_program.py")
 PACKAGES = ("lerobot", "datasets", "rerun", "imageio", "diffusers", "cv2")
 SCENE = """
 [link]
@@ -77,7 +84,11 @@ SMALL = {
     "diffusion": ("--policy.down_dims=[32,64]", "--policy.crop_shape=null"),
 }  # fmt: skip
 
-pytestmark = pytest.mark.skipif(
+NEEDS_DATA_SETS = pytest.mark.skipif(
+    find_spec("lerobot") is None or find_spec("datasets") is None,
+    reason="needs lerobot with its data sets: pip install 'lerobot[dataset]'",
+)
+NEEDS_COMMANDS = pytest.mark.skipif(
     any(find_spec(name) is None for name in PACKAGES),
     reason="needs lerobot with all that its commands need: pip install lerobot",
 )
@@ -107,6 +118,7 @@ def command(folder, name, *arguments):
     return run(folder, "-m", f"lerobot.scripts.lerobot_{name}", *arguments)
 
 
+@NEEDS_COMMANDS
 def test_what_is_recorded_opens_and_the_forces_rise_in_contact(folder):
     recorded = command(
         folder,
@@ -154,6 +166,7 @@ def test_what_is_recorded_opens_and_the_forces_rise_in_contact(folder):
     np.testing.assert_allclose(reached, asked, atol=5.0)  # along x it strokes over 50 mm and more
 
 
+@NEEDS_COMMANDS
 @pytest.mark.timeout(900)
 def test_stock_policies_train_on_what_is_recorded_and_on_what_is_exported(folder):
     (folder / "camera").mkdir()
@@ -192,6 +205,7 @@ def test_stock_policies_train_on_what_is_recorded_and_on_what_is_exported(folder
     assert len(losses) == 2 * len(runs), trained.stderr
 
 
+@NEEDS_COMMANDS
 def test_the_hand_may_be_connected_first_and_a_problem_is_one_sentence(folder):
     shown = command(folder, "teleoperate", *ROBOT, *HAND, "--fps=30", "--teleop_time_s=1")
     assert shown.returncode == 0, shown.stderr
@@ -204,3 +218,49 @@ def test_the_hand_may_be_connected_first_and_a_problem_is_one_sentence(folder):
     last = failed.stderr.strip().splitlines()[-1]
     assert "mmt: the follower: " in last
     assert "driver 'nowhere' is not known" in last
+
+
+def read_by_lerobot(folder):
+    """Return what LeRobot finds in a data set."""
+    result = run(folder.parent, str(READER), str(folder))
+    assert result.returncode == 0, result.stderr
+    return json.loads(result.stdout)
+
+
+@NEEDS_DATA_SETS
+def test_lerobot_finds_rows_episodes_and_statistics(tmp_path):
+    folder = tmp_path / "set"
+    sessions = [RecordedSession(made_frames(count, seed=count)) for count in (1000, 410)]
+    export_lerobot(sessions, folder, fps=50, task="stroke oak")
+    found = read_by_lerobot(folder)
+    assert [found[name] for name in ("rows", "episodes", "fps", "robot")] == [70, 2, 50, "mmt"]
+    assert found["rows_of_last"] == 20
+    written = pq.read_table(folder / "data/chunk-000/file-000.parquet")
+    columns = dict(found["columns"])
+    assert set(columns.pop("task")) == {"stroke oak"}
+    assert set(columns) == set(written.column_names)
+    for name, values in columns.items():
+        np.testing.assert_array_equal(values, written[name].to_pylist(), err_msg=name)
+    np.testing.assert_array_equal(found["ahead"], columns["action"][:3])
+    np.testing.assert_allclose(
+        found["stats"]["action"]["mean"], np.mean(columns["action"], axis=0), rtol=1e-6
+    )
+
+
+@NEEDS_DATA_SETS
+def test_statistics_of_an_episode_are_those_of_lerobot(tmp_path):
+    """Its quantiles are those of a histogram: to the width of one of 5000 bins, or one row."""
+    export_lerobot([RecordedSession(made_frames(20_000))], tmp_path / "set")
+    ours = pq.read_table(tmp_path / "set/meta/episodes/chunk-000/file-000.parquet").to_pylist()[0]
+    theirs = read_by_lerobot(tmp_path / "set")["stats_of_last"]
+    names = {key.split("/")[1] for key in ours if key.startswith("stats/")}
+    assert names == set(theirs)
+    for feature, figures in theirs.items():
+        width = np.subtract(figures["max"], figures["min"])
+        for name, values in figures.items():
+            mine = ours[f"stats/{feature}/{name}"]
+            quantile = name.startswith("q")
+            within = 0.02 * np.max(width) if quantile else 1e-6 * np.max(np.abs(figures["max"]))
+            np.testing.assert_allclose(
+                mine, values, atol=within + 1e-9, err_msg=f"{feature} {name}"
+            )

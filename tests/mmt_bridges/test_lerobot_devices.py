@@ -166,16 +166,19 @@ def test_both_use_one_session_in_either_order(devices, answers, robot_first):
     assert not answers.running
 
 
-def test_the_hand_does_not_follow_other_actions(devices, answers):
+def test_the_hand_does_not_follow_other_actions_and_takes_no_force(devices, answers):
     robot, hand = robot_of(devices), teleoperator_of(devices)
     robot.connect()
-    action = dict.fromkeys(NAMES, 0.0)
     with pytest.raises(ValueError, match=r"set --robot\.moved_by=actions"):
-        robot.send_action(action)
+        robot.send_action(dict.fromkeys(NAMES, 0.0))
     hand.connect()
     hand.get_action()
     with pytest.raises(ValueError, match=r"set --robot\.moved_by=actions"):
-        robot.send_action(action)
+        robot.send_action(dict.fromkeys(NAMES, 0.0))
+    assert hand.feedback_features == {}
+    hand.send_feedback({})
+    with pytest.raises(ValueError, match="force_z_n: the hand feels what"):
+        hand.send_feedback({"force_z_n": 1.0})
 
 
 def test_actions_move_the_robot_where_the_options_say_so(devices, answers):
@@ -193,8 +196,13 @@ def test_actions_move_the_robot_where_the_options_say_so(devices, answers):
     assert answers.command == (3.0, 4.0, 5.0)
 
 
-def test_what_is_not_connected_says_so(devices, answers):
+def test_what_is_not_connected_says_so_and_needs_no_calibration(devices, answers):
     robot, hand = robot_of(devices), teleoperator_of(devices)
+    for device in (robot, hand):
+        device.calibrate()
+        device.configure()
+        assert device.is_calibrated
+        assert not device.is_connected
     for use in (
         robot.get_observation,
         lambda: robot.send_action(dict.fromkeys(NAMES, 0.0)),
@@ -223,23 +231,6 @@ def test_problems_of_mmt_are_those_of_a_connection(devices, answers):
     robot.disconnect()
 
 
-def test_the_hand_takes_no_force_of_lerobot(devices, answers):
-    hand = teleoperator_of(devices)
-    hand.connect()
-    assert hand.feedback_features == {}
-    hand.send_feedback({})
-    with pytest.raises(ValueError, match="force_z_n: the hand feels what"):
-        hand.send_feedback({"force_z_n": 1.0})
-
-
-def test_nothing_is_to_be_calibrated_or_configured(devices, answers):
-    for device in (robot_of(devices), teleoperator_of(devices)):
-        device.calibrate()
-        device.configure()
-        assert device.is_calibrated
-        assert not device.is_connected
-
-
 def test_options_and_features_are_known_before_it_is_connected(devices, answers, tmp_path):
     (tmp_path / "scene.toml").write_text("[link]\n[simulated]\n[hand]\n[force_feedback]\n")
     robot = robot_of(devices, scene=str(tmp_path / "scene.toml"))
@@ -250,18 +241,14 @@ def test_options_and_features_are_known_before_it_is_connected(devices, answers,
         robot_of(devices, moved_by="feet")
 
 
-def test_pictures_of_cameras_are_passed_on(devices, answers):
-    front = SimpleNamespace(height=48, width=64, fps=30)
+def test_pictures_are_passed_on_and_a_camera_that_is_not_there_leaves_no_session(devices, answers):
+    front, side = (SimpleNamespace(height=48, width=64, fps=fps) for fps in (30, 0))
     robot = robot_of(devices, cameras={"front": front})
     assert robot.observation_features["front"] == (48, 64, 3)
     robot.connect()
     assert [robot.get_observation()["front"] for _ in range(2)] == [1, 2]
     robot.disconnect()
     assert not robot.cameras["front"].is_connected
-
-
-def test_a_camera_that_is_not_there_leaves_no_session(devices, answers):
-    front, side = (SimpleNamespace(height=48, width=64, fps=fps) for fps in (30, 0))
     robot = robot_of(devices, cameras={"front": front, "side": side})
     with pytest.raises(ConnectionError):
         robot.connect()

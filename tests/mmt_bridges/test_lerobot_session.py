@@ -1,5 +1,6 @@
 """What LeRobot's plug-in does without LeRobot: the process beside it, and its parts."""
 
+import asyncio
 import math
 import os
 import signal
@@ -17,6 +18,7 @@ import pytest
 import tomli_w
 from frame_samples import made_frames
 from service_processes import LONGEST_S
+from waiting import until, until_lost
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.frames import acceleration_samples
@@ -77,22 +79,12 @@ def started():
         session.release("test")
 
 
-def wait_until(holds):
-    give_up_s = time.monotonic() + LONGEST_S
-    while not holds():
-        assert time.monotonic() < give_up_s
-        time.sleep(0.01)
-
-
 def beside(session):
     """The process of the session."""
     assert session.running
     children = psutil.Process(os.getpid()).children()
     (process,) = (each for each in children if "mmt_bridges.lerobot.process" in each.cmdline())
     return process
-
-
-# --- the process
 
 
 def test_two_users_see_one_session_whose_hand_presses_until_the_last_leaves(scene):
@@ -106,13 +98,13 @@ def test_two_users_see_one_session_whose_hand_presses_until_the_last_leaves(scen
         shared_session(scene, Settings(scene, moved_by="actions"))
     names = state_names(session.scene.channels())
     force, level = names.index("force_z_n"), names.index("vibration_rms_m_s2")
-    wait_until(lambda: session.ask("observe")[force] > 0.5)
-    wait_until(lambda: session.ask("observe")[level] > 0.1)
+    until(lambda: session.ask("observe")[force] > 0.5)
+    until(lambda: session.ask("observe")[level] > 0.1)
     x, y, z = session.ask("command")
     assert z < 0.0  # below the surface, as the hand presses
     assert math.dist((x, y), session.ask("observe")[:2]) < 50.0
     session.release("teleoperator")
-    wait_until(lambda: session.ask("command") != [x, y, z])
+    until(lambda: session.ask("command") != [x, y, z])
     with pytest.raises(MmtError, match="hand moves the robot, it follows no actions"):
         session.ask("follow", (0.0, 0.0, 0.0))
     children = process.children(recursive=True)
@@ -130,14 +122,14 @@ def test_actions_move_the_robot_within_its_workspace_until_the_process_dies(scen
     with pytest.raises(MmtError, match="no action has come yet"):
         session.ask("command")
     assert session.ask("follow", (2.0, -1.0, 6.0)) == [2.0, -1.0, 6.0]
-    wait_until(lambda: math.dist(session.ask("observe")[:3], (2.0, -1.0, 6.0)) < 0.5)
+    until(lambda: math.dist(session.ask("observe")[:3], (2.0, -1.0, 6.0)) < 0.5)
     assert session.ask("command") == [2.0, -1.0, 6.0]
     assert session.ask("follow", (2.0, -1.0, -30.0)) == [2.0, -1.0, -10.0]
-    wait_until(lambda: session.ask("observe")[5] > 1.0)  # it presses
+    until(lambda: session.ask("observe")[5] > 1.0)  # it presses
     process = beside(session)
     children = process.children()
     process.kill()
-    wait_until(lambda: not session.running)
+    until(lambda: not session.running)
     for _ in range(2):
         with pytest.raises(DeviceLost, match="ended unexpectedly"):
             session.ask("observe")
@@ -148,16 +140,8 @@ def test_a_follower_that_is_lost_is_told(scene, started):
     session = started(Settings(scene))
     (follower,) = beside(session).children()
     follower.kill()
-
-    def lost():
-        try:
-            session.ask("observe")
-        except DeviceLost:
-            return True
-        return False
-
-    wait_until(lost)
-    wait_until(lambda: not session.running)
+    until_lost(lambda: session.ask("observe"), ".")
+    until(lambda: not session.running)
     with pytest.raises(DeviceLost, match="follower"):
         session.ask("observe")
 
@@ -176,13 +160,8 @@ def test_what_was_asked_before_ctrl_c_is_not_answered_afterwards(scene, started)
 
 
 def test_a_program_that_ends_ends_its_second_session_too(scene):
-    ended = subprocess.run(
-        [sys.executable, "-c", PROGRAM, scene],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=LONGEST_S,
-    )
+    command = [sys.executable, "-c", PROGRAM, scene]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=LONGEST_S)
     assert (ended.returncode, ended.stderr) == (0, "")
     (process,) = map(int, ended.stdout.split())
     assert not psutil.pid_exists(process)
@@ -226,20 +205,14 @@ def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(monkeypatch):
         process.stdin.close()
 
 
-# --- the scene
-
-
-@pytest.mark.parametrize("name", ["replay", "listener"])
-def test_a_scene_without_a_robot_to_move_is_refused(name):
-    with pytest.raises(InputError, match="moves none: take one with"):
-        session_scene(Settings(name))
-
-
 def test_settings_that_are_not_allowed_are_refused():
     with pytest.raises(InputError, match='moved_by is \'feet\', allowed is "hand", "actions"'):
         Settings(moved_by="feet")
     with pytest.raises(InputError, match="wait_s is nan, allowed is a finite number above 0"):
         Settings(wait_s=math.nan)
+    for name in ("replay", "listener"):
+        with pytest.raises(InputError, match="moves none: take one with"):
+            session_scene(Settings(name))
 
 
 def test_actions_take_the_place_of_the_hand_and_all_else_stays():
@@ -251,17 +224,13 @@ def test_actions_take_the_place_of_the_hand_and_all_else_stays():
     assert by_actions == by_hand
 
 
-# --- the handle that nobody holds
-
-
-def test_before_an_action_nothing_is_commanded():
-    assert ActionHandle().read(1) is None
-
-
-def test_the_way_to_the_first_action_and_after_a_pause_is_bounded_in_speed():
-    handle = ActionHandle(recovery_mm_s=50.0)
+def test_the_way_to_the_first_action_and_after_a_pause_is_bounded_in_speed_and_box():
+    box_mm = ((-1.0, -1.0, -1.0), (100.0, 1.0, 1.0))
+    handle = ActionHandle(recovery_mm_s=50.0, box_mm=box_mm)
+    assert handle.read(1) is None
     for start, goal in ((0.0, 100.0), (100.0, 0.0)):
-        handle.follow((goal, 0.0, 0.0), (0.0, 0.0, 0.0))
+        asked = (goal and goal + 9.0, 0.0, 0.0)
+        assert handle.follow(asked, (0.0, 0.0, 0.0)) == (goal, 0.0, 0.0)
         state = handle.read(1000)
         assert state.position_mm[0] == pytest.approx(start + (goal - start) / 2)
         assert state.velocity_mm_s[0] == pytest.approx((goal - start) / 2)
@@ -291,28 +260,15 @@ def test_the_displayed_force_is_that_of_the_hand_along_the_scenes_normal(normal,
     handle = ActionHandle(**options)
     handle.follow((0.0, 0.0, 0.0), None)
     handle.write((0.3, 0.7, 1.5))
-    assert handle.read(1).force_n == force
+    assert handle.read(1) == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), force, True)
+    handle.write((-0.3, -0.7, -1.5))
+    assert handle.read(1) == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, False)
 
 
-def test_the_displayed_force_is_that_of_the_hand():
-    handle = ActionHandle(box_mm=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)))
-    assert handle.follow((9.0, 0.0, -9.0), None) == (1.0, 0.0, -1.0)
-    handle.write((0.3, 0.0, 1.5))
-    assert handle.read(1) == ((1.0, 0.0, -1.0), (0.0, 0.0, 0.0), 1.5, True)
-    handle.write((0.3, 0.0, -1.5))
-    assert handle.read(1) == ((1.0, 0.0, -1.0), (0.0, 0.0, 0.0), 0.0, False)
-
-
-# --- what is observed
-
-
-class Remote:
-    connected = True
+CONNECTED = SimpleNamespace(connected=True)
 
 
 def observing(remote, samples_per_frame=1):
-    import asyncio
-
     scene = session_scene(Settings("demo"))
     hand = SimpleNamespace(device=None, command_mm=(1.0, 2.0, 3.0))
     session = SimpleNamespace(scene=scene, remote=remote, samples_per_frame=samples_per_frame)
@@ -327,7 +283,7 @@ def test_a_state_is_a_row_of_the_export(samples):
     rows = low_rate_rows(RecordedSession(frames), 50)["observation.state"]
     every = acceleration_samples(frames[:20]).astype(float)
     assert rows[0][-1] == pytest.approx(math.sqrt(every.var(axis=0).sum()), rel=1e-6)
-    part = observing(Remote(), samples)
+    part = observing(CONNECTED, samples)
     for k, row in enumerate(rows):
         for one in frames[20 * k : 20 * k + 20]:
             part.on_frames(np.array([one]), time.monotonic_ns())
@@ -337,7 +293,7 @@ def test_a_state_is_a_row_of_the_export(samples):
 
 def test_what_is_long_past_is_not_in_the_level():
     frames = made_frames(0, 1000)
-    part = observing(Remote())
+    part = observing(CONNECTED)
     part.on_frames(frames, time.monotonic_ns())
     newest = frames["acceleration_m_s2"][-LONGEST_FRAMES:].astype(float)
     expected = math.sqrt(newest.var(axis=0).sum())
@@ -345,7 +301,7 @@ def test_what_is_long_past_is_not_in_the_level():
 
 
 def test_nothing_old_is_observed():
-    remote = Remote()
+    remote = SimpleNamespace(connected=True)
     part = observing(remote)
     part.on_frames(made_frames(0, 1), time.monotonic_ns() - 600_000_000)
     with pytest.raises(DeviceLost, match=r"no frame .* 0\.6 s"):

@@ -1,6 +1,5 @@
 """The part for LSL against a stand-in of pylsl; the library itself: `tests/services`."""
 
-import asyncio
 import json
 import sys
 import threading
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from frame_samples import made_frames
+from publishing_samples import OFFSET_NS, Publishing
 from waiting import until
 
 from mmt.core.errors import InputError
@@ -26,7 +26,6 @@ from mmt_bridges.lsl.part import LslPart
 from mmt_bridges.lsl.streams import load_pylsl
 
 AHEAD_NS = 7_000_000_000_000
-OFFSET_NS = 5_000_000_000_123
 
 
 class Outlet:
@@ -35,9 +34,8 @@ class Outlet:
     def __init__(self, info, max_buffered):
         self.info = info
         self.samples = []
-        self.holding = threading.Event()
+        self.holding, self.arrived = threading.Event(), threading.Event()
         self.holding.set()
-        self.arrived = threading.Event()
         self.broken = False
 
     def push_chunk(self, values, stamps_s):
@@ -72,8 +70,8 @@ def stream_info(name, kind, channel_count, rate_hz, form, source):
     return Info(name=name, channel_count=channel_count, rate_hz=rate_hz, source=source)
 
 
-class Running:
-    """The part in a session whose follower's clock is known, with its outlets."""
+class Running(Publishing):
+    """The part with its outlets."""
 
     def __init__(self, monkeypatch, session=None, **link):
         made = []
@@ -93,27 +91,9 @@ class Running:
         monkeypatch.setattr(lsl_streams, "load_pylsl", lambda: library)
         monkeypatch.setattr(lsl, "require", lambda _: None)
         monkeypatch.setattr(publishing, "clock_ahead_ns", lambda _: AHEAD_NS)
-        self.said = []
-        tables = {"link": link, "simulated": {}, "hand": {}, "lsl": {"chunk_ms": 1}}
-        tables["session"] = session or {}
-        self.session = Session(scene_from_tables(tables), self.said.append, lambda: 1.25)
-        self.remote = SimpleNamespace(clock_offset_ns=OFFSET_NS, follower_time_ns=0)
-        self.session.remote = self.remote
-        part = LslPart.build(self.session, LeaderParts())
-        self.part = part
-        self.session.parts.add(part)
-        part.connect()
+        tables = {"link": link, "lsl": {"chunk_ms": 1}, "session": session or {}}
+        super().__init__(LslPart, LeaderParts(), **tables)
         self.frames, *self.faster, self.events = made
-
-    def send(self, frames, follower_time_ns=None):
-        newest_ns = int(frames["time_ns"][-1])
-        self.remote.follower_time_ns = newest_ns if follower_time_ns is None else follower_time_ns
-        self.part.on_frames(frames, 0)
-
-    def end(self):
-        asyncio.run(self.part.stop())
-        self.part.close()
-        return self.part.summary(1.0)["lsl"]
 
 
 @pytest.fixture
@@ -128,15 +108,25 @@ def running(monkeypatch):
 def test_stamps_are_the_followers_by_the_leaders_clock_by_that_of_lsl(running):
     frames = made_frames(10, 40)
     gap = np.delete(frames, slice(10, 25))
+    running.remote.clock_offset_ns = None
+    running.send(made_frames(0, 7))  # before the clock is known, they are only counted
+    running.remote.clock_offset_ns = OFFSET_NS
     running.send(gap[:5])
     running.send(gap[5:])
-    assert running.end() == {"frames": 25, "events": 1, "dropped": 0, "unstamped": 0, "error": None}
-    stamps_s = [stamp_s for stamp_s, _ in running.frames.samples]
+    assert running.end() == {"frames": 25, "events": 1, "dropped": 0, "unstamped": 7, "error": None}
+    assert running.part.faults() == []
+    stamps_s, values = zip(*running.frames.samples, strict=True)
     expected_ns = gap["time_ns"] - OFFSET_NS + AHEAD_NS
-    assert stamps_s == (expected_ns / 1e9).tolist()
-    values = np.array([values for _, values in running.frames.samples], np.float32)
+    assert list(stamps_s) == (expected_ns / 1e9).tolist()
     for column, field in (0, "position_mm"), (3, "force_n"), (6, "acceleration_m_s2"):
-        np.testing.assert_array_equal(values[:, column : column + 3], gap[field])
+        found = np.array(values, np.float32)[:, column : column + 3]
+        np.testing.assert_array_equal(found, gap[field])
+    info = running.frames.info
+    assert (info["name"], running.events.info["name"]) == ("mmt-frames", "mmt-events")
+    assert info["rate_hz"] == 1000.0
+    assert info["unit"] == ["mm"] * 3 + ["N"] * 3 + ["m/s2"] * 3
+    assert info["label"][:4] == ["position_x_mm", "position_y_mm", "position_z_mm", "force_x_n"]
+    assert info["source"] != running.events.info["source"]
 
 
 def test_several_samples_of_acceleration_a_frame_have_a_stream_of_their_own(monkeypatch):
@@ -168,21 +158,9 @@ def test_a_follower_that_was_started_anew_is_stamped_by_its_own_clock(running):
     assert [stamp_s for stamp_s, _ in running.frames.samples] == expected_s.tolist()
 
 
-def test_frames_before_the_clock_is_known_are_counted(running):
-    running.remote.clock_offset_ns = None
-    running.send(made_frames(0, 7))
-    running.remote.clock_offset_ns = OFFSET_NS
-    running.send(made_frames(7, 3))
-    figures = running.end()
-    assert (figures["unstamped"], figures["frames"]) == (7, 3)
-    assert running.part.faults() == []
-
-
 def test_a_clock_that_is_never_compared_is_a_fault(monkeypatch):
     made = Running(monkeypatch, clock_hz=0)
     made.part.begin()
-    made.send(made_frames(0, 1))
-    assert made.part.faults() == []
     made.remote.clock_offset_ns = None
     made.send(made_frames(1, 1))
     (fault,) = made.part.faults()
@@ -190,7 +168,7 @@ def test_a_clock_that_is_never_compared_is_a_fault(monkeypatch):
     made.end()
 
 
-def test_a_library_that_stands_still_holds_nothing_up_and_the_newest_are_kept(running, monkeypatch):
+def test_a_library_that_stands_still_holds_nothing_up_and_the_newest_are_kept(running):
     running.frames.holding.clear()
     running.send(made_frames(0, 2))
     assert running.frames.arrived.wait(30)
@@ -199,8 +177,7 @@ def test_a_library_that_stands_still_holds_nothing_up_and_the_newest_are_kept(ru
         running.send(made_frames(2 + number, 1))
     running.frames.holding.set()
     figures = running.end()
-    assert figures["dropped"] == 50
-    assert figures["frames"] == 2 + publishing.QUEUE_LIMIT
+    assert (figures["dropped"], figures["frames"]) == (50, 2 + publishing.QUEUE_LIMIT)
     newest_ns = made_frames(1 + blocks, 1)["time_ns"][0] - OFFSET_NS + AHEAD_NS
     assert running.frames.samples[-1][0] == newest_ns / 1e9
 
@@ -234,16 +211,6 @@ def test_events_are_markers_at_the_moment_at_which_they_are_told(running):
     for stamp_s, _ in (ready, clocks):
         assert before_ns <= round(stamp_s * 1e9) - AHEAD_NS + 2000
         assert round(stamp_s * 1e9) - AHEAD_NS - 2000 <= after_ns
-
-
-def test_streams_are_named_and_described(running):
-    info = running.frames.info
-    assert (info["name"], running.events.info["name"]) == ("mmt-frames", "mmt-events")
-    assert info["rate_hz"] == 1000.0
-    assert info["unit"] == ["mm"] * 3 + ["N"] * 3 + ["m/s2"] * 3
-    assert info["label"][:4] == ["position_x_mm", "position_y_mm", "position_z_mm", "force_x_n"]
-    assert info["can_drop_samples"] == ["true"]
-    assert info["source"] != running.events.info["source"]
 
 
 def test_the_clocks_are_compared_by_the_quickest_look(monkeypatch):

@@ -139,7 +139,7 @@ def test_frames_arrive_as_they_were_recorded_stamped_by_the_leaders_clock(run):
     assert np.abs(np.array(stamps_s) - there_s).max() < 0.05 + uncertainty_s
 
 
-def test_events_arrive_as_markers(run):
+def test_events_arrive_as_markers_and_the_session_is_named(run):
     received, session, summary = run
     markers, stamps_s, _ = received["bench-events"]
     texts = [json.loads(marker) for (marker,) in markers]
@@ -150,17 +150,7 @@ def test_events_arrive_as_markers(run):
     assert stamps_s == sorted(stamps_s)
     (compared,) = [event for event in session.events if "lsl_clock_ahead_ns" in event]
     assert abs(compared["lsl_clock_ahead_ns"]) < 1_000_000_000, "on Linux it is the same clock"
-
-
-def test_the_description_has_labels_units_and_the_session(run):
-    received, session, _ = run
-    info = ET.fromstring(received["bench-frames"][2])
-    assert (info.findtext("type"), float(info.findtext("nominal_srate") or 0)) == ("Haptics", 1000)
-    channels = info.findall("desc/channels/channel")
-    assert [channel.findtext("unit") for channel in channels] == (
-        ["mm"] * 3 + ["N"] * 3 + ["m/s2"] * 3
-    )
-    assert channels[5].findtext("label") == "force_z_n"
-    assert channels[5].findtext("type") == "ForceZ"
-    assert info.findtext("desc/synchronization/can_drop_samples") == "true"
-    assert info.findtext("desc/session_id") == session.session_id
+    described = ET.fromstring(received["bench-frames"][2])
+    assert described.findtext("type") == "Haptics"
+    assert described.findtext("desc/synchronization/can_drop_samples") == "true"
+    assert described.findtext("desc/session_id") == session.session_id

@@ -5,12 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_runs import output_of, refusal, run_json
 from scipy.io import wavfile
-from typer.testing import CliRunner
 from wavelet_decoder import decode
 
-from mmt.cli.main import app
-from mmt.core.errors import InputError
 from mmt.scene import Scene
 from mmt.session.files import write_session
 from mmt.testing.simulation.offline import simulate_session
@@ -19,19 +17,17 @@ from mmt.texture.model.texture_model import TextureModel
 MODEL = Path("configs/models/plastic.npz")
 
 
-def run(*arguments):
-    return CliRunner().invoke(app, ["model", *map(str, arguments)])
+def export(*arguments):
+    return output_of("model", "export", *arguments)
 
 
 def test_a_model_goes_out_as_xml_and_comes_back(tmp_path):
-    assert run("export", MODEL, tmp_path / "plastic.xml", "--friction", 0.3).exit_code == 0
-    figures_file = tmp_path / "figures.json"
-    result = run("import", tmp_path / "plastic.xml", tmp_path / "back.npz", "--json", figures_file)
-    assert result.exit_code == 0, result.output
-    figures = json.loads(figures_file.read_text())
+    files = (tmp_path / "plastic.xml", tmp_path / "back.npz")
+    export(MODEL, files[0], "--friction", 0.3)
+    figures, _ = run_json(tmp_path, "model", "import", *files)
     assert (figures["material"], figures["friction"]) == ("plastic", 0.3)
     assert figures["same_triangles"] == 1.0
-    before, after = TextureModel.load(MODEL), TextureModel.load(tmp_path / "back.npz")
+    before, after = TextureModel.load(MODEL), TextureModel.load(files[1])
     at = before.samples.speed_mm_s, before.samples.force_n
     np.testing.assert_allclose(after.at(*at)[0], before.at(*at)[0], rtol=1e-9)
     np.testing.assert_allclose(after.at(*at)[1], before.at(*at)[1], rtol=1e-9)
@@ -39,60 +35,50 @@ def test_a_model_goes_out_as_xml_and_comes_back(tmp_path):
 
 def test_models_go_out_as_a_page_and_one_as_json(tmp_path):
     page, alone = tmp_path / "two.html", tmp_path / "plastic.json"
-    assert run("export", MODEL, "felt", page).exit_code == 0
-    assert run("export", MODEL, alone).exit_code == 0
+    export(MODEL, "felt", page)
+    export(MODEL, alone)
     form = alone.read_text()
     assert json.loads(form)["name"] == "plastic"
     assert form in page.read_text()
-    assert isinstance(run("export", "oak", page).exception, InputError)
+    refusal("model", "export", "oak", page)
 
 
-def test_a_steady_stroke_becomes_sound(tmp_path):
+def test_a_steady_stroke_or_a_recorded_motion_becomes_sound(tmp_path):
     path = tmp_path / "stroke.wav"
     arguments = ("--speed", 150, "--seconds", 2, "--rate", 8000, "--full-scale", 20)
-    assert run("export", MODEL, path, *arguments).exit_code == 0
+    export(MODEL, path, *arguments)
     rate, samples = wavfile.read(path)
     assert (rate, samples.dtype, len(samples)) == (8000, np.int16, 16_000)
     model = TextureModel.load(MODEL)
     power = np.trapezoid(model.spectrum(150.0, 1.0, frequencies_hz=np.arange(1.0, 499.0)), dx=1.0)
     assert np.std(samples / 32767.0 * 20.0) == pytest.approx(np.sqrt(power), rel=0.1)
-
-
-def test_a_recorded_motion_becomes_sound(tmp_path):
     frames, annotations = simulate_session(Scene(), "wood", 2.0, 3)
     write_session(tmp_path / "wood.npz", frames, annotations=annotations)
-    path = tmp_path / "motion.wav"
-    result = run("export", MODEL, path, "--motion", tmp_path / "wood.npz", "--rate", 2000)
-    assert result.exit_code == 0, result.output
+    export(MODEL, path, "--motion", tmp_path / "wood.npz", "--rate", 2000, "--force")
     assert len(wavfile.read(path)[1]) == pytest.approx(4000, abs=50)
 
 
 def test_a_stroke_becomes_haptics_of_the_same_vibration(tmp_path):
     for name in ("stroke.hjif", "stroke.wav"):
         arguments = ("--speed", 150, "--seconds", 0.5, "--rate", 2000, "--full-scale", 20)
-        assert run("export", "oak", tmp_path / name, *arguments).exit_code == 0
+        export("oak", tmp_path / name, *arguments)
     decoded, document = decode(tmp_path / "stroke.hjif")
     _, sound = wavfile.read(tmp_path / "stroke.wav")
     np.testing.assert_allclose(decoded, sound / 32767.0, atol=2e-4)
     assert document["description"] == "oak"
-
-
-def test_haptics_has_a_rate_of_its_own(tmp_path):
-    result = run("export", MODEL, tmp_path / "stroke.hjif", "--seconds", 0.2)
-    assert "0.20 s at 8000 Hz" in result.output
+    assert "0.20 s at 8000 Hz" in export(MODEL, tmp_path / "own.hjif", "--seconds", 0.2)
 
 
 def test_a_stroke_becomes_a_pattern_with_its_sound(tmp_path):
     path = tmp_path / "stroke.ahap"
-    assert run("export", MODEL, path, "--seconds", 0.5, "--with-sound").exit_code == 0
+    export(MODEL, path, "--seconds", 0.5, "--with-sound")
     events = [each["Event"] for each in json.loads(path.read_text())["Pattern"] if "Event" in each]
     assert [event.get("EventWaveformPath") for event in events] == [None, "stroke.wav"]
     assert len(wavfile.read(tmp_path / "stroke.wav")[1]) == 22_050
     path.unlink()
-    refused = run("export", MODEL, path, "--with-sound")
-    assert "stroke.wav" in str(refused.exception)
+    assert "stroke.wav" in refusal("model", "export", MODEL, path, "--with-sound")
     assert not path.exists()
-    assert run("export", MODEL, path).exit_code == 0
+    export(MODEL, path)
 
 
 @pytest.mark.parametrize(
@@ -120,6 +106,4 @@ def test_a_stroke_becomes_a_pattern_with_its_sound(tmp_path):
 )
 def test_mistakes_are_explained(arguments, message, tmp_path):
     given = [tmp_path / name if str(name).startswith("out.") else name for name in arguments]
-    result = run(*given)
-    assert isinstance(result.exception, InputError)
-    assert message in str(result.exception)
+    assert message in refusal("model", *given)

@@ -1,28 +1,25 @@
 """The part for ROS 2, whose process has a stand-in of rclpy; rclpy itself: `tests/services`."""
 
-import asyncio
 import json
 import signal
 import sys
 import time
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 from frame_samples import made_frames
+from publishing_samples import OFFSET_NS, Publishing
 from waiting import until
 
 from mmt.core.errors import InputError
 from mmt.core.frames import acceleration_samples
 from mmt.leader.building import LeaderParts
-from mmt.leader.part import Part, Session
+from mmt.leader.part import Session
 from mmt.scene.files import scene_from_tables
 from mmt_bridges.ros import part as ros
 from mmt_bridges.ros.part import RosPart
 
-OFFSET_NS = 5_000_000_000_123
-LONGEST_S = 30.0
 STAND_IN = {
     "rclpy/__init__.py": """
 import json, os, pathlib
@@ -85,14 +82,8 @@ def __getattr__(name):
 }
 
 
-class Output(Part):
-    """Stands in for the part that has the models."""
-
-    newest: Any = None
-
-
-class Running:
-    """The part in a session whose follower's clock is known, with its process."""
+class Running(Publishing):
+    """The part with its process."""
 
     def __init__(self, monkeypatch, folder, samples=1):
         for name, text in STAND_IN.items():
@@ -102,30 +93,11 @@ class Running:
         monkeypatch.setenv("STAND_IN_LOG", str(self.log))
         monkeypatch.setenv("PYTHONPATH", str(folder), prepend=":")
         monkeypatch.syspath_prepend(str(folder))
-        self.said = []
-        tables = {"link": {}, "simulated": {}, "hand": {}}
-        tables["session"] = {"acceleration_rate_hz": 1000 * samples}
-        scene = scene_from_tables({**tables, "ros": {"namespace": "bench", "chunk_ms": 1}})
-        self.session = Session(scene, self.said.append, lambda: 1.25)
-        self.remote = SimpleNamespace(clock_offset_ns=OFFSET_NS, follower_time_ns=0)
-        self.session.remote = self.remote
-        self.output = Output()
         parts = LeaderParts()
-        parts.completing = self.output
-        part = RosPart.build(self.session, parts)
-        self.part = part
-        self.session.parts.add(part)
-        part.connect()
-        self.process = part._outlet  # to be killed and stopped
-
-    def send(self, frames):
-        self.remote.follower_time_ns = int(frames["time_ns"][-1])
-        self.part.on_frames(frames, 0)
-
-    def end(self):
-        asyncio.run(self.part.stop())
-        self.part.close()
-        return self.part.summary(1.0)["ros"]
+        parts.completing = self.output = SimpleNamespace(newest=None)  # which has the models
+        tables = {"session": {"acceleration_rate_hz": 1000 * samples}}
+        super().__init__(RosPart, parts, **tables, ros={"namespace": "bench", "chunk_ms": 1})
+        self.process = self.part._outlet  # to be killed and stopped
 
     def lines(self):
         return [json.loads(line) for line in self.log.read_text().splitlines()]
@@ -259,35 +231,30 @@ def test_a_process_that_stands_still_holds_nothing_up(running, monkeypatch):
     assert running.process.returncode == -signal.SIGKILL
 
 
-def test_what_ros_refuses_is_explained(monkeypatch, tmp_path):
+@pytest.mark.parametrize(
+    ("domain", "code", "said"),
+    [
+        ("999", STAND_IN["rclpy/__init__.py"], "domain ID is out of range"),
+        ("1", "from rclpy import _rclpy_pybind11", "cannot import name '_rclpy_pyb"),
+    ],
+    ids=["wrong settings", "another Python"],
+)
+def test_what_ros_refuses_is_explained(monkeypatch, tmp_path, domain, code, said):
     pytest.importorskip("rosbags", reason="needs the extra 'import'")
-    monkeypatch.setenv("ROS_DOMAIN_ID", "999")
-    with pytest.raises(InputError, match=r"\[ros\] cannot publish: domain ID is out of range"):
+    monkeypatch.setenv("ROS_DOMAIN_ID", domain)
+    monkeypatch.setitem(STAND_IN, "rclpy/__init__.py", code)
+    with pytest.raises(InputError, match=rf"\[ros\] cannot publish: {said}"):
         Running(monkeypatch, tmp_path)
 
 
-def test_ros_of_another_python_is_explained(monkeypatch, tmp_path):
-    pytest.importorskip("rosbags", reason="needs the extra 'import'")
-    monkeypatch.setitem(STAND_IN, "rclpy/__init__.py", "from rclpy import _rclpy_pybind11")
-    with pytest.raises(InputError, match=r"\[ros\] cannot publish: cannot import name '_rclpy_pyb"):
-        Running(monkeypatch, tmp_path)
-
-
-def test_the_table_says_what_is_allowed():
+def test_the_table_says_what_is_allowed_and_what_is_missing(monkeypatch):
     tables = {"link": {}, "simulated": {}, "hand": {}, "ros": {}}
     assert scene_from_tables(tables).channels() == ("position", "force", "acceleration")
-    tables["force_feedback"] = {"method": "streamed"}
-    tables["ros"] = {"channels": "needed"}
-    assert scene_from_tables(tables).channels() == ("force",)
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    with pytest.raises(InputError, match=r"\[ros\] needs rclpy, which comes with ROS 2: source"):
+        RosPart.build(Session(scene_from_tables(tables)), LeaderParts())
     for table, said in (({"namespace": "/mmt"}, "namespace"), ({"chunk_ms": 0}, "chunk_ms")):
         with pytest.raises(InputError, match=rf"ros.*{said}"):
             scene_from_tables({**tables, "ros": table})
     with pytest.raises(InputError, match=r"\[ros\] needs a follower: add \[link\]"):
         scene_from_tables({"hand": {}, "ros": {}})
-
-
-def test_what_is_missing_is_explained(monkeypatch):
-    monkeypatch.setitem(sys.modules, "rclpy", None)
-    scene = scene_from_tables({"link": {}, "simulated": {}, "hand": {}, "ros": {}})
-    with pytest.raises(InputError, match=r"\[ros\] needs rclpy, which comes with ROS 2: source"):
-        RosPart.build(Session(scene), LeaderParts())

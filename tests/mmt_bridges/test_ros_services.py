@@ -111,6 +111,7 @@ def test_ros_has_every_frame_as_it_was_recorded(run):
     frames = session.frames
     assert summary["ros"]["dropped"] == summary["ros"]["unstamped"] == 0
     assert summary["ros"]["error"] is None
+    assert summary["ticks"]["period_p50_ms"] < 2.0, "four thousand messages a second delay no tick"
     assert got["sequence"] == frames["sequence"].tolist()
     position_mm = (np.array(got["position"]) * 1e3).astype(np.float32)
     np.testing.assert_array_equal(position_mm, frames["position_mm"])
@@ -125,8 +126,3 @@ def test_ros_has_events_scene_and_the_type(run):
     assert set(events) <= {event["event"] for event in session.events}
     assert json.loads(got["scene"][0]) == session.scene
     assert got["hash"].startswith("RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71")
-
-
-def test_the_leaders_ticks_are_not_held_up(run):
-    """Loosely: a busy machine delays ticks, but four thousand messages a second do not."""
-    assert run[2]["ticks"]["period_p50_ms"] < 2.0

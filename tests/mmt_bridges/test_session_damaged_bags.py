@@ -29,18 +29,16 @@ FORCES = np.random.default_rng(4).normal(size=(ROWS, 3))
 
 def messages(store):
     """Yield times and messages of `KIND`."""
-    kinds = store.types
-    seq = {"seq": 0} if "seq" in kinds["std_msgs/msg/Header"].__annotations__ else {}
-    zero = kinds["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+    kinds = {name.rsplit("/", 1)[-1]: kind for name, kind in store.types.items()}
+    seq = {"seq": 0} if "seq" in kinds["Header"].__annotations__ else {}
+    zero = kinds["Vector3"](0.0, 0.0, 0.0)
     for row, force in enumerate(FORCES):
         at_ns = BEGAN_NS + row * STEP_NS
-        stamp = kinds["builtin_interfaces/msg/Time"](at_ns // 10**9, at_ns % 10**9)
-        vector = kinds["geometry_msgs/msg/Vector3"](*force)
-        wrench = kinds["geometry_msgs/msg/Wrench"](vector, zero)
-        yield (
-            at_ns,
-            kinds[KIND](kinds["std_msgs/msg/Header"](**seq, stamp=stamp, frame_id=""), wrench),
+        header = kinds["Header"](
+            **seq, stamp=kinds["Time"](at_ns // 10**9, at_ns % 10**9), frame_id=""
         )
+        wrench = kinds["Wrench"](kinds["Vector3"](*force), zero)
+        yield at_ns, kinds["WrenchStamped"](header, wrench)
 
 
 def write_bag(folder, storage, mode=None):
@@ -92,26 +90,20 @@ def zipped_messages(path):
         writer.finish()
 
 
-def without(folder):
-    (folder / "metadata.yaml").unlink()
-
-
-def renamed(folder):
-    for file in folder.iterdir():
-        if file.suffix != ".yaml":
-            file.rename(file.with_name(f"renamed_{file.name}"))
+DAMAGE = {
+    "removed": lambda told: told.unlink(),
+    "empty": lambda told: told.write_bytes(b""),
+    "newer": lambda told: told.write_text("version: 99"),
+    "of other files": lambda told: [
+        file.rename(file.with_name(f"renamed_{file.name}"))
+        for file in sorted(told.parent.iterdir())
+        if file != told
+    ],
+}
 
 
 @pytest.mark.parametrize("storage", ["MCAP", "SQLITE3"])
-@pytest.mark.parametrize(
-    "damage",
-    [
-        without,
-        renamed,
-        lambda folder: (folder / "metadata.yaml").write_bytes(b""),
-        lambda folder: (folder / "metadata.yaml").write_text("version: 99"),
-    ],
-)
+@pytest.mark.parametrize("damage", DAMAGE)
 @pytest.mark.parametrize("mode", [None, "MESSAGE", "FILE"])
 def test_a_bag_needs_no_description(tmp_path, storage, damage, mode):
     folder = tmp_path / "bag"
@@ -122,7 +114,7 @@ def test_a_bag_needs_no_description(tmp_path, storage, damage, mode):
     elif storage == "MCAP" and mode == "FILE":
         file.with_name(f"{file.name}.zstd").write_bytes(zstandard.compress(file.read_bytes()))
         file.unlink()
-    damage(folder)
+    DAMAGE[damage](folder / "metadata.yaml")
     assert check_whole(folder) == []
 
 

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -10,7 +11,6 @@ from hypothesis import strategies as st
 from session_samples import made_frames
 
 from mmt.core.errors import InputError, MmtError
-from mmt.core.frames import frame_dtype
 from mmt.session.data import RecordedSession
 from mmt.session.files import export_session, import_session, read_session
 from mmt.session.importing.options import ImportOptions
@@ -37,9 +37,7 @@ def session_of(count, *, seed=1, steps=None, channels=None):
 
 @pytest.fixture
 def sessions():
-    steps = np.ones(1029, dtype=int)
-    steps[100] = 60
-    first = made_frames(1030, seed=1, steps=steps)
+    first = made_frames(1030, seed=1, steps=np.where(np.arange(1029) == 100, 60, 1))
     return [
         RecordedSession(first, SCENE, b"\x00truth", (), EVENTS),
         RecordedSession(made_frames(505, seed=2)),
@@ -60,9 +58,6 @@ def arrays(folder, name):
     return np.array(read(folder, "data/chunk-000/file-000.parquet")[name].to_pylist())
 
 
-# --- what is written
-
-
 def test_a_row_has_the_newest_frame_of_its_period_and_where_the_next_one_is(folder, sessions):
     frames = sessions[1].frames
     state, action = (arrays(folder, name)[54:] for name in ("observation.state", "action"))
@@ -75,7 +70,21 @@ def test_a_row_has_the_newest_frame_of_its_period_and_where_the_next_one_is(fold
     np.testing.assert_allclose(state[:, 6], spread, rtol=1e-6)
 
 
-def test_rows_are_numbered_as_lerobot_does(folder):
+def test_missing_frames_are_held_and_where_the_numbers_fall_rows_go_on(folder, sessions):
+    counts = arrays(folder, "mmt.frames")[:54]
+    assert counts.tolist() == [20, 20, 20, 20, 20, 1, 0, 0, *[20] * 46]
+    state = arrays(folder, "observation.state")
+    np.testing.assert_array_equal(state[6:8], state[[5, 5]])
+    np.testing.assert_array_equal(state[5, :3], sessions[0].frames["position_mm"][100])
+    assert state[5, 6] == 0.0
+    frames = made_frames(100)
+    frames["sequence"][50:] -= 30
+    rows = low_rate_rows(RecordedSession(frames), 50)
+    assert rows["mmt.frames"].tolist() == [20] * 5
+    np.testing.assert_array_equal(rows["observation.state"][2, :3], frames["position_mm"][59])
+
+
+def test_rows_are_numbered_and_described_as_lerobot_does(folder):
     assert arrays(folder, "index").tolist() == list(range(79))
     assert arrays(folder, "frame_index").tolist() == [*range(54), *range(25)]
     assert arrays(folder, "episode_index").tolist() == [0] * 54 + [1] * 25
@@ -84,35 +93,18 @@ def test_rows_are_numbered_as_lerobot_does(folder):
     np.testing.assert_array_equal(arrays(folder, "timestamp")[:54].astype(np.float32), times)
     file = pq.ParquetFile(folder / "data/chunk-000/file-000.parquet")
     assert [file.metadata.row_group(n).num_rows for n in range(file.num_row_groups)] == [54, 25]
-
-
-def test_missing_frames_are_held_and_counted(folder, sessions):
-    counts = arrays(folder, "mmt.frames")[:54]
-    assert counts.tolist() == [20, 20, 20, 20, 20, 1, 0, 0, *[20] * 46]
-    state = arrays(folder, "observation.state")
-    np.testing.assert_array_equal(state[6:8], state[[5, 5]])
-    np.testing.assert_array_equal(state[5, :3], sessions[0].frames["position_mm"][100])
-    assert state[5, 6] == 0.0
-
-
-def test_the_metadata_say_what_is_in_it(folder):
     info = json.loads((folder / "meta/info.json").read_text())
     told = ("codebase_version", "fps", "total_episodes", "total_frames", "total_tasks", "splits")
     assert [info[name] for name in told] == ["v3.0", 50, 2, 79, 1, {"train": "0:2"}]
-    assert info["features"]["observation.state"] == {
-        "dtype": "float32",
-        "shape": [7],
-        "names": [
-            *("position_x_mm", "position_y_mm", "position_z_mm"),
-            *("force_x_n", "force_y_n", "force_z_n", "vibration_rms_m_s2"),
-        ],
-    }
+    names = [f"{name}_{axis}_{unit}" for name, unit in (("position", "mm"), ("force", "n"))
+             for axis in "xyz"] + ["vibration_rms_m_s2"]  # fmt: skip
+    state = {"dtype": "float32", "shape": [7], "names": names}
+    assert info["features"]["observation.state"] == state
     schema = read(folder, "data/chunk-000/file-000.parquet").schema
     assert schema.names == list(info["features"])
     assert schema.field("observation.state").type == pa.list_(pa.float32(), 7)
-    assert read(folder, "meta/tasks.parquet").to_pylist() == [
-        {"task_index": 0, "task": "stroke oak"}
-    ]
+    tasks = [{"task_index": 0, "task": "stroke oak"}]
+    assert read(folder, "meta/tasks.parquet").to_pylist() == tasks
     episodes = read(folder, "meta/episodes/chunk-000/file-000.parquet").to_pylist()
     span = ("episode_index", "tasks", "length", "dataset_from_index", "dataset_to_index")
     assert [[line[name] for name in span] for line in episodes] == [
@@ -149,20 +141,6 @@ def test_any_rate_shares_out_all_frames(fps):
     assert counts.max() - counts.min() <= 1
 
 
-def test_an_orientation_stands_before_the_vibration():
-    session = session_of(100, channels=("force", "acceleration", "orientation"))
-    state = low_rate_rows(session, 50)["observation.state"]
-    np.testing.assert_array_equal(state[:, 3:7], session.frames["orientation"][19::20])
-
-
-def test_where_the_numbers_fall_rows_go_on():
-    frames = made_frames(100)
-    frames["sequence"][50:] -= 30
-    rows = low_rate_rows(RecordedSession(frames), 50)
-    assert rows["mmt.frames"].tolist() == [20] * 5
-    np.testing.assert_array_equal(rows["observation.state"][2, :3], frames["position_mm"][59])
-
-
 @pytest.mark.parametrize(
     ("channels", "width", "acts"),
     [
@@ -177,50 +155,47 @@ def test_a_session_with_few_channels_has_few_columns(tmp_path, channels, width, 
     export_lerobot([session], tmp_path / "set")
     state = arrays(tmp_path / "set", "observation.state")
     assert state.reshape(3, -1).shape == (3, width)
+    if "orientation" in channels:
+        np.testing.assert_array_equal(state[:, 3:7], session.frames["orientation"][19::20])
     features = json.loads((tmp_path / "set/meta/info.json").read_text())["features"]
     assert ("action" in features) == acts
     back = read_session(tmp_path / "set")
     np.testing.assert_array_equal(back.frames, session.frames)
 
 
-# --- what is refused
+def with_nan():
+    session = session_of(100)
+    session.frames["force_n"][59, 1] = np.nan
+    return session
 
 
 @pytest.mark.parametrize(
-    ("made", "said"),
+    ("made", "options", "said"),
     [
-        ([], "there is no session"),
-        ([session_of(19)], "its 19 frames make no row of 20 ms"),
-        ([session_of(0)], "its 0 frames make no row"),
-        ([session_of(40), session_of(40, channels=("force",))], "the sessions before it other"),
-        ([session_of(40, steps=[600_001] * 39)], "600 s of frames are missing in one place"),
+        ([], {}, "there is no session"),
+        ([session_of(19)], {}, "its 19 frames make no row of 20 ms"),
+        ([session_of(0)], {}, "its 0 frames make no row"),
+        ([session_of(40), session_of(40, channels=("force",))], {}, "the sessions before it other"),
+        ([session_of(40, steps=[600_001] * 39)], {}, "600 s of frames are missing in one place"),
+        ([with_nan()], {}, r"a value at 0\.040 s is not finite"),
+        ([session_of(40)], {"fps": 0}, "must be 1 to 1000"),
+        ([session_of(40)], {"fps": 1001}, "must be 1 to 1000"),
+        ([session_of(40)], {"task": " "}, "--task"),
     ],
 )
-def test_what_makes_no_data_set_is_said_and_leaves_nothing(tmp_path, made, said):
+def test_what_makes_no_data_set_is_said_and_leaves_nothing(tmp_path, made, options, said):
     with pytest.raises(InputError, match=said):
-        export_lerobot(made, tmp_path / "set")
+        export_lerobot(made, tmp_path / "set", **options)
     assert not list(tmp_path.iterdir())
 
 
-def test_values_that_are_not_finite_are_refused_with_their_time(tmp_path):
-    frames = made_frames(100)
-    frames["force_n"][59, 1] = np.nan
-    with pytest.raises(InputError, match=r"a value at 0\.040 s is not finite"):
-        export_lerobot([RecordedSession(frames)], tmp_path / "set")
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [({"fps": 0}, "must be 1 to 1000"), ({"fps": 1001}, "must be"), ({"task": " "}, "--task")],
-)
-def test_wrong_options_are_refused(tmp_path, options, said):
-    with pytest.raises(InputError, match=said):
-        export_lerobot([session_of(40)], tmp_path / "set", **options)
-
-
-def test_only_a_data_set_is_replaced_and_only_when_asked(tmp_path, folder):
+def test_only_a_data_set_is_replaced_only_when_asked_and_whole(tmp_path, folder, monkeypatch):
     with pytest.raises(InputError, match="it exists already"):
         export_lerobot([session_of(40)], folder)
+    with monkeypatch.context() as full:
+        full.setattr(pq, "write_table", Mock(side_effect=OSError(28, "No space left on device")))
+        with pytest.raises(MmtError, match="No space left"):
+            export_lerobot([session_of(40)], folder, replace=True)
     assert len(arrays(folder, "index")) == 79
     export_lerobot([session_of(40)], folder, replace=True)
     assert len(arrays(folder, "index")) == 2
@@ -236,46 +211,18 @@ def test_only_a_data_set_is_replaced_and_only_when_asked(tmp_path, folder):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "set"]
 
 
-def test_a_failed_export_keeps_what_was_there(folder, monkeypatch):
-    def full(*_, **__):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(pq, "write_table", full)
-    with pytest.raises(MmtError, match="No space left"):
-        export_lerobot([session_of(40)], folder, replace=True)
-    assert len(arrays(folder, "index")) == 79
-    assert [path.name for path in folder.parent.iterdir()] == ["set"]
-
-
-# --- back again
-
-
-@pytest.mark.parametrize("episode", [0, 1])
+@pytest.mark.parametrize("episode", [0, 1, None])
 def test_an_episode_comes_back_to_the_bit(folder, sessions, episode):
-    options = ImportOptions(episode=episode)
-    session, report = import_recording(folder, options)
-    assert session.frames.dtype == sessions[episode].frames.dtype
-    assert session.frames.tobytes() == sessions[episode].frames.tobytes()
-    assert session.scene == sessions[episode].scene
-    assert session.annotations == sessions[episode].annotations
-    assert list(session.events) == list(sessions[episode].events)
-    assert report.channels[0].missing_rows == (59 if episode == 0 else 0)
-
-
-def test_the_first_episode_is_taken_with_a_word(folder, sessions):
-    session, report = import_recording(folder)
-    assert session.frames.tobytes() == sessions[0].frames.tobytes()
-    assert report.warnings[0] == "this is episode 0 of 2; --episode takes another"
+    session, report = import_recording(folder, ImportOptions(episode=episode))
+    made = sessions[episode or 0]
+    assert session.frames.dtype == made.frames.dtype
+    assert session.frames.tobytes() == made.frames.tobytes()
+    assert (session.scene, session.annotations) == (made.scene, made.annotations)
+    assert list(session.events) == list(made.events)
+    assert report.channels[0].missing_rows == (0 if episode == 1 else 59)
+    told = "this is episode 0 of 2; --episode takes another"
+    assert (told in report.warnings) == (episode is None)
     assert not propose(folder).options.columns
-
-
-def test_the_frames_of_a_file_alone_come_back_too(tmp_path):
-    frames = made_frames(300)
-    frames["sequence"][101:] -= 60  # the follower began anew
-    frames["time_ns"][101:] -= 80_000_000
-    frames["force_n"][7, 1] = np.nan
-    export_session(RecordedSession(frames), tmp_path / "run.parquet")
-    assert read_session(tmp_path / "run.parquet").frames.tobytes() == frames.tobytes()
 
 
 def test_rows_are_imported_by_their_names(folder, sessions):
@@ -296,13 +243,6 @@ def test_rows_are_imported_by_their_names(folder, sessions):
     assert report.channels[0].rate_hz == pytest.approx(50.0)
 
 
-def test_mapped_columns_are_those_of_the_rows(folder, sessions):
-    columns = {f"position_{a}": f"action[{n}]" for n, a in enumerate("xyz")}
-    session = import_session(folder, columns=columns, units={"position": "m"})
-    expected = 1000.0 * sessions[0].frames["position_mm"][39]
-    np.testing.assert_allclose(session.frames["position_mm"][0], expected, rtol=1e-6)
-
-
 def foreign(folder, features, rows, **info):
     """Write a data set as other programs do, with rows over two files."""
     (folder / "meta").mkdir(parents=True)
@@ -318,26 +258,25 @@ def foreign(folder, features, rows, **info):
 
 def test_a_data_set_of_another_program_is_read(tmp_path):
     count = 20
-    x = np.arange(count) / 1000
     rows = {
-        "observation.state": [[v, 2 * v, 0.0] for v in x],
+        "action": [[0.0, 0.0, 0.0]] * count,
+        "observation.state": [[n / 1000, 2 * n / 1000, 0.0] for n in range(count)],
         "wrench": pa.array([[0.0, 0.0, 1.0]] * count, pa.list_(pa.float64(), 3)),
         "frame_index": np.arange(count),
         "timestamp": (np.arange(count) / 10 + 1e-5).astype(np.float32),
         "episode_index": np.zeros(count, dtype=np.int64),
     }
+    motors = {"dtype": "float32", "shape": [3], "names": {"motors": ["ee.x", "ee.y", "ee.z"]}}
     features = {
         "observation.images.top": {"dtype": "video", "shape": [3, 4, 4], "names": None},
-        "observation.state": {
-            "dtype": "float32",
-            "shape": [3],
-            "names": {"motors": ["ee.x", "ee.y", "ee.z"]},
-        },
+        "action": motors,
+        "observation.state": motors,
         "wrench": {"dtype": "float64", "shape": [3], "names": None},
     }
     foreign(tmp_path / "set", features, rows)
     proposal = propose(tmp_path / "set")
     assert "observation.images.top" not in proposal.names
+    # what was measured, before what was commanded
     assert proposal.options.columns["position_y"] == "observation.state.ee.y"
     columns = {**proposal.options.columns, "force": "wrench"}
     session = import_session(tmp_path / "set", columns=columns, units={"position": "m"})
@@ -404,21 +343,6 @@ def test_an_edited_data_set_gives_the_frames_of_its_rows_or_none(tmp_path_factor
             assert damaged is None or any("left out" in said for said in report.warnings)
 
 
-def test_components_of_one_name_are_both_reached(tmp_path):
-    rows = {
-        "observation.state": [[float(n), 10.0 + n] for n in range(20)],
-        "frame_index": np.arange(20),
-        "timestamp": (np.arange(20) / 10).astype(np.float32),
-        "episode_index": np.zeros(20, dtype=np.int64),
-    }
-    names = {"left": ["z"], "right": ["z"]}
-    feature = {"dtype": "float32", "shape": [2], "names": names}
-    foreign(tmp_path / "set", {"observation.state": feature}, rows)
-    columns = {"force_x": "observation.state.z.1", "force_y": "observation.state.z.2"}
-    frames = import_session(tmp_path / "set", columns={**columns, "force_z": "0"}).frames
-    np.testing.assert_allclose(frames["force_n"][::100, :2].T, [np.arange(20), 10 + np.arange(20)])
-
-
 @pytest.mark.parametrize("fps", [0.5, 2.5, 1e30])
 def test_frames_are_not_compared_with_rows_of_a_rate_that_has_none(folder, sessions, fps):
     file = folder / "meta/info.json"
@@ -455,9 +379,6 @@ def test_damage_and_wrong_episodes_are_explained(tmp_path, folder):
         import_session(folder)
 
 
-# --- Parquet files
-
-
 def test_a_table_of_another_program_is_read(tmp_path):
     count = 30
     table = {
@@ -465,52 +386,38 @@ def test_a_table_of_another_program_is_read(tmp_path):
         "tcp.pos": [[n / 10, 0.0, 0.0] for n in range(count)],
         "fz": pa.array([None if n == 5 else 1.0 for n in range(count)], pa.float32()),
         "note": ["stroke"] * count,
+        "uneven": [[0.0] * (n % 2) for n in range(count)],
+        "lacking": [None if n == 1 else [0.0, 0.0, 0.0] for n in range(count)],
     }
-    pq.write_table(pa.table(table), tmp_path / "mine.parquet")
-    columns = {"time": "t", "position": "tcp.pos", "force_z": "fz", "force_x": "0", "force_y": "0"}
-    with pytest.raises(InputError, match="force_z is empty or NaN in row 5"):
-        import_session(tmp_path / "mine.parquet", columns=columns)
-    session = import_session(
-        tmp_path / "mine.parquet", columns={"time": "t", "position": "tcp.pos"}
-    )
+    path = tmp_path / "mine.parquet"
+    pq.write_table(pa.table(table), path)
+    for columns, said in (
+        ({"force_z": "fz", "force_x": "0", "force_y": "0"}, "force_z is empty or NaN in row 5"),
+        ({"position_x": "note"}, "note does not hold numbers"),
+        ({"position": "uneven"}, "are not all of one length"),
+        ({"position": "lacking"}, "position_x is empty or NaN in row 1"),
+    ):
+        with pytest.raises(InputError, match=said):
+            import_session(path, columns={"time": "t", **columns})
+    session = import_session(path, columns={"time": "t", "position": "tcp.pos"})
     np.testing.assert_allclose(session.frames["position_mm"][:, 0], np.arange(count) / 10)
-    with pytest.raises(InputError, match="note does not hold numbers"):
-        import_session(tmp_path / "mine.parquet", columns={"time": "t", "position_x": "note"})
 
 
-@pytest.mark.parametrize(
-    ("values", "said"),
-    [
-        ([[1.0], [2.0, 3.0]], "are not all of one length"),
-        ([[1.0, 2.0, 3.0], None], "position_x is empty or NaN in row 1"),
-    ],
-)
-def test_lists_of_several_lengths_are_refused(tmp_path, values, said):
-    pq.write_table(pa.table({"t": [0.0, 1.0], "p": values}), tmp_path / "mine.parquet")
-    with pytest.raises(InputError, match=said):
-        import_session(tmp_path / "mine.parquet", columns={"time": "t", "position": "p"})
-
-
-def test_a_table_with_a_sessions_columns_and_a_text_is_read(tmp_path):
-    count = 50
-    columns = {"sequence": np.arange(count), "time_ns": np.arange(count) * 1_000_000}
-    columns |= {"time_s": np.arange(count) / 1000, "trial": ["warm-up"] * count}
-    columns |= {f"force_{axis}_n": np.arange(count) / 10.0 for axis in "xyz"}
-    pq.write_table(pa.table(columns), tmp_path / "a.parquet")
-    frames = import_session(tmp_path / "a.parquet").frames
-    np.testing.assert_allclose(frames["force_n"][:, 1], columns["force_y_n"], rtol=1e-6)
-
-
-def test_what_is_no_parquet_file_is_said(tmp_path):
+def test_what_is_no_parquet_file_of_a_session_is_said(tmp_path):
     (tmp_path / "mine.parquet").write_bytes(b"nothing")
     with pytest.raises(InputError, match="this is not a Parquet file"):
         read_session(tmp_path / "mine.parquet")
     with pytest.raises(InputError, match="No such file"):
         read_session(tmp_path / "none.parquet")
-    empty = RecordedSession(np.zeros(0, dtype=frame_dtype(["force"])))
-    export_session(empty, tmp_path / "empty.parquet")
+    export_session(session_of(0), tmp_path / "empty.parquet")
     with pytest.raises(InputError, match="it holds no frame"):
         read_session(tmp_path / "empty.parquet")
+    columns = {"sequence": np.arange(50), "time_ns": np.arange(50) * 1_000_000}  # and a text
+    columns |= {"time_s": np.arange(50) / 1000, "trial": ["warm-up"] * 50}
+    columns |= {f"force_{axis}_n": np.arange(50) / 10.0 for axis in "xyz"}
+    pq.write_table(pa.table(columns), tmp_path / "a.parquet")
+    frames = import_session(tmp_path / "a.parquet").frames
+    np.testing.assert_allclose(frames["force_n"][:, 1], columns["force_y_n"], rtol=1e-6)
 
 
 COUNT = 40
@@ -551,6 +458,7 @@ def test_rows_are_found_by_whatever_numbers_them(tmp_path, version, changed, epi
         (["x", "y", "z"], ["x", "y", "z"]),
         ({"z": 2, "x": 0, "y": 1}, ["x", "y", "z"]),
         ({"motors": ["x", "y"], "gripper": ["z"]}, ["x", "y", "z"]),
+        ({"left": ["z"], "right": ["z"], "both": ["x"]}, ["z.1", "z.2", "x"]),
         (["arm"], []),
         (["w", "x", "y", "z"], []),
         (None, []),
@@ -608,9 +516,3 @@ def test_timestamps_of_another_rate_are_said(tmp_path):
     counted, rate = read_columns(tmp_path / "set", bool).notes
     assert "counts 4 episodes, 1 are here" in counted
     assert "0.1 s apart by their timestamps, which were taken, and 0.03333 s by" in rate
-
-
-def test_what_was_measured_is_proposed_before_what_was_commanded(tmp_path):
-    features = {each: state_feature(["x", "y", "z"])["state"] for each in ("action", "state")}
-    foreign(tmp_path / "set", features, {**STATE_ROWS, "action": STATE_ROWS["state"]})
-    assert propose(tmp_path / "set").options.columns["position_x"] == "state.x"

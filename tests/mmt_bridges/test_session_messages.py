@@ -43,17 +43,39 @@ def write(path, channels, rows=range(ROWS)):
         writer.finish()
 
 
+def packed(values):
+    return [json.dumps(value).encode() for value in values]
+
+
 def wrench(forces, stamps_ns, frames):
-    return [
-        json.dumps(
-            {
-                "header": {"stamp": {"sec": ns // 10**9, "nanosec": ns % 10**9}, "frame_id": frame},
-                "wrench": {"force": dict(zip("xyz", force, strict=True))},
-                "raw": [*force, 7.0],
-            }
-        ).encode()
+    return packed(
+        {
+            "header": {"stamp": {"sec": ns // 10**9, "nanosec": ns % 10**9}, "frame_id": frame},
+            "wrench": {"force": dict(zip("xyz", force, strict=True))},
+            "raw": [*force, 7.0],
+        }
         for force, ns, frame in zip(forces, stamps_ns, frames, strict=True)
-    ]
+    )
+
+
+def read_json(path, topic, values):
+    """Return the columns of a file with a topic of JSON."""
+    write(path, [(topic, JSON, "json", packed(values))])
+    return read_columns(path, bool)
+
+
+def protobuf(name, *fields, either=()):
+    """Return the schema of a message with numbers, of which some exclude each other."""
+    from google.protobuf import descriptor_pb2
+
+    file = descriptor_pb2.FileDescriptorProto(name=f"{name}.proto", syntax="proto3")
+    body = file.message_type.add(name=name)
+    if either:
+        body.oneof_decl.add(name="payload")
+    for number, field in enumerate((*either, *fields), start=1):
+        choice = {"oneof_index": 0} if field in either else {}
+        body.field.add(name=field, number=number, type=1, label=1, **choice)
+    return descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString()
 
 
 JSON = ("demo/Wrench", "jsonschema", b"{}")
@@ -108,56 +130,41 @@ def test_sources_keep_their_values_and_have_one_clock(tmp_path_factory, data):
 
 
 def test_protobuf_joints_and_what_cannot_be_decoded(tmp_path):
-    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
     from rosbags.typesys import Stores, get_typestore
 
-    file = descriptor_pb2.FileDescriptorProto(name="a.proto", package="demo", syntax="proto3")
-    made = file.message_type.add(name="Force")
-    for number, name in enumerate("xyz", start=1):
-        made.field.add(name=name, number=number, type=1, label=1)
-    pool = descriptor_pool.DescriptorPool()
-    pool.Add(file)
-    kind = message_factory.GetMessageClass(pool.FindMessageTypeByName("demo.Force"))
     store = get_typestore(Stores.LATEST)
-    joints = store.types["sensor_msgs/msg/JointState"]
+    name = "sensor_msgs/msg/JointState"
     stamp = store.types["builtin_interfaces/msg/Time"](0, 0)
-    header = store.types["std_msgs/msg/Header"](stamp, "")
-    states = [
-        store.serialize_cdr(
-            joints(header, ["a", "b"], np.array([row, 2.0 * row]), np.array([]), np.array([])),
-            "sensor_msgs/msg/JointState",
-        )
+    header, none = store.types["std_msgs/msg/Header"](stamp, ""), np.array([])
+    states = (
+        store.types[name](header, ["a", "b"], np.array([row, 2.0 * row]), none, none)
         for row in range(ROWS)
-    ]
-    definition = descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString()
-    messages = [kind(**dict(zip("xyz", f, strict=True))).SerializeToString() for f in FORCES]
+    )
+    joints = [store.serialize_cdr(state, name) for state in states]
+    schema = protobuf("Force", *"xyz")
+    made = message_class(schema, "Force")
+    forces = [made(**dict(zip("xyz", f, strict=True))).SerializeToString() for f in FORCES]
     path = tmp_path / "a.mcap"
-    broken = ("vendor_msgs/msg/Arm", "ros2msg", b"")
     write(
         path,
         [
-            ("/force", ("demo.Force", "protobuf", definition), "protobuf", messages),
-            ("/joints", ("sensor_msgs/msg/JointState", "ros2msg", b""), "cdr", states),
-            ("/arm", broken, "cdr", [b"\0\1\0\0" + bytes(40)] * ROWS),
+            ("/force", ("Force", "protobuf", schema), "protobuf", forces),
+            ("/joints", (name, "ros2msg", b""), "cdr", joints),
+            ("/arm", ("vendor_msgs/msg/Arm", "ros2msg", b""), "cdr", [bytes(44)] * ROWS),
             ("/text", JSON, "json", [b"{"] * ROWS),
         ],
     )
     whole = read_columns(path, bool)
     np.testing.assert_array_equal(whole.values["/joints.position.b"], 2.0 * np.arange(ROWS))
     assert whole.values["/joints.position"].shape == (ROWS, 2)
-    lost = [note for note in whole.notes if "cannot be read and were left out" in note]
-    assert len(lost) == 2
-    for cut in (None, 0.6):
-        if cut is not None:
-            path.write_bytes(path.read_bytes()[: int(cut * path.stat().st_size)])
+    assert sum("cannot be read and were left out" in note for note in whole.notes) == 2
+    for cut in (1.0, 0.6):
+        path.write_bytes(path.read_bytes()[: int(cut * path.stat().st_size)])
         session, report = import_recording(path, ImportOptions({"force": "/force"}))
-        count = len(session.frames)
-        np.testing.assert_allclose(
-            session.frames["force_n"][::2], FORCES[: (count + 1) // 2], rtol=1e-6
-        )
-        assert count > ROWS / 2
-        told = [said for said in report.warnings if "what is whole was read" in said]
-        assert len(told) == (cut is not None)
+        found = session.frames["force_n"][::2]
+        assert len(found) > ROWS / 4
+        np.testing.assert_allclose(found, FORCES[: len(found)], rtol=1e-6)
+        assert sum("what is whole was read" in said for said in report.warnings) == (cut < 1)
 
 
 @given(
@@ -249,38 +256,37 @@ def test_a_bag_of_several_files_is_one_recording(tmp_path_factory, cuts, data):
     assert session.began_utc_ns == BEGAN_NS
 
 
-@pytest.mark.parametrize("per_s", [1, 10**3, 10**6, 10**9])
-def test_a_stamp_that_is_a_number_is_a_date_in_any_unit(tmp_path, per_s):
-    stamps = [(BEGAN_NS - 10**9 + row * STEP_NS) / (10**9 // per_s) for row in range(ROWS)]
-    messages = [json.dumps({"timestamp": s, "v": r}).encode() for r, s in enumerate(stamps)]
-    write(tmp_path / "a.mcap", [("/v", JSON, "json", messages)])
-    read = read_columns(tmp_path / "a.mcap", bool)
+DATE_S = BEGAN_NS // 10**9 - 1
+SECONDS = datetime.fromtimestamp(DATE_S, UTC)
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        lambda row: DATE_S + row * STEP_NS / 1e9,
+        lambda row: DATE_S * 10**3 + row * STEP_NS / 1e6,
+        lambda row: DATE_S * 10**6 + row * STEP_NS / 1e3,
+        lambda row: DATE_S * 10**9 + row * STEP_NS,
+        lambda row: (SECONDS + timedelta(milliseconds=2 * row)).isoformat(),
+    ],
+    ids=["s", "ms", "us", "ns", "text"],
+)
+def test_a_stamp_that_is_a_number_or_a_text_is_a_date(tmp_path, stamp):
+    rows = ({"timestamp": stamp(row), "v": row} for row in range(ROWS))
+    read = read_json(tmp_path / "a.mcap", "/v", rows)
     np.testing.assert_allclose(read.times["/v.v"], np.arange(ROWS) * STEP_NS / 1e9, atol=1e-6)
-    np.testing.assert_array_equal(read.values["/v.timestamp"], stamps)
+    assert read.began_utc_ns == pytest.approx(DATE_S * 10**9, abs=1000)
     assert any("times are those of the headers" in note for note in read.notes)
-
-
-def test_a_stamp_that_is_a_text_is_a_date(tmp_path):
-    began = datetime.fromtimestamp(BEGAN_NS // 10**9 - 1, UTC)
-    texts = [(began + timedelta(milliseconds=2 * row)).isoformat() for row in range(ROWS)]
-    messages = [json.dumps({"timestamp": text, "v": 1}).encode() for text in texts]
-    write(tmp_path / "a.mcap", [("/v", JSON, "json", messages)])
-    read = read_columns(tmp_path / "a.mcap", bool)
-    assert read.began_utc_ns == BEGAN_NS - 10**9
-    np.testing.assert_allclose(read.times["/v.v"], np.arange(ROWS) * STEP_NS / 1e9, atol=1e-6)
 
 
 @pytest.mark.parametrize("sensors", ["abc", (1, 2, 3)])
 def test_a_topic_that_is_not_asked_for_does_not_choose_the_clock(tmp_path, sensors):
     stamps = [BEGAN_NS + row * STEP_NS - 300_000 for row in range(ROWS)]
-    others = [json.dumps({"sensor": sensors[r % 3], "value": r}).encode() for r in range(ROWS)]
-    measured = [json.dumps({"sensor": 0.1 * row}).encode() for row in range(ROWS)]
-    channels = [
-        ("/ft", JSON, "json", wrench(FORCES, stamps, [""] * ROWS)),
-        ("/others", JSON, "json", others),
-        ("/load", JSON, "json", measured),
-    ]
-    write(tmp_path / "a.mcap", channels)
+    others = packed({"sensor": sensors[row % 3], "value": row} for row in range(ROWS))
+    measured = packed({"sensor": 0.1 * row} for row in range(ROWS))
+    forces = wrench(FORCES, stamps, [""] * ROWS)
+    each = {"/ft": forces, "/others": others, "/load": measured}
+    write(tmp_path / "a.mcap", [(topic, JSON, "json", data) for topic, data in each.items()])
     for name, headers in (("/ft.wrench.force", True), ("/load.sensor", False)):
         read = read_columns(tmp_path / "a.mcap", Wanted({"/ft.wrench.force", name}))
         assert ("times are those of the headers" in str(read.notes)) == headers
@@ -290,8 +296,7 @@ def test_a_topic_that_is_not_asked_for_does_not_choose_the_clock(tmp_path, senso
 
 def test_a_field_of_several_shapes_is_refused_with_the_reason(tmp_path):
     shapes = [1.5, {"x": 0, "y": 0, "z": 1.5}]
-    messages = [json.dumps({"force": shapes[row > 9]}).encode() for row in range(ROWS)]
-    write(tmp_path / "a.mcap", [("/ft", JSON, "json", messages)])
+    read_json(tmp_path / "a.mcap", "/ft", ({"force": shapes[row > 9]} for row in range(ROWS)))
     with pytest.raises(InputError, match=r"/ft.force, which has lists of several lengths"):
         import_session(tmp_path / "a.mcap", columns={"force": "/ft.force"})
 
@@ -302,12 +307,9 @@ def test_lists_keep_the_order_of_their_first_names(tmp_path_factory, orders, oth
     path = tmp_path_factory.mktemp("bag") / "a.mcap"
     orders = [*orders[:others], *([["d", "e", "f"]] * (ROWS - others))] or orders
     place = {name: number for number, name in enumerate("abcdef")}
-    messages = [
-        json.dumps({"name": list(order), "effort": [place[n] + 10 * row for n in order]}).encode()
-        for row, order in enumerate(orders)
-    ]
-    write(path, [("/js", JSON, "json", messages)])
-    read = read_columns(path, bool)
+    efforts = ([place[n] + 10 * row for n in order] for row, order in enumerate(orders))
+    named = zip(orders, efforts, strict=True)
+    read = read_json(path, "/js", ({"name": list(o), "effort": each} for o, each in named))
     first = [place[name] for name in orders[0]]
     rows = np.array([row for row, order in enumerate(orders) if {*order} == {*orders[0]}])
     np.testing.assert_array_equal(read.values["/js.effort"], first + 10 * rows[:, None])
@@ -315,36 +317,25 @@ def test_lists_keep_the_order_of_their_first_names(tmp_path_factory, orders, oth
 
 
 def test_transforms_are_called_by_their_child(tmp_path):
-    def message(row):
-        child = ["tool", "camera"][row % 2]
-        return {"transforms": [{"child_frame_id": child, "transform": {"x": row, "y": 0, "z": 0}}]}
-
-    messages = [json.dumps(message(row)).encode() for row in range(ROWS)]
-    write(tmp_path / "a.mcap", [("/tf", JSON, "json", messages)])
-    values = read_columns(tmp_path / "a.mcap", bool).values
+    moved = ({"x": row, "y": 0, "z": 0} for row in range(ROWS))
+    each = (
+        {"transforms": [{"child_frame_id": ["tool", "camera"][row % 2], "transform": xyz}]}
+        for row, xyz in enumerate(moved)
+    )
+    values = read_json(tmp_path / "a.mcap", "/tf", each).values
     np.testing.assert_array_equal(values["/tf.transforms.tool.transform"][:, 0] % 2, 0)
     np.testing.assert_array_equal(values["/tf.transforms.camera.transform"][:, 0] % 2, 1)
 
 
 def test_a_protobuf_field_that_was_not_given_is_no_zero(tmp_path):
-    from google.protobuf import descriptor_pb2
-
-    file = descriptor_pb2.FileDescriptorProto(name="a.proto", syntax="proto3")
-    body = file.message_type.add(name="Sample")
-    body.oneof_decl.add(name="payload")
-    for number, name in enumerate(("force", "current"), start=1):
-        body.field.add(name=name, number=number, type=1, label=1, oneof_index=0)
-    body.field.add(name="plain", number=3, type=1, label=1)
-    schema = descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString()
+    names = ("force", "current")
+    schema = protobuf("Sample", "plain", either=names)
     made = message_class(schema, "Sample")
-    messages = [
-        made(**{("force", "current")[row % 2]: float(row)}).SerializeToString()
-        for row in range(ROWS)
-    ]
+    samples = [made(**{names[row % 2]: float(row)}).SerializeToString() for row in range(ROWS)]
     path = tmp_path / "a.mcap"
-    write(path, [("/s", ("Sample", "protobuf", schema), "protobuf", messages)])
+    write(path, [("/s", ("Sample", "protobuf", schema), "protobuf", samples)])
     read = read_columns(path, bool)
-    for first, name in enumerate(("force", "current")):
+    for first, name in enumerate(names):
         np.testing.assert_array_equal(read.values[f"/s.{name}"], np.arange(first, ROWS, 2))
     np.testing.assert_array_equal(read.values["/s.plain"], np.zeros(ROWS))
 
@@ -378,11 +369,9 @@ def test_definitions_are_read_in_the_language_that_the_file_names(
     np.testing.assert_array_equal(read.values["/arm.n"], np.arange(ROWS))
 
 
-@pytest.mark.parametrize(
-    "stamp", ['{"sec": 1e400}', '{"sec": NaN}', '{"sec": "now"}', '{"sec": -5}']
-)
-def test_a_stamp_that_is_no_date_leaves_the_time_of_receipt(tmp_path, stamp):
-    text = f'{{"header": {{"stamp": {stamp}}}, "v": 1}}'.encode()
+@pytest.mark.parametrize("seconds", ["1e400", "NaN", '"now"', "-5"])
+def test_a_stamp_that_is_no_date_leaves_the_time_of_receipt(tmp_path, seconds):
+    text = f'{{"header": {{"stamp": {{"sec": {seconds}}}}}, "v": 1}}'.encode()
     write(tmp_path / "a.mcap", [("/v", JSON, "json", [text] * ROWS)])
     read = read_columns(tmp_path / "a.mcap", bool)
     np.testing.assert_allclose(read.times["/v.v"], np.arange(ROWS) * STEP_NS / 1e9, atol=1e-9)
@@ -399,6 +388,5 @@ def test_a_stamp_that_is_no_date_leaves_the_time_of_receipt(tmp_path, stamp):
 )
 def test_the_speed_of_a_twist_is_no_acceleration(tmp_path, topic, member, found):
     vectors = {"linear": dict(zip("xyz", FORCES[0], strict=True)), "angular": {"x": 0.0}}
-    text = json.dumps(vectors if member is None else {member: vectors}).encode()
-    write(tmp_path / "a.mcap", [(topic, JSON, "json", [text] * ROWS)])
+    read_json(tmp_path / "a.mcap", topic, [vectors if member is None else {member: vectors}] * ROWS)
     assert propose(tmp_path / "a.mcap").options.columns.get("acceleration") == found

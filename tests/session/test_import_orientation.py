@@ -77,26 +77,8 @@ def test_no_array_is_proposed_beside_one_of_the_standard_name(tmp_path):
     np.savez(tmp_path / "a.npz", q=quaternions, orientation=quaternions, **arrays)
     assert propose(tmp_path / "a.npz").options.columns == {}
     assert degrees_off(import_session(tmp_path / "a.npz").frames, path) < 0.001
-
-
-def test_what_is_no_unit_quaternion_is_refused_with_its_row(tmp_path):
-    time_s, path = path_of([(0.0, 0.0, 0.0), (1.0, 2.0, 0.5)], 1000.0)
-    columns = columns_of(path, [f"orientation_{axis}" for axis in "xyzw"], "xyzw")
-    columns = {**columns, **dict.fromkeys(("force_x_n", "force_y_n", "force_z_n"), time_s)}
-    file = written(tmp_path, time_s=time_s, **columns)
-    assert degrees_off(import_session(file).frames, path) < 0.001
-    columns["orientation_w"][[7, 9]] += 0.1
-    file = written(tmp_path, time_s=time_s, **columns)
-    with pytest.raises(InputError, match=r"is [01]\.\d long in line 9, and 1 more rows are"):
-        import_session(file)
-    columns["orientation_w"][7] = np.nan
-    file = written(tmp_path, time_s=time_s, **columns)
-    with pytest.raises(InputError, match="orientation_w is empty or NaN in line 9"):
-        import_session(file)
-    del columns["orientation_w"]
-    with pytest.raises(InputError, match=r"orientation_w is missing"):
-        import_session(written(tmp_path, time_s=time_s, **columns))
-    file = written(tmp_path, time_s=time_s, force_z_n=time_s, orientation=time_s)
+    table = {"time_s": time_s, "force_z_n": time_s, "orientation": time_s}  # of which it is none
+    file = written(tmp_path, **table)
     assert import_session(file, columns={"force_x": "0", "force_y": "0"}).channels == ("force",)
 
 

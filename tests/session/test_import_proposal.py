@@ -27,162 +27,111 @@ def table(folder, header, *columns):
     return folder / "a.csv"
 
 
-FORCE = " force_x=0 force_y=0 force_z=Fz"
-X = " position_x=x position_y=0 position_z=0"
+NAMES = """
+t,Fz -> time=t force_xyz=0,0,Fz
+0,t,Fz,load -> time=t force_xyz=0.0,0.0,Fz
+t,x,pos_y,tipZ -> time=t position_xyz=x,pos_y,tipZ
+t,ax,accel_y,az -> time=t acceleration_xyz=ax,accel_y,az
+t,f,p,a,v -> time=t speed=v
+t,log.run.f,log.a -> time=t force=log.run.f acceleration=log.a
+t,vx,vy -> time=t
+t,v,x -> time=t position_xyz=x,0,0
+t,v,position_x_mm -> time=t
+Date,Time,load -> time=Time force=load
+X_Value,load -> time=X_Value force=load
+DATE,load -> time=DATE force=load
+ts,load -> time=ts force=load
+log.Epoch,load -> time=log.Epoch force=load
+acc_t,acc,force,t_force,pos_x,pos time_ms ->
+    acceleration=acc force=force position_xyz=pos_x,0,0 acceleration_time=acc_t
+    force_time=t_force position_time=pos time_ms
+log.acc.t,log.acc.data,force.signals.values,force.time,robot.v,robot.t,rate ->
+    time=log.acc.t acceleration=log.acc.data force=force.signals.values speed=robot.v
+    force_time=force.time position_time=robot.t
+run.t,run.acc,run.force.value -> time=run.t acceleration=run.acc force=run.force.value
+tip.data,tip.note -> position_xyz=tip.data,0,0
+Time in s,Force in mN,Acceleration m/s^2 ->
+    time=Time in s force=Force in mN acceleration=Acceleration m/s^2
+t,pos_in,Position (mm) -> time=t position_xyz=pos_in,0,0
+duration,load -> time=duration force=load
+duration,t,load -> time=t force=load
+t,linearAcceleration-x,linear_accel_y,LinearAccZ ->
+    time=t acceleration_xyz=linearAcceleration-x,linear_accel_y,LinearAccZ
+time_s,t,load -> force=load
+time_s,force_n[0],force_n[1] ->
+t,time,load -> time=t force=load
+Stamp.Sec,Stamp.Nanosec -> time=Stamp.Sec time_fraction=Stamp.Nanosec
+tv_usec,tv_sec -> time=tv_sec time_fraction=tv_usec
+time,nsec,load -> time=time force=load
+nsec,load -> time=nsec force=load
+t,force_n,fx,fy,fz -> time=t
+t,O_T_EE_12,O_T_EE_13 -> time=t
+load,actual_TCP_force_0,actual_TCP_force_1,actual_TCP_force_2 ->
+    force_xyz=actual_TCP_force_0,actual_TCP_force_1,actual_TCP_force_2
+t,qw,quat_x,orientationY,quaternionZ ->
+    time=t orientation_w=qw orientation_x=quat_x orientation_y=orientationY
+    orientation_z=quaternionZ
+t,qx,qy,qz -> time=t
+t,q_wxyz -> time=t orientation=q_wxyz
+t,quat -> time=t
+t,wrench.force.X -> time=t force_xyz=wrench.force.X,0,0
+t,arm/F/z,arm/w/z -> time=t force_xyz=0,0,arm/F/z
+t,linear_acceleration.y,angular_velocity.y -> time=t acceleration_xyz=0,linear_acceleration.y,0
+t,p.ip.x,p.ip.z -> time=t position_xyz=p.ip.x,0,p.ip.z
+t,top.x,cap.x -> time=t
+t,rot.x,rot.y,rot.z,rot.W -> time=t
+t,pose.position.x,orientation.x,torque.x -> time=t position_xyz=pose.position.x,0,0
+t,rot.w,rot.x -> time=t
+t,acc.x,acc.w -> time=t acceleration_xyz=acc.x,0,0
+t,stamp.x,vel.x -> time=t
+t,force[0],force[1],force[2] -> time=t force=force
+t,acc(0),acc(1),acc(2) -> time=t acceleration=acc
+/imu.linear_acceleration,/w.a.force,/w.torque,/tool.translation ->
+    acceleration=/imu.linear_acceleration force=/w.a.force position_xyz=/tool.translation,0,0
+/rig.t,/rig.pos,/rig.acc,/rig.v,/force -> position_xyz=/rig.pos,0,0 acceleration=/rig.acc
+/rig.fz,/joints.position.elbow -> force_xyz=0,0,/rig.fz
+time_ms,acc_m_s2 -> time=time_ms acceleration=acc_m_s2
+time_N,fx_n -> force_xyz=fx_n,0,0
+t,fx_mm,pos_g,x_n -> time=t
+timeStamp,forceNewton -> time=timeStamp force=forceNewton
+Time,x,Time,Fz -> position_time=Time.1 force_time=Time.2 position_xyz=x,0,0 force_xyz=0,0,Fz
+X[s],x,X[s],Fz -> position_time=X.1 force_time=X.2 position_xyz=x,0,0 force_xyz=0,0,Fz
+x,Time,Fz,Time,note -> force_time=Time.1 position_xyz=x,0,0 force_xyz=0,0,Fz
+Time,v,Time,Fz,stamp ->
+    time=stamp speed=v position_time=Time.1 force_time=Time.2 force_xyz=0,0,Fz
+x,x,t,Fz -> time=t position_xyz=x.1,0,0 force_xyz=0,0,Fz
+time.1,x -> position_xyz=x,0,0
+t,acc 2,acc 0,acc 1,F3 -> time=t acceleration_xyz=acc 0,acc 1,acc 2
+t,acc1,acc2 -> time=t
+t,force,force1,force2 -> time=t force=force
+t,gyro.x,gyro.y,gyro.z -> time=t
+Time: ms,Force: mN -> time=Time: ms force=Force: mN
+t,imu.Rotation.X -> time=t
+t,Rotation.X,Position.X,Position.X -> time=t position_xyz=Position.X.1,0,0
+desired.t,desired.pos,real.t,real.pos -> time=real.t position_xyz=real.pos,0,0
+t,/cmd/wrench.force.z,wrench.force.z -> time=t force_xyz=0,0,wrench.force.z
+t,target.force -> time=t force=target.force
+t,obs.robot0_eef_pos,ee_force -> time=t force=ee_force position_xyz=obs.robot0_eef_pos,0,0
+t,cursor_position.y,joint_position -> time=t position_xyz=0,cursor_position.y,0
+Latest: Time,Latest: X-axis acceleration,Y Force ->
+    time=Latest: Time acceleration_xyz=Latest: X-axis acceleration,0,0 force_xyz=0,Y Force,0
+trial1.t,trial1.force,trial2.t,trial2.force,trial2.acc ->
+    time=trial2.t force=trial2.force acceleration=trial2.acc
+Run 1: Time,Run 1: Force,Run 2: Time,Run 2: Force -> time=Run 1: Time force=Run 1: Force
+a1.b1.force,a1.b2.acc,a1.b2.force,a2.b1.force,a2.b1.acc,t ->
+    time=t acceleration=a1.b2.acc force=a1.b2.force
+log.force{1},log.t{1},log.force{2} -> time=log.t{1} force=log.force{1}
+arm0.acc,arm1.force,t -> time=t acceleration=arm0.acc force=arm1.force
+"""
+"""Names of columns, and what is proposed for them; below them if it is long."""
 
 
-@pytest.mark.parametrize(
-    ("names", "expected"),
-    [
-        ("t,Fz", "time=t" + FORCE),
-        ("0,t,Fz,load", "time=t force_x=0.0 force_y=0.0 force_z=Fz"),
-        ("t,x,pos_y,tipZ", "time=t position_x=x position_y=pos_y position_z=tipZ"),
-        ("t,ax,accel_y,az", "time=t acceleration_x=ax acceleration_y=accel_y acceleration_z=az"),
-        ("t,f,p,a,v", "time=t speed=v"),
-        ("t,log.run.f,log.a", "time=t force=log.run.f acceleration=log.a"),
-        ("t,vx,vy", "time=t"),
-        ("t,v,x", "time=t" + X),
-        ("t,v,position_x_mm", "time=t"),
-        ("Date,Time,load", "time=Time force=load"),
-        ("X_Value,load", "time=X_Value force=load"),
-        ("DATE,load", "time=DATE force=load"),
-        ("ts,load", "time=ts force=load"),
-        ("log.Epoch,load", "time=log.Epoch force=load"),
-        (
-            "acc_t,acc,force,t_force,pos_x,pos time_ms",
-            "acceleration=acc force=force position_x=pos_x position_y=0 position_z=0 "
-            "acceleration_time=acc_t force_time=t_force position_time=pos time_ms",
-        ),
-        (
-            "log.acc.t,log.acc.data,force.signals.values,force.time,robot.v,robot.t,rate",
-            "time=log.acc.t acceleration=log.acc.data force=force.signals.values speed=robot.v "
-            "force_time=force.time position_time=robot.t",
-        ),
-        ("run.t,run.acc,run.force.value", "time=run.t acceleration=run.acc force=run.force.value"),
-        ("tip.data,tip.note", "position_x=tip.data position_y=0 position_z=0"),
-        (
-            "Time in s,Force in mN,Acceleration m/s^2",
-            "time=Time in s force=Force in mN acceleration=Acceleration m/s^2",
-        ),
-        ("t,pos_in,Position (mm)", "time=t position_x=pos_in position_y=0 position_z=0"),
-        ("duration,load", "time=duration force=load"),
-        ("duration,t,load", "time=t force=load"),
-        (
-            "t,linearAcceleration-x,linear_accel_y,LinearAccZ",
-            "time=t acceleration_x=linearAcceleration-x acceleration_y=linear_accel_y "
-            "acceleration_z=LinearAccZ",
-        ),
-        ("time_s,t,load", "force=load"),
-        ("time_s,force_n[0],force_n[1]", ""),
-        ("t,time,load", "time=t force=load"),
-        ("Stamp.Sec,Stamp.Nanosec", "time=Stamp.Sec time_fraction=Stamp.Nanosec"),
-        ("tv_usec,tv_sec", "time=tv_sec time_fraction=tv_usec"),
-        ("time,nsec,load", "time=time force=load"),
-        ("nsec,load", "time=nsec force=load"),
-        ("t,force_n,fx,fy,fz", "time=t"),
-        ("t,O_T_EE_12,O_T_EE_13", "time=t"),
-        (
-            "load,actual_TCP_force_0,actual_TCP_force_1,actual_TCP_force_2",
-            "force_x=actual_TCP_force_0 force_y=actual_TCP_force_1 force_z=actual_TCP_force_2",
-        ),
-        (
-            "t,qw,quat_x,orientationY,quaternionZ",
-            "time=t orientation_w=qw orientation_x=quat_x orientation_y=orientationY "
-            "orientation_z=quaternionZ",
-        ),
-        ("t,qx,qy,qz", "time=t"),
-        ("t,q_wxyz", "time=t orientation=q_wxyz"),
-        ("t,quat", "time=t"),
-        ("t,wrench.force.X", "time=t force_x=wrench.force.X force_y=0 force_z=0"),
-        ("t,arm/F/z,arm/w/z", "time=t force_x=0 force_y=0 force_z=arm/F/z"),
-        (
-            "t,linear_acceleration.y,angular_velocity.y",
-            "time=t acceleration_x=0 acceleration_y=linear_acceleration.y acceleration_z=0",
-        ),
-        ("t,p.ip.x,p.ip.z", "time=t position_x=p.ip.x position_y=0 position_z=p.ip.z"),
-        ("t,top.x,cap.x", "time=t"),
-        ("t,rot.x,rot.y,rot.z,rot.W", "time=t"),
-        (
-            "t,pose.position.x,orientation.x,torque.x",
-            "time=t position_x=pose.position.x position_y=0 position_z=0",
-        ),
-        ("t,rot.w,rot.x", "time=t"),
-        ("t,acc.x,acc.w", "time=t acceleration_x=acc.x acceleration_y=0 acceleration_z=0"),
-        ("t,stamp.x,vel.x", "time=t"),
-        ("t,force[0],force[1],force[2]", "time=t force=force"),
-        ("t,acc(0),acc(1),acc(2)", "time=t acceleration=acc"),
-        (
-            "/imu.linear_acceleration,/w.a.force,/w.torque,/tool.translation",
-            "acceleration=/imu.linear_acceleration force=/w.a.force position_x=/tool.translation "
-            "position_y=0 position_z=0",
-        ),
-        (
-            "/rig.t,/rig.pos,/rig.acc,/rig.v,/force",
-            "position_x=/rig.pos position_y=0 position_z=0 acceleration=/rig.acc",
-        ),
-        ("/rig.fz,/joints.position.elbow", "force_x=0 force_y=0 force_z=/rig.fz"),
-        ("time_ms,acc_m_s2", "time=time_ms acceleration=acc_m_s2"),
-        ("time_N,fx_n", "force_x=fx_n force_y=0 force_z=0"),
-        ("t,fx_mm,pos_g,x_n", "time=t"),
-        ("timeStamp,forceNewton", "time=timeStamp force=forceNewton"),
-        ("Time,x,Time,Fz", "position_time=Time.1 force_time=Time.2" + X + FORCE),
-        ("X[s],x,X[s],Fz", "position_time=X.1 force_time=X.2" + X + FORCE),
-        ("x,Time,Fz,Time,note", "force_time=Time.1" + X + FORCE),
-        (
-            "Time,v,Time,Fz,stamp",
-            "time=stamp speed=v position_time=Time.1 force_time=Time.2" + FORCE,
-        ),
-        ("x,x,t,Fz", "time=t position_x=x.1 position_y=0 position_z=0" + FORCE),
-        ("time.1,x", "position_x=x position_y=0 position_z=0"),
-        (
-            "t,acc 2,acc 0,acc 1,F3",
-            "time=t acceleration_x=acc 0 acceleration_y=acc 1 acceleration_z=acc 2",
-        ),
-        ("t,acc1,acc2", "time=t"),
-        ("t,force,force1,force2", "time=t force=force"),
-        ("t,gyro.x,gyro.y,gyro.z", "time=t"),
-        ("Time: ms,Force: mN", "time=Time: ms force=Force: mN"),
-        ("t,imu.Rotation.X", "time=t"),
-        (
-            "t,Rotation.X,Position.X,Position.X",
-            "time=t position_x=Position.X.1 position_y=0 position_z=0",
-        ),
-        ("desired.t,desired.pos,real.t,real.pos", "time=real.t" + X.replace("=x", "=real.pos")),
-        (
-            "t,/cmd/wrench.force.z,wrench.force.z",
-            "time=t force_x=0 force_y=0 force_z=wrench.force.z",
-        ),
-        ("t,target.force", "time=t force=target.force"),
-        (
-            "t,obs.robot0_eef_pos,ee_force",
-            "time=t force=ee_force" + X.replace("=x", "=obs.robot0_eef_pos"),
-        ),
-        (
-            "t,cursor_position.y,joint_position",
-            "time=t position_x=0 position_y=cursor_position.y position_z=0",
-        ),
-        (
-            "Latest: Time,Latest: X-axis acceleration,Y Force",
-            "time=Latest: Time acceleration_x=Latest: X-axis acceleration acceleration_y=0 "
-            "acceleration_z=0 force_x=0 force_y=Y Force force_z=0",
-        ),
-        (
-            "trial1.t,trial1.force,trial2.t,trial2.force,trial2.acc",
-            "time=trial2.t force=trial2.force acceleration=trial2.acc",
-        ),
-        (
-            "Run 1: Time,Run 1: Force,Run 2: Time,Run 2: Force",
-            "time=Run 1: Time force=Run 1: Force",
-        ),
-        (
-            "a1.b1.force,a1.b2.acc,a1.b2.force,a2.b1.force,a2.b1.acc,t",
-            "time=t acceleration=a1.b2.acc force=a1.b2.force",
-        ),
-        ("log.force{1},log.t{1},log.force{2}", "time=log.t{1} force=log.force{1}"),
-        ("arm0.acc,arm1.force,t", "time=t acceleration=arm0.acc force=arm1.force"),
-    ],
-)
-def test_columns_are_proposed_by_their_names(tmp_path, names, expected):
+@pytest.mark.parametrize("case", re.split(r"\n(?=\S)", NAMES.strip()))
+def test_columns_are_proposed_by_their_names(tmp_path, case):
+    names, _, expected = case.partition(" ->")
+    axes = r"\1_x=\2 \1_y=\3 \1_z=\4"
+    expected = re.sub(r"\n +", " ", expected.strip())
+    expected = re.sub(r"(\w+)_xyz=(.*?),(.*?),(.*?)(?= \w+=|$)", axes, expected)
     proposed = propose(str(table(tmp_path, names))).options.columns
     assert proposed == dict(re.findall(r"(\w+)=(.*?)(?= \w+=|$)", expected))
 

@@ -1,9 +1,10 @@
-"""A recorder keeps what an earlier one has recorded."""
+"""A recorder keeps what an earlier one has recorded; a folder is replaced whole or stays."""
 
 import pytest
 from session_samples import made_frames
 
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, MmtError
+from mmt.core.files.existing import replacing_folder
 from mmt.core.frames import CHANNELS
 from mmt.session.files import read_session
 from mmt.session.mcap.index import IndexedSession
@@ -46,3 +47,25 @@ def test_a_file_that_is_being_recorded_into_is_passed_over(tmp_path):
         assert record(path, 20, existing="number").name == "run-2.mcap"
         first.record_frames(made_frames(10))
     assert len(read_session(path).frames) == 10
+
+
+def write(path, text):
+    with replacing_folder(path) as part:
+        part.mkdir()
+        (part / "file").write_text(text)
+
+
+@pytest.mark.parametrize("name", ["set", "replaced", "set.before"])
+def test_a_folder_of_any_name_is_replaced(tmp_path, name):
+    for text in ("earlier", "later"):
+        write(tmp_path / name, text)
+    assert (tmp_path / name / "file").read_text() == "later"
+    assert [each.name for each in tmp_path.iterdir()] == [name]
+
+
+def test_what_was_there_stays_where_nothing_can_take_its_place(tmp_path):
+    write(tmp_path / "set", "kept")
+    with pytest.raises(MmtError, match=r"writing .*set failed"), replacing_folder(tmp_path / "set"):
+        pass  # nothing is made
+    assert (tmp_path / "set" / "file").read_text() == "kept"
+    assert [each.name for each in tmp_path.iterdir()] == ["set"]

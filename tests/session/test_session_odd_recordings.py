@@ -56,20 +56,11 @@ NAMED = {f"force_{axis}": f"f{axis}" for axis in "xyz"}
 ONLY_FORCE = ["force"]
 
 
-# --- columns of all rows
-
-
 @kind("units.log", channels=["position", "force"])
 def with_units(path):
     cells = ([f"{t:.3f} s", *(f"{f:.6f}N" for f in row[:3]), *(f"{p:.4f} mm" for p in row[3:])]
              for t, *row in rows_of(force, motion))  # fmt: skip
     lines(path, "time;Fx;Fy;Fz;px;py;pz", cells, ";")
-
-
-@kind("a column.csv", channels=ONLY_FORCE)
-def in_a_column_of_units(path):
-    rows = ([t, *(1e3 * f for f in fs), "mN"] for t, *fs in rows_of(force))
-    lines(path, "time,fx,fy,fz,Units", rows)
 
 
 @kind("hex.csv", channels=["acceleration"])
@@ -99,17 +90,15 @@ def sparse_matrix_and_time_series(path):
     savemat(path, {"t": TIME_S, "force": csc_matrix(force(TIME_S)), "acc": waves})
 
 
-@kind("characters.mat", None, channels=ONLY_FORCE)
-@kind("cells.mat", object, channels=ONLY_FORCE)
-def with_times_as_texts(path, dtype):
-    times = np.array([f"10:30:{time_s:06.3f}" for time_s in TIME_S], dtype=dtype)
+@kind("cells.mat", channels=ONLY_FORCE)
+def with_times_as_texts(path):
+    times = np.array([f"10:30:{time_s:06.3f}" for time_s in TIME_S], dtype=object)
     savemat(path, {"time": times, "force": force(TIME_S), "unit": "N", "axes": ["x", "y", "z"]})
 
 
 MATLAB = {target: f"run.{target[0]}" for target in ("time", *TRUTH)}
 
 
-@kind("one.mat", 1, columns=MATLAB)
 @kind("two.mat", 2, columns={target: name + "{2}" for target, name in MATLAB.items()})
 @kind("rows.mat", len(TIME_S), columns=MATLAB)
 def an_array_of_structures_of_series_or_of_rows(path, trials):
@@ -186,9 +175,7 @@ def printed(values, form):
 
 
 @kind("array.csv", "array", ",", channels=["position", "force"])
-@kind("array;.csv", "array", ";", channels=["position", "force"])
 @kind("list.csv", "list", "\t", channels=["position", "force"])
-@kind("tuple.csv", "tuple", ";", channels=["position", "force"])
 @kind("cell.csv", "cell", ",", channels=["position", "force"])
 @kind("tensor.csv", "tensor", ",", channels=["position", "force"])
 @kind("dtype.csv", "dtype", ",", channels=["position", "force"])
@@ -284,7 +271,6 @@ def markers_of_qualisys(path):
     lines(path, f"{head}Frame\tTime\ttip X\ttip Y\ttip Z", rows, "\t")
 
 
-@kind("mm.csv", "Millimeters", 1, True, channels=["position"])
 @kind("m.csv", "Meters", 1e-3, False, channels=["position"])
 @kind("inches.csv", "Inches", 1 / 25.4, True, channels=["position"])
 def a_rigid_body_of_motive(path, unit, scale, angles):
@@ -311,7 +297,6 @@ def a_labview_file_with_units_in_its_heading(path, comment):
 
 
 @kind("seconds.csv", "header.stamp.sec", "header.stamp.nanosec", 1e9)
-@kind("secs.csv", "field.header.stamp.secs", "field.header.stamp.nsecs", 1e9)
 @kind("tv.csv", "tv_sec", "tv_usec", 1e6)
 @kind("milliseconds.csv", "Seconds", "Milliseconds", 1e3)
 @kind("microseconds.csv", "sec", "microseconds", 1e6)
@@ -398,9 +383,6 @@ def workbook_that_states_another_size(path, stated):
             target.writestr(name, re.sub(rb'ref="A1:D\d+"', size, content))
 
 
-# --- rows of several sensors
-
-
 SENSORS = {"acc": vibration, "force": force, "pos": motion}
 
 
@@ -469,12 +451,6 @@ def tidy_rows_of_json(path):
     path.write_text("\n".join(map(json.dumps, rows)))
 
 
-@kind("objects.jsonl")
-def tidy_objects_of_json(path):
-    rows = ({"t": r[0], "meta": {"sensor": r[1]}, "data": axes_of(r)} for r in readings())
-    path.write_text("\n".join(map(json.dumps, rows)))
-
-
 @kind("lists.jsonl")
 def lists_of_sensors_in_any_order(path):
     rows = []
@@ -516,12 +492,6 @@ def tidy_array(path):
     np.save(path, np.array([(r[0], r[1], r[2:]) for r in readings()], dtype=dtype))
 
 
-@kind("within.npy")
-def tidy_array_of_structures(path):
-    dtype = [("head", [("time", "f8"), ("sensor", "U8")]), VALUES]
-    np.save(path, np.array([((r[0], r[1]), r[2:]) for r in readings()], dtype=dtype))
-
-
 @kind("fields.npz")
 def tidy_archive(path):
     """Structured arrays in an archive: a table of two sensors, one of a third, and an object."""
@@ -530,12 +500,6 @@ def tidy_archive(path):
     fast = np.array([(r[0], (r[2:],)) for r in readings() if r[1] == "acc"],
                     dtype=[("t", "f8"), ("data", [("acc", "f8", (3,))])])  # fmt: skip
     np.savez_compressed(path, log=slow, imu=fast, note=np.array({"by": "ATI"}, dtype=object))
-
-
-@kind("tidy.npz")
-def tidy_arrays(path):
-    rows = list(readings())
-    np.savez(path, time=[r[0] for r in rows], topic=[r[1] for r in rows], xyz=[r[2:] for r in rows])
 
 
 @kind("structures.mat")
@@ -555,23 +519,6 @@ def two_tables(path):
         fast = [(r[0], *r[2:]) for r in rows if r[1] == "acc"]
         file["acc"] = np.array(fast, dtype=[("time", "f8"), *axes])
         file["channel"] = np.array([["a", "b"]], dtype="S1")
-
-
-@kind("sets.h5")
-def tidy_sets(path):
-    rows = list(readings())
-    with hdf5(path) as file:
-        group = file.create_group("log")
-        group["t"], group["xyz"] = [r[0] for r in rows], [r[2:] for r in rows]
-        group["sensor"] = [r[1] for r in rows]
-
-
-@kind("tidy.parquet")
-def tidy_parquet(path):
-    pa = pytest.importorskip("pyarrow", reason="needs the extra 'export'")
-    columns = dict(zip(("time", "topic", *"xyz"), zip(*readings(), strict=True), strict=True))
-    topics = pa.array(columns["topic"]).dictionary_encode()
-    write_columns(path, columns | {"topic": topics})
 
 
 @kind("texts.h5")

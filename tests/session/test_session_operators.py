@@ -1,16 +1,19 @@
-"""Who moved the robot of a recording, by its events."""
+"""Who moved the robot of a recording and who listened, by its events."""
 
 import json
 
 import pytest
-from typer.testing import CliRunner
+from command_runs import output_of
 
 import mmt
-from mmt.cli.main import app
+from mmt.cli import sessions
+from mmt.cli.common import Terminal
 from mmt.evaluation.reports import tables
 from mmt.session.files import read_session, write_session
+from mmt.session.info import info
 from mmt.session.mcap.index import IndexedSession
 from mmt.session.operators import ControlPeriod, control_periods, control_sentence
+from mmt.session.recorder import McapRecorder
 from mmt.session.stream import open_recording
 
 
@@ -46,13 +49,9 @@ def test_every_moment_belongs_to_one_hand_or_to_none():
         "Hands that moved the robot: the leader's for 2.4 s, none for 0.4 s, listener ann for "
         "1.9 s, listener bob for 1.3 s."
     )
-
-
-def test_a_recording_that_ends_while_control_is_away_ends_with_that_hand():
+    # a recording that ends while control is away ends with that hand
     assert control_periods(HANDED[:3], 2.5)[-1] == ControlPeriod("given", "ann", 1.1, 2.5)
-
-
-def test_who_was_given_control_and_never_moved_is_no_operator():
+    # who was given control and never moved is no operator
     periods = control_periods([event(1.0, "giving"), event(2.0, "ended"), event(2.1, "back")], 3.0)
     assert [period.state for period in periods] == ["own", "held", "own"]
 
@@ -76,12 +75,6 @@ def test_malformed_events_make_no_impossible_period():
     assert "\x1b" not in control_sentence(periods)
 
 
-def shown_by(*arguments):
-    result = CliRunner().invoke(app, list(map(str, arguments)))
-    assert result.exit_code == 0, result.output
-    return " ".join(result.output.split())
-
-
 def test_evaluation_and_info_say_who_operated_and_judge_all_strokes_alike(tmp_path):
     frames, truth = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=6.0)
     scene = {**mmt.Scene().dump(), "texture": {"order": 8}}
@@ -94,18 +87,62 @@ def test_evaluation_and_info_say_who_operated_and_judge_all_strokes_alike(tmp_pa
     figures = []
     for path, periods in ((alone, []), (shared, [period.as_dict() for period in PERIODS])):
         written = tmp_path / "written.json"
-        assert ("listener ann for 1.9 s" in shown_by("evaluate", path, "--json", written)) == bool(
-            periods
-        )
+        said = " ".join(output_of("evaluate", path, "--json", written).split())
+        assert ("listener ann for 1.9 s" in said) == bool(periods)
         content = json.loads(written.read_text("utf-8"))
         assert content.pop("control") == periods
         for step in [*content["steps"], content["at_end"]]:
             del step["update_ms"]
         figures.append([content[name] for name in ("steps", "at_end", "coverage", "held_out")])
-        said = shown_by("session", "info", path, "--json", written)
-        assert ("none for 0.4 s" in said) == bool(periods)
+        said = output_of("session", "info", path, "--json", written)
+        assert ("none for 0.4 s" in " ".join(said.split())) == bool(periods)
         assert json.loads(written.read_text("utf-8"))["control"] == periods
     assert figures[0] == figures[1]
 
     evaluation = mmt.evaluate_session(read_session(shared))
     assert tables.control(evaluation).rows[2] == ["listener ann", "1.10", "3.00"]
+
+
+ANN = {"id": 1, "name": "[red]ann", "listened_s": 12.5, "lag_p50_ms": 21.0, "lag_p99_ms": 40.0}
+SENT = {"wholes": 1, "wholes_bytes": 4000, "changes": 5, "changes_bytes": 3000, "skipped": 2}
+EVENTS = [
+    {"kind": "listener joined", "listener": {"id": 1, "name": "[red]ann"}},
+    {"kind": "listener joined", "listener": {"id": 2, "name": ""}},
+    {"kind": "listener left", "listener": {**ANN, **SENT, "why": "it disconnected"}},
+    {"kind": "listener left", "listener": "malformed"},
+]
+
+
+def recorded(path, events):
+    recorder = McapRecorder(path, channels=("force",), scene={}, session_id="abc")
+    for number, event in enumerate(events):
+        recorder.record_event({"time_s": float(number), "event": "a sentence", **event})
+    recorder.close()
+    return path
+
+
+def shown(path, monkeypatch):
+    console = Terminal(markup=False, emoji=False, width=200, record=True)
+    monkeypatch.setattr(sessions, "output", console)
+    output_of("session", "info", path)
+    return console.export_text()
+
+
+def test_a_recording_has_who_listened(tmp_path, monkeypatch):
+    path = recorded(tmp_path / "shared.mcap", EVENTS)
+    ann, stays = info(path).listeners
+    assert ann == {**ANN, **SENT, "why": "it disconnected"}
+    assert stays == {"id": 2, "name": ""}
+    text = shown(path, monkeypatch)
+    line = next(line for line in text.splitlines() if "[red]ann" in line)
+    assert "\\" not in line
+    for cell in ("12.5", "21", "40", "it disconnected", " 7 "):  # 7 kB
+        assert cell in line
+    assert "listeners" in [line.strip() for line in text.splitlines()]
+    assert "listener 2" in text
+
+
+def test_without_listeners_nothing_is_said_of_them(tmp_path, monkeypatch):
+    path = recorded(tmp_path / "alone.mcap", [])
+    assert info(path).listeners == ()
+    assert "listeners" not in [line.strip() for line in shown(path, monkeypatch).splitlines()]

@@ -66,16 +66,6 @@ def test_missing_rows_are_counted_where_they_are_missing():
     assert np.percentile(np.abs(off_s - np.median(off_s)), 95) < 1e-4
 
 
-def test_a_pause_begins_the_line_anew():
-    truth_s = np.arange(4000) / 500
-    truth_s[2000:] += 3.0013
-    stamps_s = truth_s + 3e-4 * np.random.default_rng(4).uniform(-1, 1, 4000)
-    found = assess_stamps(stamps_s, motion(truth_s))
-    assert found.regular
-    assert found.missing_rows == pytest.approx(1500, abs=1)
-    assert off_ms(found.time_s, truth_s) < 0.1
-
-
 def test_a_clock_that_runs_fast_is_followed():
     truth_s = np.arange(100_000) / 1000 * (1 + 2e-4) + 1e-3 * np.sin(np.arange(100_000) / 3e4)
     stamps_s = truth_s + 2e-4 * np.random.default_rng(6).uniform(-1, 1, 100_000)
@@ -248,20 +238,6 @@ def test_any_stamps_give_times_that_are_finite_and_in_order(rows, scale, start_s
     assert np.isfinite(found.time_s).all()
     assert len(found.time_s) == rows
     assert np.all(np.diff(found.time_s) >= 0)
-
-
-def test_a_motion_under_jitter_keeps_its_speed(tmp_path):
-    """500 Hz with 0.6 ms of jitter: along the stamps the hand would race at metres a second."""
-    truth_s = np.arange(5000) / 500
-    jitter_s = 6e-4 * np.random.default_rng(9).standard_normal(5000)
-    stamps_s = np.maximum.accumulate(truth_s + jitter_s)
-    position_mm = motion(truth_s)
-    np.savez(tmp_path / "a.npz", time_s=stamps_s, position_mm=position_mm)
-    frames = import_session(tmp_path / "a.npz").frames
-    speed_mm_s = 1e3 * np.abs(np.diff(frames["position_mm"][:, 0].astype(float)))
-    assert speed_mm_s.max() < 200  # 176 are the hand's own
-    at_frames = np.interp(frames["time_ns"] / 1e9, truth_s, position_mm[:, 0])
-    assert np.abs(frames["position_mm"][:, 0] - at_frames).max() < 0.1
 
 
 @pytest.mark.parametrize("channel", ["position_mm", "force_n"])

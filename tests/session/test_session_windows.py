@@ -1,4 +1,4 @@
-"""A window of a recording holds what the whole recording holds there."""
+"""A window of a recording, or a stream of its blocks, holds what the whole recording holds."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from session_samples import made_frames
 
+import mmt
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
+from mmt.evaluation.evaluate import evaluate_session
 from mmt.session.data import OutputBlock, RecordedSession
 from mmt.session.files import export_session, read_session, write_session
 from mmt.session.info import info
@@ -15,7 +17,9 @@ from mmt.session.mcap.index import IndexedSession, open_windows
 from mmt.session.mcap.messages import FRAME_BLOCK, FrameCodec, frame_schema
 from mmt.session.mcap.writer import FRAMES_TOPIC, open_writer
 from mmt.session.recorder import McapRecorder
-from mmt.session.stream import open_recording
+from mmt.session.stream import blocks_of, in_memory, open_recording
+from mmt.texture.online.history import stream_blocks
+from mmt.texture.signals.filtering import StreamNumbering
 
 COUNT = 3000
 FRAMES = made_frames(COUNT, steps=np.where(np.arange(COUNT - 1) == 1200, 500, 1))
@@ -42,11 +46,16 @@ def windows(recorded):
     return open_windows(recorded)
 
 
-def test_a_whole_file_is_read_by_its_index(windows):
+def test_a_whole_file_is_read_by_its_index(recorded, windows):
     assert not windows.in_memory
     assert windows.channels == CHANNELS
     assert windows.duration_s == pytest.approx(SECONDS, abs=0.03)
     assert [(e["event"], e["at_s"]) for e in windows.events] == [("first", 0.5), ("second", 2.25)]
+    found, whole = windows.window(-1.0, 1e6), read_session(recorded)
+    np.testing.assert_array_equal(found.frames, whole.frames)
+    assert [o.mode for o in found.outputs] == [o.mode for o in whole.outputs]
+    shown, kept = (np.concatenate([o.vibration_m_s2 for o in s.outputs]) for s in (found, whole))
+    np.testing.assert_array_equal(shown, kept)
 
 
 @given(begin=st.floats(-1, 4), length=st.floats(0, 4))
@@ -67,16 +76,6 @@ def test_a_window_holds_the_frames_and_outputs_of_its_time(windows, begin, lengt
     starts = [output.time_s for output in found.outputs]
     expected = [o.time_s for o in SESSION.outputs if o.time_s + 0.02 > begin and o.time_s < end]
     assert len(set(np.round(starts, 3)) ^ set(np.round(expected, 3))) <= 2
-
-
-def test_everything_in_one_window_is_the_session(recorded, windows):
-    found, whole = windows.window(-1.0, 1e6), read_session(recorded)
-    np.testing.assert_array_equal(found.frames, whole.frames)
-    assert [o.mode for o in found.outputs] == [o.mode for o in whole.outputs]
-    np.testing.assert_array_equal(
-        np.concatenate([o.vibration_m_s2 for o in found.outputs]),
-        np.concatenate([o.vibration_m_s2 for o in whole.outputs]),
-    )
 
 
 def test_frames_that_came_late_stand_at_their_places(tmp_path):
@@ -120,12 +119,18 @@ def test_other_kinds_are_held_in_memory(tmp_path, suffix):
     assert len(windows.window(0.0, 0.1).frames) == pytest.approx(100, abs=2)
 
 
-def test_a_file_that_was_cut_off_shows_what_it_holds(tmp_path, recorded):
-    path = tmp_path / "cut.mcap"
-    path.write_bytes(recorded.read_bytes()[: recorded.stat().st_size * 2 // 3])
-    windows = open_windows(path)
-    assert windows.in_memory
-    assert 100 < len(windows.window(0.0, 10.0).frames) < COUNT
+def test_a_file_that_was_cut_off_or_damaged_shows_what_it_holds(tmp_path, recorded):
+    whole = recorded.read_bytes()
+    damaged = bytearray(whole)
+    damaged[len(whole) // 3] ^= 0xFF
+    path = tmp_path / "run.mcap"
+    for content, held in ((whole[: len(whole) * 2 // 3], True), (damaged, False)):
+        path.write_bytes(content)
+        windows = open_windows(path)
+        assert windows.in_memory is held
+        frames = windows.window(0.0, 10.0).frames
+        assert 100 < len(frames) < COUNT
+        assert np.isin(frames["sequence"], FRAMES["sequence"]).all()
 
 
 @pytest.mark.parametrize("whole", [True, False])
@@ -150,25 +155,88 @@ def test_times_of_a_recording_from_mid_session_count_from_its_first_frame(tmp_pa
         assert [event["time_s"] for event in streamed.events] == [0.25, 0.5, 0.75]
 
 
-def test_a_damaged_chunk_is_a_gap(tmp_path, recorded):
-    data = bytearray(recorded.read_bytes())
-    data[len(data) // 3] ^= 0xFF
-    path = tmp_path / "damaged.mcap"
-    path.write_bytes(data)
-    windows = open_windows(path)
-    frames = windows.window(0.0, 10.0).frames
-    assert 0 < len(frames) < COUNT
-    assert np.isin(frames["sequence"], FRAMES["sequence"]).all()
-
-
 def test_what_cannot_be_shown_is_said(tmp_path):
-    with pytest.raises(InputError, match="No such file"):
-        open_windows(tmp_path / "none.mcap")
     (tmp_path / "text.mcap").write_text("no recording")
-    with pytest.raises(InputError, match="not an MCAP file"):
-        open_windows(tmp_path / "text.mcap")
-    with pytest.raises(InputError, match="suffix must be one of"):
-        open_windows(tmp_path / "film.mp4")
     write_session(tmp_path / "empty.mcap", FRAMES[:0])
-    with pytest.raises(InputError, match="no frames"):
-        open_windows(tmp_path / "empty.mcap")
+    for name, said in (
+        ("none.mcap", "No such file"),
+        ("text.mcap", "not an MCAP file"),
+        ("film.mp4", "suffix must be one of"),
+        ("empty.mcap", "no frames"),
+    ):
+        with pytest.raises(InputError, match=said):
+            open_windows(tmp_path / name)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """A session of 15 s in many chunks, with its scene and its truth."""
+    path = tmp_path_factory.mktemp("stream") / "wood.mcap"
+    frames, truth = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=15.0)
+    write_session(path, frames, scene=mmt.Scene().dump(), annotations=truth)
+    return path
+
+
+def test_a_stream_has_the_frames_of_the_file_in_their_order(file):
+    stream, session = open_recording(file), read_session(file)
+    assert isinstance(stream, IndexedSession)
+    for _ in range(2):  # every reading begins anew
+        blocks = list(blocks_of(stream))
+        assert len(blocks) > 1
+        np.testing.assert_array_equal(np.concatenate(blocks), session.frames)
+    assert (stream.scene, stream.annotations) == (session.scene, session.annotations)
+    np.testing.assert_array_equal(in_memory(stream).frames, session.frames)
+
+
+def test_an_evaluation_of_a_stream_is_that_of_the_session_to_the_digit(file):
+    streamed = evaluate_session(open_recording(file)).as_dict()
+    whole = evaluate_session(read_session(file)).as_dict()
+    for figures in (streamed, whole):
+        for name in [name for name in figures if "processing" in name or "real_time" in name]:
+            del figures[name]
+        moments = [figures[name] for name in ("at_start", "at_stop", "at_end")]
+        for step in [*figures["steps"], *moments]:
+            del step["update_ms"]
+    assert streamed == whole
+
+
+def test_what_is_not_in_order_or_no_whole_mcap_is_read_into_memory(tmp_path):
+    write_session(tmp_path / "made.npz", FRAMES)
+    assert isinstance(open_recording(tmp_path / "made.npz"), RecordedSession)
+    with pytest.raises(InputError, match="nowhere"):
+        open_recording(tmp_path / "nowhere.mcap")
+    frames = FRAMES[:100]
+    late = tmp_path / "late.mcap"
+    with McapRecorder(late, channels=CHANNELS) as recorder:
+        recorder.record_frames(frames[:30])
+        recorder.record_frames(frames[70:])
+        recorder.record_backfill(frames[30:70], 0)
+    session = open_recording(late)
+    assert isinstance(session, RecordedSession)
+    np.testing.assert_array_equal(session.frames, frames)
+
+
+@pytest.mark.parametrize("parts", [[5, 400, 1, 2594], [1] * 50 + [2950], [3000], [1500, 0, 1500]])
+@pytest.mark.parametrize("order", ["even", "gap", "again"])
+def test_blocks_do_not_depend_on_the_parts_that_a_session_comes_in(parts, order):
+    frames = made_frames(3000)
+    if order == "gap":
+        frames["sequence"][1200:] += 700
+    if order == "again":  # the follower began anew
+        frames["sequence"][2000:] = np.arange(1000)
+    cut = np.split(frames, np.cumsum(parts[:-1]))
+    expected = whole_blocks(StreamNumbering().number(frames), 250)
+    assert [len(block) for block in stream_blocks(cut, 250)] == expected
+    assert [len(block) for block in stream_blocks([frames], 250)] == expected
+
+
+def whole_blocks(frames, period):
+    """Lengths of the blocks by the definition: full where the newest number is a period on."""
+    numbers = frames["sequence"].astype(int).tolist()
+    lengths, start, newest = [], 0, -1
+    for index, number in enumerate(numbers):
+        newest = max(newest, number)
+        if newest >= numbers[start] + period - 1:
+            lengths.append(index + 1 - start)
+            start = index + 1
+    return [*lengths, len(numbers) - start] if start < len(numbers) else lengths
