@@ -92,9 +92,10 @@ def to_tdms(path, columns, units):
         writer.write_segment(list(objects))
 
 
-def rows_as_json(columns):
+def to_json_lines(path, columns):
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    return [json.dumps({"run": dict(zip(columns, row, strict=True))}) for row in rows]
+    objects = ({"run": dict(zip(columns, row, strict=True))} for row in rows)
+    path.write_text("\n".join(map(json.dumps, objects)))
 
 
 def to_array(path, columns):
@@ -116,7 +117,7 @@ WRITERS = {
         path, ",".join(columns), zip(*columns.values(), strict=True)
     ),
     "json": to_json,
-    "jsonl": lambda path, columns: path.write_text("\n".join(rows_as_json(columns))),
+    "jsonl": to_json_lines,
     "npz": lambda path, columns: np.savez(path, **columns),
     "npy": to_array,
     "mat": to_matlab,

@@ -49,16 +49,13 @@ def package(tmp_path, monkeypatch):
 
 def test_a_format_of_another_package_is_written_and_read(package, session, tmp_path):
     export_session(session, tmp_path / "a.raw")
-    assert np.array_equal(read_session(tmp_path / "a.raw").frames, session.frames)
+    (tmp_path / "set").mkdir()  # a folder is told by a file in it
+    np.save(tmp_path / "set" / "frames.npy", session.frames)
+    for name in ("a.raw", "set"):
+        assert np.array_equal(read_session(tmp_path / name).frames, session.frames)
     assert ".raw" in suffixes("write")
     with pytest.raises(InputError, match=r"added_formats:absent cannot be imported"):
         read_session(tmp_path / "a.broken")
-
-
-def test_a_folder_is_told_by_a_file_in_it(package, session, tmp_path):
-    (tmp_path / "set").mkdir()
-    np.save(tmp_path / "set" / "frames.npy", session.frames)
-    assert np.array_equal(read_session(tmp_path / "set").frames, session.frames)
 
 
 def test_a_suffix_without_a_format_is_answered_with_those_there_are(session, tmp_path):

@@ -223,18 +223,18 @@ def test_a_whole_file_is_copied_whole(tmp_path):
 
 
 def test_the_file_itself_and_hopeless_files_are_refused(tmp_path, whole):
-    path, _, _ = whole
-    with pytest.raises(InputError, match="name another file"):
-        recover(path, path)
-    with pytest.raises(InputError, match="No such file"):
-        recover(tmp_path / "absent.mcap", tmp_path / "out.mcap")
+    path, out = whole[0], tmp_path / "out.mcap"
     hopeless = tmp_path / "hopeless.mcap"
     hopeless.write_bytes(path.read_bytes()[:200])
-    with pytest.raises(InputError, match="nothing in it can be read"):
-        recover(hopeless, tmp_path / "out.mcap")
-    with pytest.raises(InputError, match="cannot write"):
-        recover(path, tmp_path / "nowhere" / "out.mcap")
-    assert not (tmp_path / "out.mcap").exists()
+    for source, target, said in (
+        (path, path, "name another file"),
+        (tmp_path / "absent.mcap", out, "No such file"),
+        (hopeless, out, "nothing in it can be read"),
+        (path, tmp_path / "nowhere" / "out.mcap", "cannot write"),
+    ):
+        with pytest.raises(InputError, match=said):
+            recover(source, target)
+    assert not out.exists()
 
 
 WRITER = """

@@ -130,16 +130,17 @@ def test_it_says_what_it_replays():
 
 
 def test_what_cannot_be_replayed_is_refused():
-    with pytest.raises(InputError, match="the session holds no frames"):
-        ReplaySource(session_of(even_frames(0)), CHANNELS)
-    session = session_of(even_frames(5, ("force",)))
-    with pytest.raises(InputError, match=r"no position and no acceleration.*it has force"):
-        ReplaySource(session, CHANNELS)
-    with pytest.raises(InputError, match=r"the session has no orientation, which the scene needs"):
-        ReplaySource(session, ("force", "orientation"))
+    alone = session_of(even_frames(5, ("force",)))
+    for session, channels, said in (
+        (session_of(even_frames(0)), CHANNELS, "the session holds no frames"),
+        (alone, CHANNELS, r"no position and no acceleration.*it has force"),
+        (alone, ("force", "orientation"), r"has no orientation, which the scene needs"),
+    ):
+        with pytest.raises(InputError, match=said):
+            ReplaySource(session, channels)
     for speed in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(InputError, match="it must be above zero"):
-            ReplaySource(session, ("force",), speed=speed)
+            ReplaySource(alone, ("force",), speed=speed)
 
 
 def test_a_recording_of_another_rate_is_refused_with_what_to_write():
