@@ -29,16 +29,15 @@ FORCES = np.random.default_rng(4).normal(size=(ROWS, 3))
 
 def messages(store):
     """Yield times and messages of `KIND`."""
-    kinds = {name.rsplit("/", 1)[-1]: kind for name, kind in store.types.items()}
-    seq = {"seq": 0} if "seq" in kinds["Header"].__annotations__ else {}
-    zero = kinds["Vector3"](0.0, 0.0, 0.0)
+    kinds = store.types
+    seq = {"seq": 0} if "seq" in kinds["std_msgs/msg/Header"].__annotations__ else {}
+    zero = kinds["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
     for row, force in enumerate(FORCES):
         at_ns = BEGAN_NS + row * STEP_NS
-        header = kinds["Header"](
-            **seq, stamp=kinds["Time"](at_ns // 10**9, at_ns % 10**9), frame_id=""
-        )
-        wrench = kinds["Wrench"](kinds["Vector3"](*force), zero)
-        yield at_ns, kinds["WrenchStamped"](header, wrench)
+        stamp = kinds["builtin_interfaces/msg/Time"](at_ns // 10**9, at_ns % 10**9)
+        header = kinds["std_msgs/msg/Header"](**seq, stamp=stamp, frame_id="")
+        vector = kinds["geometry_msgs/msg/Vector3"](*force)
+        yield at_ns, kinds[KIND](header, kinds["geometry_msgs/msg/Wrench"](vector, zero))
 
 
 def write_bag(folder, storage, mode=None):

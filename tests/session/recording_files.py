@@ -67,7 +67,8 @@ def to_parquet(path, columns, units):
 
 def to_workbook(path, columns, units):
     book = pytest.importorskip("openpyxl", reason="needs the extra 'import'").Workbook()
-    book.create_sheet("notes")
+    if units:
+        book.create_sheet("notes")
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     told = [[units[name] for name in columns]] if units else []
     for row in [["Run 7", 12], list(columns), *told, *rows]:

@@ -238,6 +238,8 @@ def test_an_orientation_is_four_components_or_an_array_in_the_order_of_its_name(
     ):
         with pytest.raises(InputError, match=f"^a.npz: .*{reason}"):
             mapped({**rest, **values}, {"orientation": "q"})
+    with pytest.raises(InputError, match="orientation_w is missing"):
+        mapped({**rest, **axes}, {f"orientation_{axis}": f"/p.turn.{axis}" for axis in "xyz"})
 
 
 LATE = np.r_[0:10, 20:30, 10:20, 30:50]

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recording_files import FIELDS, TIME_S, TRUTH, force, to_workbook
+from scipy.io import savemat
 
 from mmt.core.errors import InputError
 from mmt.session.files import import_session, read_session
@@ -145,6 +146,9 @@ def test_files_of_another_kind_are_refused(tmp_path):
     for name in "a.npz", "b.npz", "c.npz":
         with pytest.raises(InputError, match="this is"):
             import_session(tmp_path / name)
+    savemat(tmp_path / "d.mat", {"time_s": TIME_S, "force_n": force(TIME_S) + 1j})
+    with pytest.raises(InputError, match="force_n holds complex128, not numbers"):
+        import_session(tmp_path / "d.mat")
     for name in "absent.npz", "absent.csv", "absent":
         with pytest.raises(InputError, match="No such file"):
             import_session(tmp_path / name)

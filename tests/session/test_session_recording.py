@@ -158,6 +158,9 @@ def test_a_disk_that_is_full_is_reported_once_and_stops_nobody(tmp_path):
     recorder.close()
     assert reasons == [recorder.error] == ["No space left on device"]
     assert (recorder.frames, recorder.dropped) == (0, 200)
+    with McapRecorder(tmp_path / "run.mcap", channels=CHANNELS) as alone:  # which tells nobody
+        alone.record_frames(frames)
+    assert (alone.error, alone.frames, alone.dropped) == ("No space left on device", 0, 100)
 
 
 FILLING = f"""
