@@ -152,7 +152,7 @@ def test_a_clock_that_wraps_has_no_parts(tmp_path):
 def test_an_error_in_a_trial_names_the_line_of_the_file(tmp_path):
     columns = table([1, 2], mixed=True)
     columns["time"][1 + 2 * 100] = np.nan
-    to_csv(tmp_path / "a.csv", columns)
+    write_columns(tmp_path / "a.csv", columns)
     proposed = {"time": "time", "force_x": "fx", "force_y": "fy", "force_z": "fz"}
     with pytest.raises(InputError, match="line 203"):
         import_recording(tmp_path / "a.csv", ImportOptions(proposed, episode=2))
