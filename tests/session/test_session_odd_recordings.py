@@ -167,8 +167,8 @@ def with_vectors_of_unity(path):
 
 def printed(values, form):
     """Return numbers as NumPy or Python print them, or as a cell of a table with commas."""
-    if form == "array":  # without the blank in place of a sign
-        return str(np.round(values, 6)).replace("[ ", "[")
+    if form == "array":
+        return str(np.round(values, 6))
     text = str([round(float(value), 6) for value in values])
     forms = {"list": text, "tuple": f"({text[1:-1]})", "cell": f'"{text}"'}
     return {**forms, "tensor": f'"tensor({text})"', "dtype": f'"np.array({text}, dtype=f4)"'}[form]

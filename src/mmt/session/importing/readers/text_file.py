@@ -24,10 +24,10 @@ _SIGNS: Final = ";\t|, "
 _LONGEST_LINE: Final = 1 << 20
 """Number of characters; cells take many times more memory than their text."""
 _VECTOR: Final = re.compile(
-    r"(?:(?:np\.|numpy\.)?(?:array|tensor)\()?[\[(]([-+\d.][^\[\]()]*)[\])](?:[^\[\]()]*\))?"
+    r"(?:(?:np\.|numpy\.)?(?:array|tensor)\()?[\[(]\s*([-+\d.][^\[\]()]*)[\])](?:[^\[\]()]*\))?"
 )
 """Matches a cell with several numbers, as programs in Python write arrays and lists."""
-_TUPLE: Final = re.compile(r"(?<![^,\s])[(\[][-+\d.][^()\[\]]*[)\]]")
+_TUPLE: Final = re.compile(r"(?<![^,\s])[(\[]\s*[-+\d.][^()\[\]]*[)\]]")
 """Matches a vector with commas between its numbers, as Unity writes it."""
 _STAMP: Final = re.compile(r"^(\d\d:\d\d:\d\d\.\d{3}) -> ")
 """Matches the time that Arduino's monitor puts before a line."""
