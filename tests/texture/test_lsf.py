@@ -1,7 +1,6 @@
 from functools import partial
 
 import autoregressive_oracles as oracles
-import mpmath
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,7 +13,6 @@ from mmt.texture.autoregression.forms import (
     lsf_output_power,
     lsf_to_ar,
     lsf_to_reflection,
-    output_power,
     reflection_to_ar,
     reflection_to_lsf,
 )
@@ -35,7 +33,9 @@ lsf_arrays = st.integers(1, 64).flatmap(
     )
 )
 reflection_arrays = st.integers(1, 64).flatmap(
-    lambda order: hnp.arrays(np.float64, order, elements=st.floats(-ONE, ONE))
+    lambda order: hnp.arrays(
+        np.float64, order, elements=st.sampled_from([ONE, -ONE, 0.0, 1e-300]) | st.floats(-ONE, ONE)
+    )
 )
 
 
@@ -50,9 +50,8 @@ def test_every_direction_against_many_digits(order, shape):
     assert oracles.largest_error(lsf_to_ar(lsf), ar) < 3e-14 * largest
     assert oracles.largest_error(lsf_to_reflection(lsf), reflection) < 2e-14
     np.testing.assert_allclose(reflection_to_lsf(rounded), lsf, rtol=0, atol=2e-15)
-    assert oracles.largest_error(reflection_to_ar(rounded), oracles.step_up(rounded)) < (
-        1e-13 * largest
-    )
+    exact = oracles.step_up(oracles.exact(rounded))
+    assert oracles.largest_error(reflection_to_ar(rounded), exact) < 1e-13 * largest
     gain = lsf_inverse_gain(lsf, np.empty(2 * order))
     assert oracles.relative_error(gain, oracles.inverse_gain(reflection)) < 1e-14
 
@@ -60,21 +59,18 @@ def test_every_direction_against_many_digits(order, shape):
 @pytest.mark.parametrize("order", [1, 2, 3, 4, 7, 10, 12])
 def test_frequencies_are_the_angles_of_polynomial_roots(order):
     reflection = np.random.default_rng(order).uniform(-0.95, 0.95, order)
-    expected = oracles.ar_to_lsf(oracles.step_up(reflection))
-    assert oracles.largest_error(reflection_to_lsf(reflection), expected) < 2e-15
-    assert (
-        oracles.largest_error(
-            reflection_to_lsf(ar_to_reflection(reflection_to_ar(reflection))), expected
-        )
-        < 1e-9
-    )
+    found = reflection_to_lsf(reflection)
+    expected = oracles.refine_lsf(oracles.step_up(oracles.exact(reflection)), found)
+    assert oracles.largest_error(found, expected) < 2e-15
+    through_ar = reflection_to_lsf(ar_to_reflection(reflection_to_ar(reflection)))
+    assert oracles.largest_error(through_ar, expected) < 1e-9
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_poles_at_the_unit_circle_keep_relative_accuracy(sign):
     reflection = sign * np.array([ONE, 0.3, -0.999999, 0.2, 0.99999])
-    expected = oracles.ar_to_lsf(oracles.step_up(reflection))
     found = reflection_to_lsf(reflection)
+    expected = oracles.refine_lsf(oracles.step_up(oracles.exact(reflection)), found)
     for a, b in zip(found, expected, strict=True):
         assert oracles.relative_error(a, b) < 1e-14 or abs(a - float(b)) < 1e-15
 
@@ -107,15 +103,6 @@ def test_round_trip_from_reflection(reflection):
 def test_frequencies_of_every_stable_filter_ascend_inside_the_half_circle(reflection):
     lsf = reflection_to_lsf(reflection)
     assert (np.diff(lsf, prepend=0, append=np.pi) > 0).all()
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_magnitudes_at_one_are_held(seed):
-    generator = np.random.default_rng(seed)
-    order = int(generator.integers(1, 65))
-    reflection = generator.choice([ONE, -ONE, 0.0, 0.5, 1e-300], order)
-    lsf = reflection_to_lsf(reflection)
-    assert (np.diff(lsf, prepend=0, append=np.pi) > 0).all()
     assert np.isfinite(lsf_to_ar(lsf)).all()
 
 
@@ -125,38 +112,6 @@ def test_a_mean_of_frequencies_is_stable(first, weight, seed):
     second = oracles.spread_lsf(len(first), seed)
     reflection = lsf_to_reflection(weight * first + (1 - weight) * second)
     assert (np.abs(reflection) < 1).all()
-
-
-def test_white_noise_has_evenly_spread_frequencies():
-    for order in range(1, 65):
-        even = np.pi / (order + 1) * np.arange(1, order + 1)
-        np.testing.assert_allclose(reflection_to_lsf(np.zeros(order)), even, atol=2e-15)
-        np.testing.assert_allclose(lsf_to_ar(even), 0, atol=1e-14)
-        np.testing.assert_allclose(lsf_to_reflection(even), 0, atol=2e-14)
-
-
-def test_the_gain_is_that_of_the_reflection_coefficients():
-    for order in ORDERS:
-        lsf = oracles.spread_lsf(order, seed=order)
-        gain = lsf_inverse_gain(lsf, np.empty(2 * order))
-        assert 1 / output_power(1.0, lsf_to_reflection(lsf)) == pytest.approx(gain, rel=1e-12)
-        rows = np.stack([lsf, lsf])
-        np.testing.assert_allclose(lsf_output_power(np.array([1.0, 2.0]), rows) * gain, [1.0, 2.0])
-
-
-def test_the_step_down_flags_what_is_not_stable():
-    for ar in ([1.0], [-1.1], [0.0, 1.5], [np.nan, 0.2], [2.1, 0.9]):
-        with pytest.raises(InputError):
-            ar_to_reflection(np.array(ar))
-
-
-def test_the_gain_of_a_low_pass_filter_needs_the_frequencies():
-    lsf = oracles.low_pass_lsf(30)
-    with pytest.raises(InputError, match="stable"):
-        ar_to_reflection(lsf_to_ar(lsf))
-    with mpmath.workdps(50):
-        expected = oracles.inverse_gain(oracles.step_down(oracles.lsf_to_ar(lsf)))
-    assert oracles.relative_error(lsf_inverse_gain(lsf, np.empty(60)), expected) < 1e-14
 
 
 SMALL = np.random.default_rng(2).uniform(-0.15, 0.15, (6, 9))
@@ -191,7 +146,9 @@ def test_a_batch_is_its_rows(convert, rows):
         (lsf_to_ar, [0.0, 0.5], "ascend"),
         (lsf_to_reflection, [0.5, np.pi], "ascend"),
         (lsf_to_reflection, [0.7, 0.5], "ascend"),
-        (ar_to_reflection, [3.0, 0.5], "stable"),
+        *((ar_to_reflection, ar, "stable") for ar in ([1.0], [-1.1], [0.0, 1.5], [2.1, 0.9])),
+        (ar_to_reflection, lsf_to_ar(oracles.low_pass_lsf(30)), "stable"),
+        (ar_to_reflection, [np.nan, 0.2], "not finite"),
     ],
 )
 def test_what_is_no_filter_is_said(convert, values, words):
