@@ -1,5 +1,4 @@
 import gc
-import itertools
 import pickle
 
 import numpy as np
@@ -7,10 +6,9 @@ import pytest
 
 import mmt.texture.online.modeller
 from mmt.core.frames import empty_frames
-from mmt.scene import Hand, Scene
+from mmt.scene import Scene
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces.textures import get_surface
-from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
 from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import build, stream_blocks
@@ -46,49 +44,6 @@ def test_it_models_a_known_surface_until_both_criteria_are_met(frames):
     assert np.sqrt(np.mean(error_db**2)) < 3.0
 
 
-def test_no_stretch_enters_twice(frames):
-    modeller = OnlineModeller()
-    feed(modeller, frames)
-    ranges = sorted(modeller.fits)
-    assert len(ranges) > 10
-    assert all(a[1] <= b[0] for a, b in itertools.pairwise(ranges))
-
-
-def test_an_order_of_its_own(frames):
-    for order in (1, 7, 64):
-        modeller = OnlineModeller(ModellingSettings(order=order))
-        updates = feed(modeller, frames)
-        assert updates[-1].order == order
-        assert modeller.model.order == order
-
-
-def test_missing_and_broken_frames_are_not_modelled(frames):
-    hurt = frames[:9000].copy()
-    hurt["acceleration_m_s2"][2000:2300] = np.nan
-    hurt["force_n"][4000] = np.inf
-    hurt["position_mm"][5000] = 1e30
-    keep = np.ones(len(hurt), dtype=bool)
-    keep[6000:6100] = False
-    modeller = OnlineModeller()
-    feed(modeller, hurt[keep])
-    assert np.isfinite(modeller.model.vertices).all()
-    bad = [(2000, 2300), (6000, 6100)]  # single ones are bridged
-    for start, stop in modeller.fits:
-        assert not any(start < b and stop > a for a, b in bad)
-
-
-@pytest.mark.parametrize("value", [0.0, 9.81])
-def test_without_contact_or_motion_there_is_no_model(value):
-    still = empty_frames(3000)
-    still["sequence"] = np.arange(3000)
-    still["acceleration_m_s2"] = value
-    modeller = OnlineModeller()
-    update = feed(modeller, still)[-1]
-    assert update.model is None
-    assert update.samples == 0
-    assert not update.started
-
-
 def test_a_surface_that_is_not_felt_gives_a_silent_model(frames):
     silent = frames.copy()
     noise = np.random.default_rng(1).normal(0.0, 1e-3, silent["acceleration_m_s2"].shape)
@@ -96,12 +51,6 @@ def test_a_surface_that_is_not_felt_gives_a_silent_model(frames):
     update = feed(OnlineModeller(), silent)[-1]
     assert update.stopped
     assert update.model.level_db(150.0, 1.5)[0][0] < -30.0
-
-
-def test_an_empty_block_changes_nothing():
-    update = OnlineModeller().update(empty_frames(0))
-    assert update.samples == 0
-    assert update.time_s == 0.0
 
 
 def test_a_model_that_is_never_complete_stays_small_and_spread(frames, monkeypatch):
@@ -137,34 +86,6 @@ def test_of_two_samples_at_one_point_the_older_leaves(monkeypatch):
     stops = [stop for _, stop in modeller.fits]
     assert len(stops) == 4
     assert sorted(stops)[1] > 6000
-
-
-def test_strokes_in_all_directions_give_a_model_of_velocity():
-    scene = Scene(hand=Hand(headings="all"))
-    frames, _ = simulate_session(scene, "oak", 20.0, 1)
-    modeller = OnlineModeller(ModellingSettings(inputs="anisotropic"))
-    updates = feed(modeller, frames)
-    assert modeller.completion.start_s is not None, "20 s are enough to start"
-    samples = modeller.model.samples
-    assert samples.space.directed
-    assert samples.inputs.shape == (updates[-1].samples, 3)
-    headings = np.arctan2(samples.inputs[:, 1], samples.inputs[:, 0])
-    assert (np.histogram(headings, 4, (-np.pi, np.pi))[0] > 0).all()
-    assert modeller.model.at(0.0, 0.0, 1.5)[1].max() == 0.0
-    assert modeller.model.at(100.0, 100.0, 1.5)[1].min() > 0.0
-
-
-def test_a_network_is_modelled_from_update_to_update(frames):
-    modeller = OnlineModeller(ModellingSettings(method="published", inputs="anisotropic"))
-    for update in feed(modeller, frames):
-        assert update.model.interpolant.is_network
-        _, variance = update.model.at([0.0, 150.0, 300.0], 0.0, [1.0, 1.5, 3.0])
-        assert variance[0] == 0.0
-        assert (variance[1:] > 0.0).all()
-    expected = get_surface("plastic").power(150.0, 1.5)[0]
-    lsf, variance = modeller.model.at(150.0, 0.0, 1.5)
-    power = output_power(variance, lsf_to_reflection(lsf))[0]
-    assert 0.5 < power / expected < 2.0
 
 
 def models_alive():

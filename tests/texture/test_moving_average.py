@@ -47,14 +47,6 @@ def test_a_zero_on_the_unit_circle_is_as_near_as_64_poles_come():
     assert (np.abs(found.reflection) < 1.0).all()
 
 
-def test_all_filters_get_one_order():
-    plain, hard = random_filter(1, 4, 2), random_filter(2, 4, 2)
-    ar = np.array([plain[0], hard[0]])
-    together = all_pole(ar, np.array([[1.0, 0, 0], hard[1]]), np.ones(2))
-    alone = all_pole(ar[1:], hard[1][None], np.ones(1))
-    assert together.reflection.shape[1] == alone.reflection.shape[1]
-
-
 def test_power_is_kept():
     ar, ma = random_filter(3, 5, 3)
     found = all_pole(ar[None], ma[None], np.full(1, 4.0))
