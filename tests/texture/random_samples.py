@@ -16,6 +16,11 @@ def scattered(count, directed=False, seed=0):
     return np.column_stack([speed * np.cos(heading), speed * np.sin(heading), force])
 
 
+def speed_of(points):
+    """Return the speeds (count,) of points of either space."""
+    return np.linalg.norm(points[:, :-1], axis=1)
+
+
 def strokes_in(space, count, seed=0):
     """Return inputs (count, d) inside the space, none of them at rest."""
     random = np.random.default_rng(seed)

@@ -64,18 +64,6 @@ def test_the_fill_has_the_least_errors_of_prediction(seed):
     assert np.array_equal(filled[stop:][~unknown[stop:], 0], x[stop:][~unknown[stop:]])
 
 
-@pytest.mark.parametrize("length", range(1, 6))
-def test_tones_are_restored(length):
-    t = np.arange(400)
-    x = 9.81 + np.sin(0.71 * t) + 2.0 * np.cos(1.9 * t + 1.0)
-    filled = x[:, None].copy()
-    unknown = np.zeros(len(x), np.bool_)
-    unknown[300 : 300 + length] = True
-    filled[unknown] = np.nan
-    fill(filled, unknown, 300, 300 + length, 300, 311, 1)
-    np.testing.assert_allclose(filled[:, 0], x, atol=1e-2)
-
-
 @pytest.mark.parametrize("value", [0.0, 9.81, -1e6])
 @pytest.mark.parametrize("history", [1, 40, 300])
 def test_a_constant_is_filled_with_itself(value, history):

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from random_samples import scattered
 from scipy.spatial import cKDTree
 
 from mmt.texture.completion.distance import (
@@ -21,15 +22,6 @@ PUBLISHED = ModellingSettings(method="published")
 SPACES = pytest.mark.parametrize(
     ("cells", "largest"), [(cells_of(2), [1.0, 1.0]), (cells_of(3), [0.7, -0.7, 1.0])]
 )
-
-
-def test_boundary_points_alone_would_switch_without_data():
-    """Why they must not count: paper A's 20 boundary points sum to 6.76, below 7.5."""
-    steps = np.arange(6) / 5
-    boundary = {(a, b) for a in steps for b in (0.0, 1.0)} | {
-        (b, a) for a in steps for b in (0.0, 1.0)
-    }
-    assert distance_sum(np.array(sorted(boundary))) == pytest.approx(6.76, abs=0.01)
 
 
 @SPACES
@@ -79,17 +71,6 @@ def test_the_monitor_remembers_when_each_criterion_was_met():
     assert monitor.stop_s == 3.0
 
 
-# --- velocity and force
-
-
-def strokes(count, seed=0):
-    """Return normalised points (count, 3) of strokes in all directions."""
-    generator = np.random.default_rng(seed)
-    speed, heading = generator.uniform(0.05, 1, count), generator.uniform(-np.pi, np.pi, count)
-    columns = speed * np.cos(heading), speed * np.sin(heading), generator.uniform(0, 1, count)
-    return np.column_stack(columns)
-
-
 def test_the_settings_hold_the_derived_thresholds():
     """Eq. (1), and the share of the samples with which it starts, in either space."""
     plane_stop = 9 * 3 * math.hypot(1 / 3, 1 / 3) / 3
@@ -123,4 +104,4 @@ def test_strokes_of_one_heading_never_complete_a_model_of_velocity():
     )
     assert distance_sum(many) > DISTANCES["anisotropic"][0]
     assert distance_sum(many[:, [0, 2]]) < DISTANCES["isotropic"][1]
-    assert distance_sum(strokes(2000)) < DISTANCES["anisotropic"][1]
+    assert distance_sum(scattered(2000, directed=True)) < DISTANCES["anisotropic"][1]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from random_samples import scattered, speed_of
 from stream_samples import aligned
 
 from mmt.texture.completion.criterion import Progress
@@ -21,7 +22,6 @@ from mmt.texture.field.cells import FieldCells
 from mmt.texture.field.observations import BLOCK_VARIANCE
 from mmt.texture.field.posterior import LevelField
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.methods import method_of
 from mmt.texture.settings import START_SHARE, STOP_SHARE, ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.space import ANISOTROPIC, ISOTROPIC, TextureSamples
@@ -30,12 +30,7 @@ DIMENSIONS = pytest.mark.parametrize("dimensions", [2, 3])
 
 
 def strokes(count, dimensions, seed=0, largest=0.95):
-    random = np.random.default_rng(seed)
-    speed, force = random.uniform(0.1, largest, (2, count))
-    if dimensions == 2:
-        return np.column_stack([speed, force])
-    heading = random.uniform(-np.pi, np.pi, count)
-    return np.column_stack([speed * np.cos(heading), speed * np.sin(heading), force])
+    return scattered(count, dimensions == 3, seed) * (largest / 0.95)
 
 
 def field_of(points, extra=0.0, at=None):
@@ -43,20 +38,16 @@ def field_of(points, extra=0.0, at=None):
     everything = points if at is None else np.vstack([points, at])
     counts = np.full(len(everything), 20.0)
     counts[len(points) :] = extra
-    speed = np.hypot(*everything[:, :-1].T) if points.shape[1] == 3 else everything[:, 0]
-    power = speed * everything[:, -1] ** 0.7
+    power = speed_of(everything) * everything[:, -1] ** 0.7
     return LevelField(FieldCells.of_segments(everything, power, counts, BLOCK_VARIANCE))
 
 
 def model_of(points, power=1.0):
     space = ISOTROPIC if points.shape[1] == 2 else ANISOTROPIC
-    speed = np.hypot(*points[:, :-1].T) if points.shape[1] == 3 else points[:, 0]
-    level = power * speed * points[:, -1] ** 0.7
+    level = power * speed_of(points) * points[:, -1] ** 0.7
     lsf = np.tile([0.5, 1.0, 2.0, 2.5], (len(points), 1))
-    samples = TextureSamples(
-        points * space.scale, lsf, 0.5 * level, level, space, np.full(len(points), 80.0)
-    )
-    return TextureModel(samples)
+    each = np.full(len(points), 80.0)
+    return TextureModel(TextureSamples(points * space.scale, lsf, 0.5 * level, level, space, each))
 
 
 def motion(seconds, speed_mm_s, force_n, heading=0.0, *, valid=True):
@@ -101,15 +92,6 @@ def test_strokes_are_wanted_where_the_level_is_least_sure(dimensions):
     assert share(after, grid) > share(field, grid)
 
 
-def test_blocks_that_repeat_without_end_stay_finite():
-    grid = grid_of(2)
-    right, gain = predict_gains(
-        field_of(np.tile([[0.4, 0.5]], (300, 1))), grid, np.full(len(grid), 1 / len(grid))
-    )
-    assert np.isfinite(gain).all()
-    assert right.max() > 0.7
-
-
 @DIMENSIONS
 def test_an_operator_who_has_not_stroked_may_stroke_anywhere(dimensions):
     still = density(dimensions)
@@ -119,22 +101,6 @@ def test_an_operator_who_has_not_stroked_may_stroke_anywhere(dimensions):
     still.add(motion(1.0, 100.0, 1.0, valid=False))
     count = len(grid_of(dimensions))
     np.testing.assert_allclose(still.weights, np.full(count, 1 / count))
-
-
-@DIMENSIONS
-def test_motion_counts_where_it_was_against_seconds_of_any_stroke(dimensions):
-    grid, seen = grid_of(dimensions), density(dimensions)
-    heading = math.radians(75.0) if dimensions == 3 else 0.0
-    seen.add(motion(PRIOR_S, 150.0, 1.5, heading))
-    assert seen.weights.sum() == pytest.approx(1.0)
-    assert seen.total_s == pytest.approx(PRIOR_S)
-    least = 0.5 / len(grid) - 1e-12
-    assert (seen.weights >= least).all()
-    most = grid.points[int(np.argmax(seen.weights))] * grid.space.scale
-    assert math.hypot(*most[:-1]) == pytest.approx(150.0, abs=20.0)
-    assert most[-1] == pytest.approx(1.5, abs=0.2)
-    if dimensions == 3:
-        assert math.degrees(math.atan2(most[1], most[0])) == pytest.approx(75.0)
 
 
 @given(speed_mm_s=st.floats(25.0, 285.0), force_n=st.floats(0.25, 2.85))
@@ -218,16 +184,6 @@ def test_the_next_stroke_is_wanted_where_no_sample_lies_but_the_operator_moves(i
     assert 0.0 <= min(judge.progress.cells) < max(judge.progress.cells) <= 1.0
 
 
-def test_what_the_operator_does_weighs_more_than_what_it_leaves_out():
-    few = model_of(strokes(8, 2, largest=0.3))
-    here, away = criterion(), criterion()
-    here.density.add(motion(30.0, 60.0, 0.6))
-    away.density.add(motion(30.0, 240.0, 2.4))
-    for judge in (here, away):
-        judge.update(few, 1.0)
-    assert here.progress.value > away.progress.value + 0.05
-
-
 def test_an_operator_who_keeps_to_one_line_completes_it():
     judge, random, seconds = criterion(), np.random.default_rng(0), 100
     speed, force = 0.4 * np.exp(0.08 * random.standard_normal((2, 2 * seconds)))
@@ -276,16 +232,6 @@ def test_it_is_evaluated_again_after_two_hundredths_more_of_stroking():
     assert not judge.due
     judge.density.add(motion(0.4, 120.0, 1.2))
     assert judge.due
-
-
-def test_the_published_sum_is_what_runs_where_it_is_asked_for():
-    settings = ModellingSettings(method="published")
-    monitor = method_of(settings).criterion
-    assert isinstance(monitor, CompletionMonitor)
-    assert monitor.progress.scale == settings.scale
-    assert not monitor.progress.scale.rises
-    monitor.update(strokes(30, 2, largest=0.3), 1.0)
-    assert monitor.progress.advice == pytest.approx((250.0, 2.5))  # the farthest cell's centre
 
 
 @pytest.mark.parametrize(

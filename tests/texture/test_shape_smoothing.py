@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_samples import scattered
+from random_samples import scattered, speed_of
 
 from mmt.texture.autoregression.forms import effective_samples, reflection_to_lsf
 from mmt.texture.field.shape_smoothing import LARGEST, smoothed, smoothed_shapes
@@ -15,8 +15,7 @@ from mmt.texture.space import ANISOTROPIC, ISOTROPIC, TextureSamples
 
 def truth(points):
     """Frequencies that drift slowly over the plane."""
-    speed = np.hypot(*points[:, :-1].T) if points.shape[1] == 3 else points[:, 0]
-    slow = 0.3 * speed + 0.1 * points[:, -1]
+    slow = 0.3 * speed_of(points) + 0.1 * points[:, -1]
     return np.column_stack([0.4 + slow, 0.9 + 0.5 * slow, np.full(len(points), 1.6), 2.2 + slow])
 
 
@@ -29,13 +28,6 @@ def test_most_of_the_scatter_is_taken_out_where_frequencies_drift_slowly(directe
     before = np.sqrt(np.mean(noise**2))
     after = np.sqrt(np.mean((result - truth(points)) ** 2))
     assert after < 0.6 * before
-
-
-def test_frequencies_that_follow_the_speed_exactly_are_kept():
-    points = scattered(30)
-    lsf = np.column_stack([0.2 + 1.2 * points[:, 0], 1.6 + 1.2 * points[:, 0]])
-    result = smoothed(points, lsf, np.full(30, 200.0), points[:0])
-    np.testing.assert_allclose(result, lsf, atol=2e-3)
 
 
 @pytest.mark.parametrize("directed", [False, True])
@@ -66,13 +58,6 @@ def test_repeated_visits_come_to_their_weighted_mean():
     np.testing.assert_allclose(result, np.tile(result[0], (30, 1)), atol=1e-9)
     mean = np.average(lsf[:30], axis=0, weights=weights[:30])
     np.testing.assert_allclose(result[0], mean, atol=0.006)
-
-
-def test_fewer_than_four_samples_are_left_as_they_are():
-    points = scattered(3)
-    np.testing.assert_array_equal(
-        smoothed(points, truth(points), np.ones(3), points[:0]), truth(points)
-    )
 
 
 def test_more_samples_than_the_largest_number_of_nodes_are_smoothed_too():
@@ -106,6 +91,7 @@ def test_whatever_the_samples_frequencies_ascend_half_as_far_apart_or_more(
     lsf = reflection_to_lsf(random.uniform(-strongest, strongest, (count, order)))
     result = smoothed(points, lsf, random.uniform(1.0, heaviest, count), points[:0])
     assert np.isfinite(result).all()
+    assert count >= 4 or (result == lsf).all()
 
     def gaps(values):
         return np.diff(values, prepend=0.0, append=np.pi, axis=1).min(axis=1)
