@@ -9,12 +9,20 @@ from mmt.texture.signals.filtering import StreamFilter
 
 def stroke_frames(vibration, gravity=9.81):
     """Return frames of a stroke at 100 mm/s and 1 N with a vibration (n,) along z."""
-    frames = empty_frames(len(vibration))
-    frames["sequence"] = np.arange(len(vibration))
-    frames["time_ns"] = frames["sequence"].astype(np.int64) * 1_000_000
-    frames["position_mm"][:, 0] = 0.1 * np.arange(len(vibration))
+    acceleration = np.zeros((len(vibration), 1, 3))
+    acceleration[:, 0, 2] = gravity + vibration
+    return stroked(acceleration)
+
+
+def stroked(acceleration):
+    """Return frames of a stroke at 100 mm/s and 1 N, with acceleration (n, k, 3)."""
+    count, per_frame, _ = acceleration.shape
+    frames = empty_frames(count, samples_per_frame=per_frame)
+    frames["sequence"] = np.arange(count)
+    frames["time_ns"] = 1_000_000 * np.arange(count)
+    frames["position_mm"][:, 0] = 0.1 * np.arange(count)
     frames["force_n"][:, 2] = 1.0
-    frames["acceleration_m_s2"][:, 2] = gravity + vibration
+    frames["acceleration_m_s2"] = acceleration.reshape(frames["acceleration_m_s2"].shape)
     return frames
 
 

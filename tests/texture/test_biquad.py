@@ -1,6 +1,5 @@
 import math
 import sys
-import timeit
 
 import numpy as np
 import pytest
@@ -33,23 +32,15 @@ def run(biquad, samples):
 @settings(max_examples=80)
 def test_designs_equal_scipys(share, rate_hz):
     cutoff_hz = share * rate_hz
-    oracle = scipy.signal.bessel(2, cutoff_hz, fs=rate_hz, norm="mag")
-    np.testing.assert_allclose(taps(bessel_low_pass(cutoff_hz, rate_hz)), oracle, atol=1e-12)
-    oracle = scipy.signal.butter(2, cutoff_hz, "highpass", fs=rate_hz)
-    np.testing.assert_allclose(taps(butterworth_high_pass(cutoff_hz, rate_hz)), oracle, atol=1e-12)
-
-
-@given(share=st.floats(1e-4, 0.4999))
-@settings(max_examples=40)
-def test_gains_at_zero_and_at_the_cutoff(share):
-    cutoff_hz = share * RATE_HZ
-    for design, at_zero in ((bessel_low_pass, 1.0), (butterworth_high_pass, 0.0)):
-        biquad = design(cutoff_hz, RATE_HZ)
-        assert biquad.gain_at(np.zeros(1))[0] == pytest.approx(at_zero, abs=1e-7)
-        back = np.exp(-2j * np.pi * cutoff_hz / RATE_HZ) ** np.arange(3)
-        b, a = taps(biquad)
-        assert abs((b @ back) / (a @ back)) == pytest.approx(math.sqrt(0.5), rel=1e-6)
-        assert biquad.gain_at(np.array([cutoff_hz])) == pytest.approx(math.sqrt(0.5), rel=1e-6)
+    at_hz = np.array([0.0, cutoff_hz, 0.49 * rate_hz])
+    for design, oracle in (
+        (bessel_low_pass, scipy.signal.bessel(2, cutoff_hz, fs=rate_hz, norm="mag")),
+        (butterworth_high_pass, scipy.signal.butter(2, cutoff_hz, "highpass", fs=rate_hz)),
+    ):
+        found = design(cutoff_hz, rate_hz)
+        np.testing.assert_allclose(taps(found), oracle, atol=1e-12)
+        _, response = scipy.signal.freqz(*oracle, at_hz, fs=rate_hz)
+        np.testing.assert_allclose(found.gain_at(at_hz), np.abs(response), atol=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -71,14 +62,8 @@ def test_group_delay_equals_scipys(biquad):
 @pytest.mark.parametrize(
     ("cutoff_hz", "rate_hz"),
     [
-        (0.0, 1000.0),
-        (-5.0, 1000.0),
-        (500.0, 1000.0),
-        (0.05, 1000.0),
-        (math.nan, 1000.0),
-        (10.0, 0.0),
-        (10.0, math.nan),
-        (10.0, math.inf),
+        *((cutoff_hz, 1000.0) for cutoff_hz in (0.0, -5.0, 500.0, 0.05, math.nan)),
+        *((10.0, rate_hz) for rate_hz in (0.0, math.nan, math.inf)),
     ],
 )
 def test_impossible_cutoffs_are_refused(cutoff_hz, rate_hz):
@@ -99,12 +84,6 @@ def test_settling_bounds_what_is_left_of_a_step():
     assert Biquad(1.0, 0.0, 0.0, -0.9, 0.0, RATE_HZ).settling_samples(0.5) == 7
 
 
-def test_starts_in_the_steady_state():
-    constant = np.full(50, 9.81)
-    np.testing.assert_array_equal(run(butterworth_high_pass(10.0, RATE_HZ), constant), 0.0)
-    np.testing.assert_allclose(run(bessel_low_pass(20.0, RATE_HZ), constant), 9.81, rtol=1e-12)
-
-
 def test_equals_scipys_filter_started_in_steady_state():
     samples = 9.81 + np.random.default_rng(3).normal(size=400)
     for biquad in (bessel_low_pass(20.0, RATE_HZ), butterworth_high_pass(10.0, RATE_HZ)):
@@ -112,6 +91,8 @@ def test_equals_scipys_filter_started_in_steady_state():
         state = scipy.signal.lfilter_zi(b, a) * samples[0]
         oracle, _ = scipy.signal.lfilter(b, a, samples, zi=state)
         np.testing.assert_allclose(run(biquad, samples), oracle, atol=1e-11)
+    constant = run(butterworth_high_pass(10.0, RATE_HZ), np.full(50, 9.81))
+    np.testing.assert_array_equal(constant, 0.0)
 
 
 def test_silence_ends_in_exact_zeros_not_in_denormals():
@@ -136,23 +117,3 @@ def test_what_is_no_measurement_repeats_the_previous_input(bad):
     np.testing.assert_array_equal(run(biquad, samples), run(biquad, held))
     leading = run(biquad, np.r_[bad, samples])
     np.testing.assert_array_equal(leading, np.r_[0.0, run(biquad, held)])
-
-
-def test_reset_forgets():
-    stepped = BiquadFilter(butterworth_high_pass(10.0, RATE_HZ))
-    fresh = [stepped.step(value) for value in (3.0, 1.0, -2.0)]
-    stepped.reset()
-    assert [stepped.step(value) for value in (3.0, 1.0, -2.0)] == fresh
-
-
-def test_single_precision_scalars_do_not_degrade_the_states():
-    samples = np.random.default_rng(5).normal(size=50).astype(np.float32)
-    stepped = BiquadFilter(bessel_low_pass(20.0, RATE_HZ))
-    narrow = [stepped.step(value) for value in samples]
-    np.testing.assert_array_equal(narrow, run(bessel_low_pass(20.0, RATE_HZ), samples))
-
-
-def test_a_step_is_far_cheaper_than_a_tick():
-    stepped = BiquadFilter(butterworth_high_pass(10.0, RATE_HZ))
-    best_s = min(timeit.repeat(lambda: stepped.step(0.3), number=2000, repeat=5)) / 2000
-    assert best_s < 20e-6  # a fiftieth of the 1 ms tick, even on a slow machine

@@ -93,37 +93,11 @@ def test_stationary_pieces_equal_the_naive_loop(seed, cells, limit, longest_cell
     np.testing.assert_array_equal(found, expected)
 
 
-def test_moments_equal_numpys():
-    inputs = np.random.default_rng(1).normal(5.0, 2.0, size=(7 * CELL, 2))
-    moments = cell_moments(inputs)
-    cells = inputs.reshape(7, CELL, 2)
-    np.testing.assert_allclose(moments[:, :, 0], cells.mean(axis=1))
-    np.testing.assert_allclose(moments[:, :, 1], CELL * cells.var(axis=1))
-
-
 def test_the_callers_moments_are_left_alone():
     moments = cell_moments(np.random.default_rng(1).normal(5.0, 0.1, size=(7 * CELL, 2)))
     before = moments.copy()
     stationary_pieces(np.zeros(7, bool), moments, 1.0, 7)
     np.testing.assert_array_equal(moments, before)
-
-
-def test_a_corner_cuts_the_path_and_a_line_does_not():
-    along = np.arange(20 * CELL) * 0.1
-    line = np.stack([along, 2.0 * along, -along], axis=1)
-    np.testing.assert_array_equal(
-        np.flatnonzero(straight_pieces(np.zeros(20, bool), line, 0.1)), [0]
-    )
-    corner = line.copy()
-    corner[10 * CELL :, 1] = line[10 * CELL, 1]
-    begins = np.flatnonzero(straight_pieces(np.zeros(20, bool), corner, 0.1))
-    assert begins.tolist() == [0, 10]
-
-
-def test_a_path_that_turns_back_on_itself_is_not_straight():
-    along = np.r_[np.arange(10 * CELL), np.arange(10 * CELL)[::-1]] * 0.1
-    path = np.stack([along, 0.0 * along, 0.0 * along], axis=1)
-    assert np.flatnonzero(straight_pieces(np.zeros(20, bool), path, 0.5)).tolist() == [0, 10]
 
 
 def test_a_glitch_does_not_spoil_its_neighbours():
@@ -146,11 +120,3 @@ def test_what_is_no_number_is_never_joined(broken):
     path = np.zeros((9 * CELL, 3))
     path[4 * CELL, 1] = broken
     assert np.all(straight_pieces(np.zeros(9, bool), path, 0.2)[4:6])
-
-
-def test_no_cells_and_one_cell():
-    for cells in (0, 1):
-        starts = np.zeros(cells, bool)
-        assert straight_pieces(starts, np.zeros((cells * CELL, 3)), 1.0).tolist() == [True] * cells
-        moments = cell_moments(np.ones((cells * CELL, 2)))
-        assert stationary_pieces(starts, moments, 1.0, 5).tolist() == [True] * cells

@@ -1,3 +1,5 @@
+"""Frames of a stream are numbered, filtered and brought to one instant."""
+
 from dataclasses import fields
 
 import numpy as np
@@ -9,8 +11,9 @@ from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
+from mmt.core.sequence_numbers import SEQUENCES
 from mmt.texture.settings import LONGEST_BRIDGED, ModellingSettings
-from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.signals.aligned import AlignedBlock, dft321
 from mmt.texture.signals.biquad import bessel_low_pass, butterworth_high_pass
 from mmt.texture.signals.bridging import LARGEST_MEASUREMENT
 from mmt.texture.signals.filtering import StreamFilter, StreamNumbering
@@ -72,22 +75,13 @@ def damaged_streams(draw):
 
 
 @given(damaged=damaged_streams(), axis=st.sampled_from(["x", "z", "dft321"]))
-@settings(max_examples=50)
-def test_partition_into_blocks_does_not_matter(damaged, axis):
-    frames, lengths = damaged
-    whole = StreamFilter(ModellingSettings(axis=axis)).process(frames)
-    assert_identical(in_blocks(StreamFilter(ModellingSettings(axis=axis)), frames, lengths), whole)
-    assert_identical(
-        in_blocks(StreamFilter(ModellingSettings(axis=axis)), frames, [1] * len(frames)), whole
-    )
-
-
-@given(damaged=damaged_streams())
 @settings(max_examples=100)
-def test_gives_out_received_frames_only_and_finite_numbers(damaged):
-    frames, _ = damaged
-    stream = StreamFilter()
-    aligned = stream.process(frames)
+def test_gives_out_received_frames_and_finite_numbers_however_they_come(damaged, axis):
+    frames, lengths = damaged
+    chosen = ModellingSettings(axis=axis)
+    aligned = StreamFilter(chosen).process(frames)
+    for cut in (lengths, [1] * len(frames)):
+        assert_identical(in_blocks(StreamFilter(chosen), frames, cut), aligned)
     received = set(StreamNumbering().number(frames)["sequence"].tolist())
     assert np.all(np.diff(aligned.index) > 0)
     assert set(aligned.index[aligned.measured].tolist()) <= received
@@ -159,23 +153,11 @@ def lag_samples(channel, truth, index):
     return float(shifts[peak] + 0.5 * (below - above) / (below - 2.0 * top + above))
 
 
-def modulation(kind, time_s):
-    if kind == "chirp":
-        return scipy.signal.chirp(time_s, 0.3, time_s[-1], 5.0, phi=-90.0)
-    phases = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, 12)
-    tones = [
-        np.sin(2.0 * np.pi * at_hz * time_s + phase)
-        for at_hz, phase in zip(np.linspace(0.4, 4.0, 12), phases, strict=True)
-    ]
-    return np.sum(tones, axis=0) / 6.0
-
-
-@pytest.mark.parametrize("kind", ["chirp", "tones"])
 @pytest.mark.parametrize("carrier_hz", [90.0, 240.0])
-def test_channels_belong_to_the_same_instant(kind, carrier_hz):
+def test_channels_belong_to_the_same_instant(carrier_hz):
     frames = make_frames(8000)
     time_s = np.arange(8000) / RATE_HZ
-    truth = 1.0 + 0.4 * modulation(kind, time_s)
+    truth = 1.0 + 0.4 * scipy.signal.chirp(time_s, 0.3, time_s[-1], 5.0, phi=-90.0)
     travel_mm = scipy.integrate.cumulative_trapezoid(50.0 * truth, time_s, initial=0.0)
     frames["position_mm"][:, 0] = 0.6 * travel_mm
     frames["position_mm"][:, 1] = 0.8 * travel_mm
@@ -247,26 +229,6 @@ def test_an_offset_that_a_gap_has_changed_settles_first():
     assert np.abs(behind.vibration_m_s2[behind.valid]).max() < 6.0
 
 
-def test_what_a_restart_leaves_is_small_when_samples_become_valid():
-    frames = random_frames(1500)
-    frames["position_mm"][:, 0] = 0.1 * np.arange(1500)
-    frames["position_mm"][:, 1:] = 0.0
-    long_running = StreamFilter().process(frames)
-    restarted = StreamFilter().process(frames[700:])
-    same = long_running[700:]
-    start = int(np.argmax(restarted.valid))
-    speed_error = np.abs(restarted.speed_mm_s - same.speed_mm_s)[start:]
-    assert speed_error.max() < 0.05 * 100.0
-    vibration_error = np.abs(restarted.vibration_m_s2 - same.vibration_m_s2)[start:]
-    assert vibration_error.max() < 0.15  # of 1 m/s2 rms
-
-
-def test_a_late_or_repeated_frame_is_ignored():
-    frames = random_frames(200)
-    tangled = np.insert(frames, [50, 120, 120], frames[[49, 3, 119]])
-    assert_identical(StreamFilter().process(tangled), StreamFilter().process(frames))
-
-
 def test_a_broken_number_in_an_unused_channel_does_no_harm():
     frames = random_frames(400)
     expected = StreamFilter(ModellingSettings(axis="z")).process(frames)
@@ -283,12 +245,6 @@ def test_few_frames(count):
     assert aligned.vibration_m_s2.shape == (len(aligned), 1, 3)
 
 
-def test_all_broken_gives_nothing():
-    frames = random_frames(300)
-    frames["position_mm"] = np.nan
-    assert len(StreamFilter().process(frames)) == 0
-
-
 def test_a_teleporting_position_is_bounded_and_passes():
     frames = make_frames(1000)
     frames["position_mm"][500:, 0] = LARGEST_MEASUREMENT
@@ -297,21 +253,71 @@ def test_a_teleporting_position_is_bounded_and_passes():
     assert aligned.speed_mm_s[800:].max() < 1.0
 
 
-def test_slow_strokes_stay_steady_with_quantised_position_and_noisy_force():
-    generator = np.random.default_rng(4)
-    for direction in np.radians([0.0, 3.0, 45.0]):
-        frames = make_frames(3000)
-        travel_mm = 20.0 * np.arange(3000) / RATE_HZ
-        path_mm = np.outer(travel_mm, [np.cos(direction), np.sin(direction), 0.0])
-        frames["position_mm"] = 0.03 * np.round(path_mm / 0.03)
-        frames["force_n"][:, 2] = 0.2 + 0.005 * generator.normal(size=3000)
-        aligned = StreamFilter().process(frames)
-        kept = aligned[200:]
-        assert kept.speed_mm_s.std() / kept.speed_mm_s.mean() < 0.04
-        assert kept.normal_force_n.std() / kept.normal_force_n.mean() < 0.01
-        assert kept.speed_mm_s.mean() == pytest.approx(20.0, rel=0.01)
-
-
 def test_frames_without_a_channel_are_refused():
     with pytest.raises(InputError, match="frames without force"):
         StreamFilter().process(empty_frames(3, ["position", "acceleration"]))
+
+
+def frames_of(first, count, time_ms=0):
+    frames = empty_frames(count)
+    frames["sequence"] = (first + np.arange(count)) % SEQUENCES
+    frames["time_ns"] = (time_ms + np.arange(count)) * 1_000_000
+    return frames
+
+
+@given(st.integers(0, SEQUENCES - 1), st.lists(st.integers(1, 400), min_size=1, max_size=8))
+def test_numbers_go_on_where_they_wrap_whatever_the_parts(first, parts):
+    frames, numbering = frames_of(first, sum(parts)), StreamNumbering()
+    pieces = np.split(frames, np.cumsum(parts)[:-1])
+    numbers = np.concatenate([numbering.number(part)["sequence"] for part in pieces])
+    np.testing.assert_array_equal(numbers.astype(np.int64), first + np.arange(len(frames)))
+
+
+@given(st.integers(0, 5000), st.integers(0, 5000), st.booleans(), st.integers(1, 4000))
+def test_a_sender_that_starts_anew_goes_on_behind_a_gap(first, again, own_clock, part):
+    before = frames_of(first, 3000, time_ms=10)
+    after = frames_of(again, 3000, time_ms=10 if own_clock else 3500)
+    if again > first and (own_clock or again >= first + 3000):
+        return  # a gap, or frames that came late: nothing tells that the sender is another
+    frames, numbering = np.concatenate([before, after]), StreamNumbering()
+    pieces = np.split(frames, range(part, len(frames), part))
+    numbers = np.concatenate([numbering.number(one)["sequence"] for one in pieces]).astype(int)
+    steps = np.diff(numbers)
+    assert steps[2999] > 1000
+    assert (np.delete(steps, 2999) == 1).all()
+    assert numbers[3000] % 1000 == 0
+
+
+def test_late_and_repeated_frames_keep_their_numbers():
+    frames = frames_of(100, 2000)
+    tangled = np.insert(frames, [1, 50, 1200, 1200], frames[[0, 49, 300, 1199]])
+    assert StreamNumbering().number(tangled) is tangled
+    assert len(StreamNumbering().number(frames[:0])) == 0
+
+
+@given(count=st.integers(1, 400), seed=st.integers(0, 100), exponent=st.integers(-100, 100))
+@settings(max_examples=60)
+def test_keeps_energy_in_every_bin(count, seed, exponent):
+    axes = np.random.default_rng(seed).normal(size=(count, 3)) * 10.0**exponent
+    reduced = dft321(axes)
+    assert reduced.shape == (count,)
+    np.testing.assert_allclose((reduced**2).sum(), (axes**2).sum(), rtol=1e-12)
+    power = (np.abs(np.fft.rfft(axes, axis=0)) ** 2).sum(axis=1)
+    np.testing.assert_allclose(
+        np.abs(np.fft.rfft(reduced)) ** 2, power, rtol=1e-9, atol=1e-12 * power.max()
+    )
+
+
+def test_takes_the_phase_of_the_sum():
+    axes = np.random.default_rng(1).normal(size=(256, 3))
+    expected = np.angle(np.fft.rfft(axes.sum(axis=1))[1:-1])
+    difference = np.angle(np.fft.rfft(dft321(axes))[1:-1]) - expected
+    np.testing.assert_allclose(np.exp(1j * difference), 1.0, atol=1e-9)
+
+
+def test_axes_that_cancel_keep_their_energy():
+    signal = np.sin(2.0 * np.pi * 0.1 * np.arange(200))
+    reduced = dft321(np.stack([signal, -signal, np.zeros(200)], axis=1))
+    assert (reduced**2).sum() == pytest.approx(2.0 * (signal**2).sum(), rel=1e-9)
+    assert dft321(np.zeros((0, 3))).shape == (0,)
+    np.testing.assert_array_equal(dft321(np.zeros((50, 3))), 0.0)

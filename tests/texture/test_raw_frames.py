@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
-from mmt.core.sequence_numbers import SEQUENCES
 from mmt.scene import Scene
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.online.history import build_model
@@ -32,15 +31,6 @@ def modelled(frames, period=1000):
 
 def contents(modeller):
     return modeller.model.to_bytes()
-
-
-def test_numbers_that_wrap_give_the_same_model(stroked):
-    wrapped = stroked.copy()
-    wrapped["sequence"] = (stroked["sequence"].astype(np.int64) - 2000) % SEQUENCES
-    # 2^32 is no multiple of the grid of segments: as if the session had begun there
-    begun = stroked.astype([("sequence", "<i8"), *stroked.dtype.descr[1:]])
-    begun["sequence"] += SEQUENCES - 2000
-    assert contents(modelled(wrapped)) == contents(modelled(begun))
 
 
 @pytest.mark.parametrize("period", [1000, 700])
@@ -98,20 +88,6 @@ def test_a_frame_that_is_no_measurement_counts_as_missing(seed, channel, value):
     for name in ("index", "speed_mm_s", "normal_force_n", "vibration_m_s2", "valid", "measured"):
         np.testing.assert_array_equal(getattr(ours, name), getattr(expected, name))
     assert round(1000 * one.faults.not_finite_s) == broken.sum()
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        *(("rate_hz", rate) for rate in (np.nan, 0, -5, np.inf, "1000", None, True)),
-        *(("normal", axis) for axis in ("q", 2, None)),
-        *(("axis", axis) for axis in ("q", "xy", None)),
-        *(("longest_bridged_samples", n) for n in (-1, 2.5, np.nan, 11, True)),
-    ],
-)
-def test_what_a_filter_cannot_be_made_of_is_refused(name, value):
-    with pytest.raises(InputError, match=f"^{name} is .*, allowed is "):
-        StreamFilter(ModellingSettings(**{name: value}))
 
 
 @pytest.mark.parametrize(

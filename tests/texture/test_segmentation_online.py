@@ -1,14 +1,14 @@
 """Online segmentation against one pass with everything known, on strokes as hands make them."""
 
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.signal
+from test_segmentation import online, ranges
 
 from mmt.core.frames import empty_frames
-from mmt.texture.segmentation.segmenter import OnlineSegmenter, SampleRange, segment
+from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.signals.filtering import StreamFilter
 
 RATE_HZ = 1000.0
@@ -71,15 +71,6 @@ def circles(seed, count, radius_mm=60.0):
     return as_measured(generator, speed_mm_s, force_n, heading)
 
 
-def run_online(block, period):
-    segmenter, live = OnlineSegmenter(), set()
-    for start in range(0, len(block), period):
-        change = segmenter.update(block[start : start + period])
-        live -= set(change.removed)
-        live |= {SampleRange(found.start, found.stop) for found in change.added}
-    return sorted(live)
-
-
 def share_near(ours, others):
     """Return the share of our boundaries that have one of the others within 10 samples."""
     mine, theirs = np.unique(ours), np.unique(others)
@@ -95,8 +86,8 @@ def test_movements_are_cut_online_as_offline(movement, least_there, least_back, 
     there, back = [], []
     for seed in range(5):
         block = movement(seed, 30_000)
-        offline = [SampleRange(found.start, found.stop) for found in segment(block)]
-        found = run_online(block, period)
+        offline = ranges(segment(block))
+        found = ranges(online(block, period).live.values())
         assert len(offline) > 25
         there.append(share_near(offline, found))
         back.append(share_near(found, offline))
@@ -118,10 +109,10 @@ def test_a_persons_strokes_are_found_online_as_offline(run):
     noise = np.random.default_rng(1).normal(size=len(frames))  # no vibration was recorded
     frames["acceleration_m_s2"][:, 2] = noise
     block = StreamFilter().process(frames)
-    offline = [SampleRange(found.start, found.stop) for found in segment(block)]
+    offline = ranges(segment(block))
     assert len(offline) >= 8  # strokes to and fro at about 2 Hz for 5 s, some too curved
     for period in (250, 1000):
-        assert share_near(offline, run_online(block, period)) >= 0.9
+        assert share_near(offline, ranges(online(block, period).live.values())) >= 0.9
 
 
 @pytest.mark.parametrize("speed_mm_s", [20.0, 250.0])
@@ -135,20 +126,3 @@ def test_sensor_noise_does_not_break_a_steady_stroke(speed_mm_s):
     assert found.stop - found.start >= 780
     assert found.speed_mm_s == pytest.approx(speed_mm_s, rel=0.01)
     assert found.force_n == pytest.approx(0.2, rel=0.01)
-
-
-def test_most_of_what_is_steady_is_found():
-    block = strokes(11, 30_000)
-    covered = sum(found.stop - found.start for found in segment(block))
-    assert covered > 0.65 * len(block)
-
-
-def test_an_update_takes_a_small_part_of_its_period():
-    block = strokes(0, 12_000)
-    segmenter = OnlineSegmenter()
-    durations_s = []
-    for start in range(0, len(block), 1000):
-        begin = time.perf_counter()
-        segmenter.update(block[start : start + 1000])
-        durations_s.append(time.perf_counter() - begin)
-    assert np.median(durations_s) < 0.05  # of 1 s; measured 0.0004

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from surface_samples import BLOCK, PEAKED, SMOOTH, make_blocks
 
-from mmt.core.errors import InputError
-from mmt.texture.settings import SurfaceSettings
 from mmt.texture.surfaces.tracking import TEMPER, WINDOW, SurfaceDetector
 
 
@@ -36,16 +34,6 @@ def test_another_spectrum_is_found_in_a_second_and_where_it_began():
     (found,) = followed(detector, make_blocks(PEAKED, 40, 6, first=120))
     assert 118 * BLOCK <= found.from_sample <= 121 * BLOCK
     assert found.at_sample <= 140 * BLOCK
-
-
-def test_each_change_between_two_surfaces_is_found_once():
-    detector = SurfaceDetector()
-    found = []
-    for turn, ar in enumerate((SMOOTH, PEAKED, SMOOTH, PEAKED)):
-        found += followed(detector, make_blocks(ar, 100, turn, first=100 * turn))
-    assert len(found) == 3
-    for number, one in enumerate(found, 1):
-        assert abs(one.from_sample - 100 * number * BLOCK) <= 2 * BLOCK
 
 
 def test_one_stroke_alone_is_no_other_surface():
@@ -101,9 +89,3 @@ def test_the_newest_blocks_alone_are_kept():
 def test_a_lower_rate_of_false_alarms_takes_more_evidence():
     often, seldom = (SurfaceDetector(rate).least_evidence for rate in (10.0, 0.1))
     assert TEMPER * seldom == pytest.approx(TEMPER * often + np.log(100.0))
-
-
-@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf])
-def test_a_rate_that_cannot_be_is_refused(rate):
-    with pytest.raises(InputError, match="false_alarms"):
-        SurfaceSettings(rate)

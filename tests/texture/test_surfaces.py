@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_t
 from stream_samples import aligned
-from surface_samples import BLOCK, PEAKED, SMOOTH, make_blocks
+from surface_samples import PEAKED, SMOOTH, make_blocks
 
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
@@ -18,7 +18,6 @@ from mmt.texture.surfaces.blocks import (
     SurfaceBlockCutter,
     SurfaceRegression,
     features,
-    spectrum_components,
 )
 
 
@@ -31,9 +30,6 @@ def stream(count, *, speed=100.0, force=1.0, first=0, rms=1.0):
 
 def cutter():
     return SurfaceBlockCutter(ModellingSettings())
-
-
-# --- blocks
 
 
 def test_the_cut_into_updates_does_not_matter():
@@ -71,20 +67,6 @@ def test_what_is_but_noise_of_the_sensor_is_in_no_block():
     assert len(parts.cut(stream(500, first=1000, rms=0.1 * np.sqrt(2.0 * AUDIBLE)))) > 5
 
 
-def test_a_louder_block_differs_in_its_level_alone():
-    vibration = np.random.default_rng(2).standard_normal((4, BLOCK, 1))
-    apart = spectrum_components(2.0 * vibration) - spectrum_components(vibration)
-    np.testing.assert_allclose(apart[:, 0], np.log(4.0))
-    np.testing.assert_allclose(apart[:, 1:], 0.0, atol=1e-12)
-
-
-def test_silence_has_a_finite_spectrum():
-    assert np.isfinite(spectrum_components(np.zeros((1, BLOCK, 1)))).all()
-
-
-# --- what is expected of blocks
-
-
 def arrays(blocks, *, directed=False):
     strokes = np.array([block.stroke for block in blocks])
     return features(strokes, directed=directed), np.array([block.values for block in blocks])
@@ -105,9 +87,7 @@ def test_the_density_is_that_of_the_conjugate_model():
     prior, shape, rate = surface.covariance.copy(), surface.shape, surface.rate.copy()
     expected = sum(
         multivariate_t(
-            np.zeros(6),
-            rate[k] / shape * (np.eye(6) + rows @ prior[k] @ rows.T),
-            df=2.0 * shape,
+            np.zeros(6), rate[k] / shape * (np.eye(6) + rows @ prior[k] @ rows.T), df=2.0 * shape
         ).logpdf(values[:, k])
         for k in range(6)
     )
@@ -121,26 +101,6 @@ def test_learned_blocks_tell_as_much_as_those_before_in_the_same_row():
     together = surface.log_densities(rows, values)[20:]
     surface.learn(rows[:20], values[:20])
     np.testing.assert_allclose(surface.log_densities(rows[20:], values[20:]), together)
-
-
-def test_own_blocks_are_likelier_than_those_of_another_surface():
-    surface = learned(make_blocks(SMOOTH, 300, 3))
-    own = surface.log_densities(*arrays(make_blocks(SMOOTH, 30, 4))).sum()
-    assert own > surface.log_densities(*arrays(make_blocks(PEAKED, 30, 5))).sum() + 50.0
-    assert (
-        own
-        > SurfaceRegression(directed=False).log_densities(*arrays(make_blocks(SMOOTH, 30, 4))).sum()
-    )
-
-
-def test_a_surface_is_known_where_it_was_touched_and_less_far_from_there():
-    surface = learned(make_blocks(SMOOTH, 60, 3, low=(0.3, 0.3), high=(0.5, 0.5)))
-    near, far = (
-        surface.innovations(*arrays(make_blocks(SMOOTH, 1, 9, low=at, high=at))).deviation[0, 0]
-        for at in ((0.4, 0.4), (1.0, 0.05))
-    )
-    unknown = SurfaceRegression(directed=False).innovations(*arrays(make_blocks(SMOOTH, 1, 9)))
-    assert near < far < unknown.deviation[0, 0]
 
 
 @settings(max_examples=20)

@@ -1,15 +1,22 @@
 """Frames with several samples of the acceleration: the same figures as with one, in more detail."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from stream_samples import stroked
 from test_filtering import WARM_UP, assert_identical, in_blocks
 
 import mmt
 from mmt.core.errors import InputError
 from mmt.core.frames import frame_dtype, samples_per_frame
+from mmt.leader.output.model_output import ModelOutput
+from mmt.leader.output.synthesis import SynthesizingPart
+from mmt.leader.part import Session
+from mmt.scene.files import scene_from_tables
 from mmt.texture.autoregression.burg import burg
 from mmt.texture.autoregression.forms import (
     ar_spectrum,
@@ -18,22 +25,10 @@ from mmt.texture.autoregression.forms import (
     reflection_to_ar,
     reflection_to_lsf,
 )
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import build_model
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.bridging import fill
 from mmt.texture.signals.filtering import StreamFilter
-
-
-def stroked(acceleration):
-    """Frames of a stroke at 100 mm/s and 1 N, with acceleration (n, k, 3)."""
-    count, per_frame, _ = acceleration.shape
-    frames = np.zeros(count, frame_dtype(samples_per_frame=per_frame))
-    frames["sequence"] = np.arange(count)
-    frames["time_ns"] = 1_000_000 * np.arange(count)
-    frames["position_mm"][:, 0] = 0.1 * np.arange(count)
-    frames["force_n"][:, 2] = 1.0
-    frames["acceleration_m_s2"] = acceleration.reshape(frames["acceleration_m_s2"].shape)
-    return frames
 
 
 def textured(count, per_frame, seed=0):
@@ -109,22 +104,6 @@ def test_a_frame_is_measured_if_all_its_samples_are():
     assert stream.faults.held_s == pytest.approx(0.006)
 
 
-def test_a_gap_is_filled_better_than_by_a_line():
-    errors = []
-    for seed in range(20):
-        whole = textured(300, 10, seed).reshape(-1, 3)[:, 2:].copy()
-        filled, unknown = whole.copy(), np.zeros(len(whole), np.bool_)
-        unknown[2000:2030] = True
-        line = np.linspace(whole[1999, 0], whole[2030, 0], 32)[1:-1]
-        fill(filled, unknown, 2000, 2030, 2000, 2110, 10)
-        truth = whole[2000:2030, 0]
-        errors.append(
-            [np.square(filled[2000:2030, 0] - truth).sum(), np.square(line - truth).sum()]
-        )
-    by_model, by_line = np.sum(errors, axis=0)
-    assert by_model < 0.7 * by_line
-
-
 @pytest.mark.parametrize("per_frame", [2, 10])
 def test_a_texture_has_the_same_level_and_spectrum_at_any_rate(per_frame):
     frames, _ = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=8.0)
@@ -177,3 +156,58 @@ def test_resonances_close_to_zero_keep_their_filter_at_the_largest_order(lines, 
     told = lsf_spectrum(lsf, 1.0, frequencies_hz, 1e4)
     exact = ar_spectrum(reflection_to_ar(reflection), 1.0, frequencies_hz, 1e4)
     np.testing.assert_allclose(10.0 * np.log10(told / exact), 0.0, atol=1e-3)
+
+
+def model_of(rate_hz):
+    shipped = mmt.load_model("oak")
+    return TextureModel(shipped.samples, method="published", rate_hz=rate_hz)
+
+
+@pytest.mark.parametrize("rate_hz", [500.0, 2000.0])
+async def test_every_way_into_a_session_resamples_a_model_of_another_rate(rate_hz, tmp_path):
+    model = model_of(rate_hz)
+    file = tmp_path / "other.npz"
+    model.save(file)
+    scene = scene_from_tables(
+        {
+            "hand": {},
+            "link": {},
+            "simulated": {},
+            "texture": {},
+            "actuator": {},
+            "rendering": {"model": str(file)},
+        }
+    )
+    told = []
+    session = Session(scene, told.append)
+    saved, shared = SynthesizingPart.build(session), SynthesizingPart.build(session)
+    assert saved is not None
+    shared.synthesizer.model = None
+    ModelOutput(session, synthesizing=saved).begin()
+    await ModelOutput(session, synthesizing=shared).use_shared(model, None)
+    what = "nothing above 250 Hz is in it" if rate_hz < 1000 else "what is above 500 Hz is left out"
+    assert told == [f"the model is of {rate_hz:g} Hz and is played at 1000 Hz: {what}"] * 2
+    below_hz = np.arange(20.0, 0.4 * min(rate_hz, 1000.0))
+    wanted = model.spectrum(120.0, 1.0, frequencies_hz=below_hz)
+    for part in (saved, shared):
+        assert part.synthesizer.model.rate_hz == 1000.0
+        played = part.synthesizer.model.spectrum(120.0, 1.0, frequencies_hz=below_hz)
+        assert np.sqrt(np.mean((10.0 * np.log10(played / wanted)) ** 2)) < 2.0
+
+
+def test_frames_stamped_at_another_rate_are_refused():
+    frames, truth = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=3.0)
+    mmt.build_model(frames)
+    slow = frames.copy()
+    slow["time_ns"] = slow["time_ns"][0] + 2 * (frames["time_ns"] - frames["time_ns"][0])
+    settings = dataclasses.replace(mmt.ModellingSettings())
+    for use in (
+        lambda: mmt.build_model(slow, settings),
+        lambda: mmt.evaluate_session(mmt.RecordedSession(slow, annotations=truth)),
+    ):
+        with pytest.raises(InputError, match="500 Hz"):
+            use()
+    jittered = frames.copy()
+    jitter_ns = np.random.default_rng(1).integers(-400_000, 400_000, len(frames))
+    jittered["time_ns"] += jitter_ns
+    mmt.build_model(jittered)
