@@ -40,23 +40,6 @@ def test_kelvin_voigt_is_found_from_foam_to_rigid(stiffness, surface):
     assert found.damping_n_s_m == pytest.approx(truth.damping_n_s_m, rel=near)
 
 
-def test_noise_of_a_sensor_does_not_hide_a_spring():
-    truth = ContactModel(0.0, 1500.0, damping_n_s_m=5.0)
-    found = learn(truth, strokes(4.0, 3e-3), noise_n=0.05).best()
-    assert found.stiffness_n_m == pytest.approx(1500.0, rel=0.05)
-
-
-@pytest.mark.parametrize("exponent", [1.3, 1.8])
-def test_hunt_crossley_is_found_and_chosen_where_the_spring_is_not_linear(exponent):
-    truth = ContactModel(0.0, 5.0 / 0.003**exponent, exponent, dissipation_s_m=0.3)
-    estimator = learn(truth, strokes(4.0, 3e-3))
-    found, best = estimator.hunt_crossley(), estimator.best()
-    assert found.exponent == pytest.approx(exponent, rel=0.15)
-    assert best.exponent == found.exponent
-    for depth in (1e-3, 2e-3, 3e-3):
-        assert best.spring_n(depth) == pytest.approx(truth.spring_n(depth), rel=0.15, abs=0.1)
-
-
 def test_a_surface_that_changes_is_followed():
     estimator = learn(ContactModel(0.0, 5000.0), strokes(3.0, 1e-3))
     soft = ContactModel(0.0, 500.0)
@@ -109,17 +92,6 @@ def test_without_contact_there_is_no_model():
         estimator.update(depth, 0.02 * math.sin(1e4 * depth))
     assert estimator.best() is None
     assert estimator.contacts == estimator.samples == 0
-
-
-def test_rest_in_contact_teaches_nothing_and_forgets_nothing():
-    wall = ContactModel(0.0, 2000.0, damping_n_s_m=4.0)
-    estimator = learn(wall, strokes(3.0, 2e-3))
-    before = estimator.kelvin_voigt()
-    depth = 1e-3
-    for _ in range(20_000):
-        estimator.update(depth, wall.force_n(depth, 0.0))
-    after = estimator.kelvin_voigt()
-    assert after.stiffness_n_m == pytest.approx(before.stiffness_n_m, rel=0.02)
 
 
 def test_what_is_not_finite_is_left_out():

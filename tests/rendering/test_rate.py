@@ -22,10 +22,7 @@ NOISE = np.random.default_rng(1).standard_normal(41_000)
 PAIRS = [(1000, 2000), (1000, 44_100), (1000, 48_000), (10_000, 2000), (2000, 1000), (1000, 8192)]
 
 
-@given(
-    st.sampled_from(PAIRS),
-    st.lists(st.integers(0, 400), min_size=1, max_size=20),
-)
+@given(st.sampled_from(PAIRS), st.lists(st.integers(0, 400), min_size=1, max_size=20))
 @settings(max_examples=40)
 def test_the_size_of_blocks_does_not_matter(pair, counts):
     converter, position, parts = RateConverter(*pair), 0, []
@@ -79,18 +76,9 @@ def test_equal_rates_pass_samples_through():
     assert converter.delay_s == 0
 
 
-def test_nothing_asked_needs_nothing():
-    converter = RateConverter(1000, 44_100)
-    assert converter.needed(0) == 0
-    assert len(converter.convert(np.zeros(0))) == 0
-
-
 @pytest.mark.parametrize("rate_hz", [0.0, -1.0, np.nan, np.inf])
 def test_a_rate_that_is_none_is_refused(rate_hz):
     with pytest.raises(InputError, match="sampling rate"):
         RateConverter(1000, rate_hz)
-
-
-def test_rates_without_a_simple_ratio_are_refused():
     with pytest.raises(InputError, match="no simple fraction"):
         RateConverter(1000.01, 44_100.07)
