@@ -7,7 +7,9 @@ import time
 
 import numpy as np
 import pytest
+from plugin_samples import install_package
 from service_runs import Together, small_scene
+from waiting import until
 
 from mmt.core.errors import InputError
 from mmt.evaluation.run_verdict import fault_sentences
@@ -19,6 +21,7 @@ from mmt.session.files import read_session, write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.online.modeller import OnlineModeller
 from mmt_methods.generators.part import GeneratingPart
+from mmt_methods.generators.registry import GROUP
 
 ORIGIN = "band_plugin:band of band-plugin 2.1"
 
@@ -28,18 +31,12 @@ PLUGIN = '''
 import os
 import time
 
-import cmath
-import math
-
 import numpy as np
 
-POLE = 0.985 * cmath.exp(2j * math.pi * 400.0 / 1000.0)
-"""Of a resonance 5 Hz wide."""
+POLE = 0.985 * np.exp(2j * np.pi * 400.0 / 1000.0)  # of a resonance 5 Hz wide
 
 
 class BandNoise:
-    """At each stroke as loud as recorded segments near it."""
-
     def __init__(self, segments, fault=None):
         self._points = np.array([(s.speed_mm_s / 300.0, s.force_n / 3.0) for s in segments])
         self._rms = np.array([s.vibration_m_s2.std() for s in segments])
@@ -56,7 +53,7 @@ class BandNoise:
             return self._fault(force_n)
         output = np.empty(len(force_n))
         for index, noise in enumerate(self._random.standard_normal(len(force_n))):
-            self._state = POLE * self._state + noise * math.sqrt(2.0 - 2.0 * abs(POLE) ** 2)
+            self._state = POLE * self._state + noise * np.sqrt(2.0 - 2.0 * abs(POLE) ** 2)
             output[index] = self._state.real
         here = np.stack([speed_mm_s / 300.0, force_n / 3.0], axis=1)
         near = np.exp(-20.0 * np.square(here[:, None] - self._points).sum(axis=2)) + 1e-9
@@ -106,16 +103,9 @@ def quits(observed, previous):
 def plugin(tmp_path, monkeypatch):
     """An installed package, by its files alone, that offers these generators."""
     (tmp_path / "band_plugin.py").write_text(PLUGIN, encoding="utf-8")
-    metadata = tmp_path / "band_plugin-2.1.dist-info"
-    metadata.mkdir()
-    about = "Metadata-Version: 2.1\nName: band-plugin\nVersion: 2.1\n"
-    (metadata / "METADATA").write_text(about)
-    names = ["band", "nan", "leaving", "hanging", "build_raising", "no_copy", "quits"]
-    lines = [f"{name} = band_plugin:{name}" for name in names]
-    text = "\n".join(["[mmt.generators]", *lines, "lacking = band_plugin:absent", ""])
-    (metadata / "entry_points.txt").write_text(text)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    return tmp_path
+    names = ["band", "nan", "leaving", "hanging", "build_raising", "no_copy", "quits", "lacking"]
+    offered = {name: f"band_plugin:{name}" for name in names}
+    install_package(tmp_path, monkeypatch, "band-plugin", {GROUP: offered}, version="2.1")
 
 
 def scene_with(directory, generator, duration_s=3.5):
@@ -158,9 +148,8 @@ async def test_it_is_fitted_while_the_surface_is_touched_felt_and_recorded(tmp_p
     recorded = read_session(scene.recording.file)
     assert recorded.scene["rendering"]["generator"] == "band"
     events = [event for event in recorded.events if event.get("generator") == "band"]
-    assert [(event["event"], event["origin"], event["heard"]) for event in events] == [
-        (said, ORIGIN, True)
-    ]
+    told = [(event["event"], event["origin"], event["heard"]) for event in events]
+    assert told == [(said, ORIGIN, True)]
     assert recorded.models  # ours, which listeners get
     assert band_share(recorded, "synthesized", events[0]["time_s"] + 0.2) > 0.8
     assert band_share(recorded, "streamed", 0.0) < 0.3
@@ -272,7 +261,7 @@ class Events(Part):
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("lacking", "generator 'lacking': band_plugin:absent cannot be imported"),
+        ("lacking", "generator 'lacking': band_plugin:lacking cannot be imported"),
         ("unknown", "generator 'unknown' is not known; allowed are band, "),
     ],
 )
@@ -297,14 +286,18 @@ def test_a_scene_without_one_imports_nothing_of_it(tmp_path):
         "import sys; from mmt.leader import parts; from mmt.leader.output import vibration;"
         "print([m for m in sys.modules if 'generat' in m and m.startswith('mmt.leader')])"
     )
-    assert (
-        subprocess.check_output([sys.executable, "-c", program], text=True, timeout=150).strip()
-        == "[]"
-    )
+    printed = subprocess.check_output([sys.executable, "-c", program], text=True, timeout=150)
+    assert printed.strip() == "[]"
 
 
 def test_after_a_reset_it_learns_anew(tmp_path, plugin):
     part, work = part_with(tmp_path, "band"), strokes()
+
+    def renders():
+        part.vibration.render(*MOTION)
+        part.poll()
+        return part.vibration.is_rendered
+
     try:
         part.connect()
         for epoch in range(2):
@@ -312,12 +305,7 @@ def test_after_a_reset_it_learns_anew(tmp_path, plugin):
             part.start_rendering()
             assert not part.vibration.is_rendered
             feed(part, work)
-            deadline_s = time.monotonic() + 60.0
-            while not part.vibration.is_rendered and time.monotonic() < deadline_s:
-                part.vibration.render(*MOTION)
-                part.poll()
-                time.sleep(0.01)
-            assert part.vibration.is_rendered, part.faults()
+            until(renders)
             part.reset()
     finally:
         end(part)

@@ -76,17 +76,10 @@ def test_a_module_that_fails_as_it_is_imported_is_told(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("what", "message"),
     [
-        (
-            ValueError("no\nstroke"),
-            "generator mine: generate raised ValueError: no stroke",
-        ),
-        (
-            KeyError(),
-            r"generator mine: generate raised KeyError \(.*test_generators.py, line \d+\)$",
-        ),
+        (ValueError("no\nstroke"), "generator mine: generate raised ValueError: no stroke"),
+        (KeyError(), r"mine: generate raised KeyError \(.*test_generators.py, line \d+\)$"),
         (np.zeros(9), r"gave the shape \(9,\) for inputs of 10 samples: \(10,\) is due"),
         (np.zeros((10, 1)), r"gave the shape \(10, 1\)"),
-        (0.0, r"gave the shape \(\)"),
         (None, r"gave the shape \(\)"),
         ("loud", "gave str, no array of numbers"),
         (np.full(10, np.nan), "gave a sample that is no number"),
@@ -116,9 +109,6 @@ def test_a_generator_has_arrays_of_its_own_and_a_list_will_do():
     guarded.reset(5)
     assert mine.seed == 5
     assert not guarded.directed
-
-
-def test_what_has_no_generate_is_no_generator():
     with pytest.raises(GeneratorFault, match="returned list, which has no method reset"):
         GuardedGenerator("mine", [])
 

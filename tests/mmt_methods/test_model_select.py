@@ -1,18 +1,21 @@
 """`mmt model select`: trials and models, from files to a thinner model."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from command_runs import run
+from library_samples import directed
 
-from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.scene import Scene
 from mmt.session.files import write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.space import TextureSamples
+from mmt_methods.selection import select
+from mmt_methods.selection.command import selection_plane
+from mmt_methods.selection.pooling import pool_models
 
 KNOCK_AT = (4150, 9150)  # well inside of segments
 
@@ -33,12 +36,11 @@ def trials(tmp_path_factory):
     return paths
 
 
-def run(*arguments):
-    return CliRunner().invoke(app, ["model", "select", *map(str, arguments)])
+select_command = partial(run, "model", "select")
 
 
 def test_trials_become_a_thinner_model_without_the_knocks(trials, tmp_path):
-    result = run(
+    result = select_command(
         *trials,
         *("--output", tmp_path / "thin.npz", "--plot", tmp_path / "plane.png"),
         *("--json", tmp_path / "s.json"),
@@ -58,12 +60,12 @@ def test_trials_become_a_thinner_model_without_the_knocks(trials, tmp_path):
 
 def test_models_are_pooled_and_the_published_algorithm_can_be_asked(trials, tmp_path):
     whole = tmp_path / "whole.npz"
-    assert run(*trials, "--tau", 0, "--output", whole).exit_code == 0
-    result = run(whole, whole, "--json", tmp_path / "m.json")
+    assert select_command(*trials, "--tau", 0, "--output", whole).exit_code == 0
+    result = select_command(whole, whole, "--json", tmp_path / "m.json")
     assert result.exit_code == 0, result.output
     assert "a model has no segments" in result.output
     assert json.loads((tmp_path / "m.json").read_text())["compression"] >= 2.0
-    published = run(*trials, "--method", "published", "--json", tmp_path / "p.json")
+    published = select_command(*trials, "--method", "published", "--json", tmp_path / "p.json")
     assert published.exit_code == 0, published.output
     assert "spectral error" in published.output
 
@@ -71,41 +73,31 @@ def test_models_are_pooled_and_the_published_algorithm_can_be_asked(trials, tmp_
 def test_a_scene_that_models_as_published_selects_as_published(trials, tmp_path):
     scene = tmp_path / "published.toml"
     scene.write_text('[link]\n[simulated]\n[hand]\n[texture]\nmethod = "published"\n')
-    by_scene = run(*trials, "--scene", scene, "--json", tmp_path / "scene.json")
-    asked = run(*trials, "--method", "published", "--json", tmp_path / "asked.json")
+    by_scene = select_command(*trials, "--scene", scene, "--json", tmp_path / "scene.json")
+    asked = select_command(*trials, "--method", "published", "--json", tmp_path / "asked.json")
     assert (by_scene.exit_code, asked.exit_code) == (0, 0), by_scene.output
     first, other = (json.loads((tmp_path / f).read_text()) for f in ("scene.json", "asked.json"))
     assert first["samples"] == other["samples"]
-    ours = run(*trials, "--scene", scene, "--method", "ours")
+    ours = select_command(*trials, "--scene", scene, "--method", "ours")
     assert "its spectral error" not in ours.output
 
 
-def test_a_model_whose_heading_counts_is_drawn_in_two_planes(tmp_path):
-    from mmt.texture.space import InputSpace
-    from mmt_methods.selection import select
-    from mmt_methods.selection.command import selection_plane
-    from mmt_methods.selection.pooling import pool_models
-
-    generator = np.random.default_rng(0)
-    velocity = generator.uniform(-150, 150, (40, 2))
-    inputs = np.column_stack([velocity, generator.uniform(0.3, 2.5, 40)])
-    lsf = np.tile([0.5, 1.0, 1.5, 2.0], (40, 1)) + 0.01 * generator.random((40, 1))
-    samples = TextureSamples(inputs, lsf, np.ones(40), 2 * np.ones(40), InputSpace("anisotropic"))
-    pool = pool_models([TextureModel(samples)], ["a"])
+def test_a_model_whose_heading_counts_is_drawn_in_two_planes():
+    pool = pool_models([directed(0), directed(1)], ["a", "b"])
     figure = selection_plane(pool.samples, select(pool.data))
     assert len(figure.axes) == 2
-    assert pool.model(np.arange(40) < 20).space.directed
+    assert pool.model(np.arange(24) < 12).space.directed
 
 
 def test_what_cannot_be_selected_from_is_refused(trials, tmp_path):
     whole = tmp_path / "whole.npz"
-    assert run(*trials, "--output", whole).exit_code == 0
+    assert select_command(*trials, "--output", whole).exit_code == 0
     for arguments, words in (
         ((whole, trials[0]), "one kind"),
         ((trials[0], "--output", tmp_path / "x.txt"), "must end in"),
         ((tmp_path / "absent.npz",), "absent"),
         ((whole, "--scene", "demo"), "--scene"),
     ):
-        result = run(*arguments)
+        result = select_command(*arguments)
         assert isinstance(result.exception, InputError)
         assert words in str(result.exception)

@@ -13,6 +13,7 @@ from mmt.scene import Scene
 from mmt.session.data import RecordedSession
 from mmt.session.files import write_session
 from mmt.testing.simulation.offline import simulate_session
+from mmt.texture.autoregression.forms import lsf_to_ar
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.space import InputSpace, TextureSamples
@@ -24,21 +25,13 @@ ORDER = 6
 SETTINGS = ModellingSettings(order=ORDER)
 
 
-def coefficients(lsf):
-    """The filter 1, a1, ... of line spectral frequencies (order,), as a mean of two polynomials."""
-    first, second = np.array([1.0, 1.0]), np.array([1.0, -1.0])
-    for number, frequency in enumerate(lsf):
-        factor = [1.0, -2.0 * np.cos(frequency), 1.0]
-        if number % 2 == 0:
-            first = np.convolve(first, factor)
-        else:
-            second = np.convolve(second, factor)
-    return (0.5 * (first + second))[:-1]
+def taps(lsf):
+    return np.append(1.0, lsf_to_ar(lsf))
 
 
 def amplitude(row):
     """The amplitude spectrum of a row of frequencies and a variance."""
-    _, response = freqz(1.0, coefficients(row[:-1]), worN=2.0 * np.pi * band())
+    _, response = freqz(1.0, taps(row[:-1]), worN=2.0 * np.pi * band())
     return np.sqrt(row[-1]) * np.abs(response)
 
 
@@ -118,7 +111,7 @@ def test_a_pools_samples_are_those_of_their_segments(sessions):
     assert len(samples) == len(pool.data.segments) > 10
     for row, segment in enumerate(pool.data.segments):
         assert samples.power[row] == pytest.approx(np.mean(np.square(segment)))
-        error = lfilter(coefficients(samples.lsf[row]), [1.0], segment)[ORDER:]
+        error = lfilter(taps(samples.lsf[row]), [1.0], segment)[ORDER:]
         assert samples.variance[row] == pytest.approx(np.mean(error**2), rel=0.1)
     np.testing.assert_allclose(pool.data.points, samples.inputs / (300.0, 3.0))
     kept = np.arange(len(samples)) % 2 == 0
@@ -126,14 +119,6 @@ def test_a_pools_samples_are_those_of_their_segments(sessions):
     assert (model.method, model.rate_hz) == ("field", 1000.0)
     np.testing.assert_array_equal(model.samples.inputs, samples.inputs[kept])
     assert pool_sessions(sessions, ModellingSettings()).samples.lsf.shape[1] >= 2
-
-
-def test_a_session_whose_numbers_start_again_is_pooled_whole(sessions):
-    frames = [session.frames.copy() for session in sessions]
-    frames[1]["time_ns"] += 10_000_000_000
-    together = pool_sessions([RecordedSession(np.concatenate(frames))], SETTINGS)
-    single = [pool_sessions([session], SETTINGS) for session in sessions]
-    assert len(together.samples) >= sum(len(pool.samples) for pool in single) - 2
 
 
 def test_without_a_steady_stroke_there_is_nothing_to_pool(sessions):

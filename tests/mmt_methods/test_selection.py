@@ -84,34 +84,6 @@ def test_the_published_decisions_are_those_of_training_for_every_point(dimension
     np.testing.assert_allclose(fast.error, error, rtol=1e-6)
 
 
-def test_the_published_algorithm_never_tests_the_hull_and_always_keeps_it(plane):
-    result = select_published(plane[0])
-    assert result.minimal.sum() >= 3
-    assert not result.outlier[result.minimal].any()
-    assert result.kept[result.minimal].all()
-    assert np.isnan(result.error[result.minimal]).all()
-    assert not (result.outlier & result.kept).any()
-
-
-def test_sparse_places_are_tolerated_more_by_the_published_threshold():
-    generator = np.random.default_rng(4)
-    data, _ = sampled_texture(120, 2, knocks=0, seed=4)
-    points = data.points.copy()
-    points[:60] = 0.45 + 0.1 * generator.random((60, 2))  # a dense patch
-    result = select_published(replace(data, points=points))
-    dense = result.threshold[:60]
-    sparse = result.threshold[60:]
-    assert np.nanmean(dense) < 0.25 < np.nanmean(sparse)
-
-
-def test_inputs_of_another_scale_select_the_same_as_published(plane):
-    data, _ = plane
-    scaled = replace(data, points=data.points * [300.0, 3.0] - [150.0, 0.0])
-    first, other = select_published(data), select_published(scaled)
-    np.testing.assert_array_equal(first.kept, other.kept)
-    np.testing.assert_array_equal(first.outlier, other.outlier)
-
-
 def test_points_at_one_place_are_left_out_of_the_published_network_one_by_one(plane):
     data, _ = plane
     few = data.subset(np.append(np.arange(60), [20, 20]))
@@ -140,10 +112,7 @@ def test_the_published_result_depends_on_the_order_and_ours_does_not(space, monk
     for _ in range(4):
         order = generator.permutation(len(data))
         shuffled = data.subset(order)
-        for sets, result in (
-            (published, select_published(shuffled)),
-            (ours, select(shuffled)),
-        ):
+        for sets, result in ((published, select_published(shuffled)), (ours, select(shuffled))):
             sets.add((frozenset(order[result.kept]), frozenset(order[result.outlier])))
     assert len(ours) == 1
     assert len(published) > 1
@@ -168,18 +137,6 @@ def test_knocks_are_found_and_good_points_are_left_alone(name, request):
     assert result.outlier[~knocked].mean() <= 0.05  # of 180: nine
     for bad, reason in zip(result.outlier, result.reason, strict=True):
         assert bool(reason) == bad
-
-
-def test_corners_of_the_hull_are_tested_too():
-    data, _ = sampled_texture(100, 2, knocks=0, seed=6)
-    corner = int(np.argmax(data.points.sum(axis=1)))
-    segments = list(data.segments)
-    knock = np.zeros(260)
-    knock[50:90] = np.hanning(40) * np.cos(np.arange(40))
-    segments[corner] = segments[corner] + knock * 4.0 * segments[corner].std() / knock.std()
-    result = select(replace(data, segments=segments))
-    assert result.outlier[corner]
-    assert result.score[corner] > 2.0 * select(data).score[corner]
 
 
 def test_the_models_data_alone_give_fewer_but_some(plane):
@@ -255,11 +212,8 @@ def test_equal_points_and_levels_from_tiny_to_huge_do_no_harm():
     one_place = replace(data, points=np.full((40, 2), 0.5))
     assert select(one_place).kept.any()
     for factor in (1e-200, 1e200):
-        scaled = replace(
-            data,
-            variance=data.variance * factor,
-            segments=[s * np.sqrt(factor) for s in data.segments],
-        )
+        segments = [segment * np.sqrt(factor) for segment in data.segments]
+        scaled = replace(data, variance=data.variance * factor, segments=segments)
         np.testing.assert_array_equal(select(scaled).kept, select(data).kept)
 
 
@@ -274,9 +228,8 @@ def test_equal_points_and_levels_from_tiny_to_huge_do_no_harm():
     ],
 )
 def test_bad_points_are_refused_with_a_reason(change, words):
-    data = ModelPoints(
-        np.random.default_rng(0).random((6, 2)), true_lsf(np.zeros((6, 2))), np.ones(6)
-    )
+    points = np.random.default_rng(0).random((6, 2))
+    data = ModelPoints(points, true_lsf(np.zeros((6, 2))), np.ones(6))
     with pytest.raises(InputError, match=words):
         replace(data, **change)
 
@@ -320,19 +273,6 @@ def test_the_loudest_ring_is_what_least_squares_explains():
         explained_by_least_squares(error, ar, mode, start) for mode in grid for start in range(83)
     ]
     assert found == pytest.approx(max(everywhere), rel=1e-6)
-
-
-def test_a_blow_is_heard_though_it_rings_where_the_texture_does():
-    generator = np.random.default_rng(4)
-    ar = np.array([-1.6, 0.81])
-    texture = lfilter([1.0], np.append(1.0, ar), generator.normal(size=700))[400:]
-    ring = np.zeros(300)
-    ring[100:] = lfilter([1.0], np.append(1.0, ar), np.eye(200)[0])
-    density = 2.0 / np.abs(np.polyval(np.append(1.0, ar)[::-1], np.exp(-2j * np.pi * band()))) ** 2
-    filters = whitening(np.tile(density, (2, 1)), 2)
-    struck = texture + 9.0 * ring
-    quiet, loud = tone_evidence([texture, struck], filters, np.full(2, 0.1), 1000.0)
-    assert loud > quiet + 15.0
 
 
 def test_tone_evidence_is_the_ratio_of_likelihoods_at_the_likeliest_levels():
@@ -382,9 +322,8 @@ def test_knocks_are_told_at_4_khz_as_well():
             segment[400:] += 0.7 * segment.std() * np.sqrt(1200 / (ring @ ring)) * ring[:1200]
         segments.append(segment)
     fits = burg_batch(segments, order)
-    data = ModelPoints(
-        points, reflection_to_lsf(fits.reflection), fits.variances[:, -1], segments, rate_hz
-    )
+    lsf = reflection_to_lsf(fits.reflection)
+    data = ModelPoints(points, lsf, fits.variances[:, -1], segments, rate_hz)
     assert data.frequencies == 384
     found = find_outliers(data)
     np.testing.assert_array_equal(np.flatnonzero(found.outlier), np.arange(4))

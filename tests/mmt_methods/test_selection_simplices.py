@@ -39,12 +39,6 @@ def test_the_star_gives_the_simplex_of_a_triangulation_made_anew(seed, dimension
             assert (weights[index] >= 0).all()
 
 
-def test_the_corners_of_the_hull_are_those_that_the_others_do_not_enclose():
-    points = np.random.default_rng(7).random((120, 3))
-    members, _ = enclose_without(points)
-    np.testing.assert_array_equal(np.flatnonzero(members[:, 0] < 0), hull_of(points))
-
-
 @pytest.mark.parametrize("dimensions", [2, 3])
 def test_interpolation_is_that_of_scipy_and_says_where_it_has_none(dimensions):
     generator = np.random.default_rng(3)
