@@ -100,13 +100,9 @@ def test_by_heading_is_in_tables_report_and_json(ridged, tmp_path):
     assert len(heading_tables([ridged])) == 1
 
 
-@pytest.fixture(scope="module")
-def directed():
+def test_a_model_that_knows_the_heading_is_nearer_to_the_texture(tmp_path):
     session = session_on("ridged-plastic", 14.0)
-    return evaluate_session(session, ModellingSettings(inputs="anisotropic"))
-
-
-def test_a_model_that_knows_the_heading_is_nearer_to_the_texture(directed):
+    directed = evaluate_session(session, ModellingSettings(inputs="anisotropic"))
     knowing, unaware, mean = directed.by_heading
     assert (knowing.model, unaware.model) == ("velocity and force", "speed and force")
     assert mean.model == "mean over headings"
@@ -114,9 +110,6 @@ def test_a_model_that_knows_the_heading_is_nearer_to_the_texture(directed):
     assert knowing.overall.log_spectral_db < unaware.overall.log_spectral_db
     assert directed.final.plane_power_error_db == pytest.approx(knowing.overall.power_error_db)
     assert all(point.limit != "heading" for point in directed.worst)
-
-
-def test_an_anisotropic_session_has_scores_cells_and_pictures(directed, tmp_path):
     assert directed.start_s is not None
     assert len(directed.coverage.cells) == 27
     headings = [cell.heading_deg for cell in directed.coverage.cells]

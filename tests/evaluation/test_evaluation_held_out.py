@@ -62,16 +62,6 @@ def test_choice_depends_on_the_seed_and_not_on_the_order():
     assert first != [part.start for part in choose_held_out(segments, seed=2)]
 
 
-def test_a_right_model_scores_its_ceiling():
-    vibration = np.random.default_rng(5).standard_normal(600)
-    vibration = np.convolve(vibration, [1.0, 0.8, 0.3], mode="valid")[:400]
-    model = even_model(vibration, 8)
-    recording = HeldOutRecording(segment(0, 400, vibration), 1000.0)
-    result = approximate(model, [recording], 0)[0]
-    assert result.gfc == pytest.approx(result.gfc_ceiling, abs=0.02)
-    assert 0.96 < result.gfc_ceiling < 1.0
-
-
 def test_raw_amplitudes_of_a_right_model_score_a_quarter_of_pi():
     vibration = np.random.default_rng(5).standard_normal(400)
     recording = HeldOutRecording(segment(0, 400, vibration), 1000.0, Spectra.FOURIER)

@@ -56,15 +56,6 @@ def test_a_session_shows_its_largest_and_least_sample(drawn):
     np.testing.assert_allclose([heights.min(), heights.max()], [normal.min(), normal.max()])
 
 
-def test_a_history_shows_each_update_and_when_it_started(drawn):
-    history = drawn["history"]
-    axes = shown(history)
-    np.testing.assert_array_equal(
-        axes.lines[0].get_xdata(), [update.time_s for update in history.updates]
-    )
-    assert f"start at {history.start_s:.1f} s" in [text.get_text() for text in axes.texts]
-
-
 def test_a_model_shows_its_samples_where_they_are(drawn):
     samples = drawn["model"].samples
     _, points = shown(drawn["model"]).collections

@@ -4,59 +4,37 @@ import copy
 
 import pytest
 
-from mmt.core.verdict import has_failed
 from mmt.evaluation.reports.headlines import headlines
 from mmt.evaluation.run_verdict import fault_sentences, run_verdict
 from mmt.texture.signals.aligned import SignalFaults
 
 LEADER = {
     "outcome": "completed",
-    "session": {"name": "demo", "id": "68f96b578b83", "duration_s": 18.003},
-    "link": {"frames": 18003, "dropped": 0, "lost": 0, "rejected": {}, "clock": {"jumps": 0}},
+    "session": {"duration_s": 18.003},
+    "link": {"dropped": 0, "lost": 0, "rejected": {}, "clock": {"jumps": 0}},
     "texture": {
-        "samples": 19,
         "start_s": 4.0,
         "stop_s": 9.0,
         "completion": {"criterion": "uncertainty", "value": 0.96},
         "dropped_frames": 0,
         "tasks": {"fitting": {"items": 9, "drops": 0}},
     },
-    "vibration": {
-        "mode": "synthesized",
-        "actuator": {"samples": 18005, "clipped": 0},
-        "playout": {"resyncs": 0},
-    },
-    "ticks": {"ticks": 19306, "missed": 12, "late_share_1ms": 0.003},
-    "recording": {"file": "mmt-demo/session.mcap", "frames": 18003, "dropped": 0, "error": None},
+    "vibration": {"mode": "synthesized", "actuator": {"clipped": 0}, "playout": {"resyncs": 0}},
+    "ticks": {"late_share_1ms": 0.003},
+    "recording": {"file": "session.mcap", "dropped": 0, "error": None},
 }
 FOLLOWER = {
     "outcome": "leader stopped (completed)",
-    "link": {"frames": 18003, "dropped": 0, "lost": 0},
-    "ticks": {"ticks": 18003, "late_share_1ms": 0.002},
+    "ticks": {"late_share_1ms": 0.002},
     "commands": {"silences": 0, "halts": 0, "slowed_ticks": 81},
-    "backfill": {"kept": 10000, "asked": 0, "sent": 0, "gone": 0},
     "devices": {},
 }
 EVALUATION = {
-    "session": "demo",
-    "surface": "plastic",
-    "basis": "truth",
-    "basis_reason": "the known texture plastic",
     "start_s": 4.0,
     "stop_s": 9.0,
     "method": "field",
-    "at_stop": {
-        "completion": 0.97,
-        "power_error_db": 0.483312,
-        "within_jnd": 0.979167,
-        "plane_within_jnd": 0.9,
-    },
-    "at_end": {
-        "completion": 0.98,
-        "power_error_db": 0.4,
-        "within_jnd": 1.0,
-        "plane_within_jnd": 1.0,
-    },
+    "at_stop": {"completion": 0.97, "power_error_db": 0.483312},
+    "at_end": {"completion": 0.98, "power_error_db": 0.4},
 }
 
 
@@ -99,10 +77,7 @@ def test_a_session_that_was_evaluated_alone_is_told_likewise():
 
 def test_of_several_surfaces_the_medians_are_told():
     errors = [0.4, 0.9, 3.0]
-    sessions = [
-        {**EVALUATION, "at_stop": {**EVALUATION["at_stop"], "power_error_db": error}}
-        for error in errors
-    ]
+    sessions = [{**EVALUATION, "at_stop": {"power_error_db": error}} for error in errors]
     assert run_verdict({"leader": LEADER}, {"sessions": sessions}).error == "0.9 dB"
 
 
@@ -110,13 +85,10 @@ def test_of_several_surfaces_the_medians_are_told():
 def test_verdict_and_headlines_agree_on_whether_sessions_were_complete(complete):
     stops_s = [9.0] * complete + [None] * (5 - complete)
     sessions = [{**EVALUATION, "stop_s": stop_s} for stop_s in stops_s]
-    (headline,) = (
-        each
-        for each in headlines({"sessions": sessions}, {"sessions": [EVALUATION]})
-        if each.title == "complete at (s)"
-    )
+    found = headlines({"sessions": sessions}, {"sessions": [EVALUATION]})
+    complete_at = next(each.left for each in found if each.title == "complete at (s)")
     told = "complete at 9.0 s" in run_verdict({}, {"sessions": sessions}).now
-    assert told == (headline.left == "9.0") == (complete > 2)
+    assert told == (complete_at == "9.0") == (complete > 2)
 
 
 @pytest.mark.parametrize("without", range(4))
@@ -131,11 +103,9 @@ def test_a_follower_alone_says_how_it_ended():
     assert (found.state, found.parts) == ("running", ("leader stopped (completed)",))
 
 
-@pytest.mark.parametrize("outcome", ["follower lost", "failed: no device", "stopped", "completed"])
-def test_only_a_failure_fails(outcome):
-    found = run_verdict({"leader": leader(outcome=outcome)})
-    assert (found.state == "failed") == has_failed(outcome)
-    assert outcome == "completed" or outcome in found.sentence
+BROKEN = {"file": "a.mcap", "dropped": 5, "error": "disk full"}
+DEAD = SignalFaults(constant_s=18.0, throughout=True).as_dict()
+HANDLE = "faults of the handle"
 
 
 @pytest.mark.parametrize(
@@ -148,22 +118,10 @@ def test_only_a_failure_fails(outcome):
         ("vibration__actuator__clipped", 9, "9 samples clipped at the actuator's limit"),
         ("ticks__late_share_1ms", 0.073, "7 % of the ticks over 1 ms late"),
         ("recording__dropped", 5, "5 frames not recorded: the disk was too slow"),
-        (
-            "recording",
-            {"file": "a.mcap", "frames": 9, "dropped": 5, "error": "disk full"},
-            "the recording failed: disk full; 5 frames are not in it",
-        ),
-        (
-            "texture__faults",
-            SignalFaults(constant_s=18.0, throughout=True).as_dict(),
-            "not measured: the accelerometer gave one value throughout",
-        ),
+        ("recording", BROKEN, "the recording failed: disk full; 5 frames are not in it"),
+        ("texture__faults", DEAD, "not measured: the accelerometer gave one value throughout"),
         ("handle__losses", 1, "1 loss of the handle"),
-        (
-            "handle__faults",
-            {"stale commands": 2, "jumps": 0},
-            "2 faults of the handle (stale commands)",
-        ),
+        ("handle__faults", {"stale commands": 2, "jumps": 0}, f"2 {HANDLE} (stale commands)"),
     ],
 )
 def test_what_is_unusual_is_named(key, value, sentence):
@@ -192,12 +150,9 @@ def test_a_leader_without_a_model_has_no_faults_of_its_signals(texture):
     assert fault_sentences("leader", {**LEADER, "texture": found}) == []
 
 
-def test_a_listeners_faults_are_not_told_of_the_leader():
+def test_faults_are_told_of_a_listener_and_of_each_device_of_a_follower():
     late = {**LEADER, "ticks": {"late_share_1ms": 0.2}, "listening": {"states": 3}}
     assert fault_sentences("leader", late) == ["listener: 20 % of the ticks over 1 ms late"]
-
-
-def test_a_followers_devices_are_named_one_by_one():
     lost = {**FOLLOWER, "devices": {"robot": {"class": "Arm", "losses": 2}}}
     assert fault_sentences("follower", lost) == ["follower: 2 losses of the robot"]
 
