@@ -1,4 +1,3 @@
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -57,13 +56,6 @@ def test_any_samples_give_ordered_frequencies(count, seed, method):
     lsf, variance = model.at(*everywhere(200).T)
     assert (np.diff(lsf, axis=1, prepend=0.0, append=np.pi) > 0).all()
     assert (variance >= 0).all()
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_samples_without_any_level_are_silence(method):
-    samples = fitted_at(strokes(5))
-    silent = replace(samples, power=np.zeros(5), variance=np.zeros(5))
-    assert (TextureModel(silent, method=method).at(*everywhere(100).T)[1] == 0.0).all()
 
 
 def test_a_velocity_beyond_the_largest_keeps_its_heading():

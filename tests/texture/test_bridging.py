@@ -10,12 +10,9 @@ from stream_samples import stroke_frames
 from mmt.texture.autoregression.burg import burg
 from mmt.texture.autoregression.forms import reflection_to_ar
 from mmt.texture.field.blocks import mean_square
-from mmt.texture.model.fits import fit_segments, unpacked
-from mmt.texture.segmentation.segmenter import SampleRange, Segment
 from mmt.texture.settings import LONGEST_BRIDGED, ModellingSettings
 from mmt.texture.signals.bridging import HISTORY, ORDER, fill
 from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.space import ISOTROPIC
 
 AR = np.poly(np.array([0.97, 0.97, 0.93, 0.93, 0.8]) * np.exp([0.9j, -0.9j, 1.9j, -1.9j, 0.0]))
 
@@ -107,25 +104,3 @@ def test_filled_samples_count_for_no_power():
     vibration[0, 10:15], measured[0, 10:15] = 100.0, False
     assert mean_square(vibration, measured) == pytest.approx(4.0)
     assert np.isnan(mean_square(vibration, np.zeros_like(measured)))
-
-
-@pytest.mark.parametrize("share", [0.02, 0.05, 0.2])
-def test_power_and_spectrum_of_segments_bear_lost_frames(share):
-    frames = stroke_frames(noise(20_000, 7))
-    fits = []
-    for gone in (np.zeros(len(frames), np.bool_), lost(len(frames), share, 3)):
-        aligned = StreamFilter().process(frames[~gone])
-        spans = [SampleRange(start, start + 600) for start in range(400, 19_000, 600)]
-        segments = [
-            Segment.from_block(aligned[span.start : span.stop], span, final=True) for span in spans
-        ]
-        of = ModellingSettings(order=8, method="published")
-        found = fit_segments(segments, iter(range(1000)), of)
-        fits.append(unpacked([fit.packed for fit in found], ISOTROPIC))
-    whole, damaged = fits
-    power_db = 10 * np.log10(damaged.power / whole.power)
-    lsf = damaged.lsf - whole.lsf
-    assert abs(np.mean(power_db)) < 0.05 + share
-    assert np.sqrt(np.mean(np.square(lsf))) < 0.01 + 0.4 * share
-    counted = damaged.counts.sum() / whole.counts.sum()
-    assert counted == pytest.approx(1.0 - share, abs=0.01 + 0.1 * share)

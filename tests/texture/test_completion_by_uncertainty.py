@@ -10,7 +10,7 @@ from random_samples import scattered, speed_of
 from stream_samples import aligned
 
 from mmt.texture.completion.criterion import Progress
-from mmt.texture.completion.distance import CompletionMonitor, cells_of
+from mmt.texture.completion.distance import cells_of
 from mmt.texture.completion.uncertainty import (
     PRIOR_S,
     CompletionGrid,
@@ -182,18 +182,6 @@ def test_the_next_stroke_is_wanted_where_no_sample_lies_but_the_operator_moves(i
     assert advice[-1] > 1.0
     assert len(judge.progress.cells) == len(cells_of(dimensions).centres)
     assert 0.0 <= min(judge.progress.cells) < max(judge.progress.cells) <= 1.0
-
-
-def test_an_operator_who_keeps_to_one_line_completes_it():
-    judge, random, seconds = criterion(), np.random.default_rng(0), 100
-    speed, force = 0.4 * np.exp(0.08 * random.standard_normal((2, 2 * seconds)))
-    judge.density.add(motion(seconds, 120.0, 1.2))
-    model = model_of(np.column_stack([speed, force]))
-    judge.update(model, float(seconds))
-    assert judge.stopped
-    published = CompletionMonitor(ModellingSettings(method="published"))
-    published.update(model.points, float(seconds))
-    assert not published.started
 
 
 def expected(points):

@@ -8,15 +8,12 @@ import mmt.texture.online.modeller
 from mmt.core.frames import empty_frames
 from mmt.scene import Scene
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import build, stream_blocks
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.segmentation.segmenter import SampleRange
 from mmt.texture.settings import ModellingSettings
-
-FREQUENCIES_HZ = np.linspace(10, 490, 121)
 
 
 @pytest.fixture(scope="module")
@@ -28,29 +25,6 @@ def feed(modeller, frames, block=1000):
     return [
         modeller.update(frames[start : start + block]) for start in range(0, len(frames), block)
     ]
-
-
-def test_it_models_a_known_surface_until_both_criteria_are_met(frames):
-    modeller = OnlineModeller()
-    updates = feed(modeller, frames)
-    assert [u.started for u in updates] == sorted(u.started for u in updates)
-    assert updates[-1].stopped
-    assert modeller.completion.start_s < modeller.completion.stop_s <= 12.0
-    assert modeller.model is not None
-    expected = get_surface("plastic").spectrum(150.0, 1.5, FREQUENCIES_HZ).ravel()
-    error_db = 10 * np.log10(
-        modeller.model.spectrum(150.0, 1.5, frequencies_hz=FREQUENCIES_HZ) / expected
-    )
-    assert np.sqrt(np.mean(error_db**2)) < 3.0
-
-
-def test_a_surface_that_is_not_felt_gives_a_silent_model(frames):
-    silent = frames.copy()
-    noise = np.random.default_rng(1).normal(0.0, 1e-3, silent["acceleration_m_s2"].shape)
-    silent["acceleration_m_s2"] = 9.81 + noise
-    update = feed(OnlineModeller(), silent)[-1]
-    assert update.stopped
-    assert update.model.level_db(150.0, 1.5)[0][0] < -30.0
 
 
 def test_a_model_that_is_never_complete_stays_small_and_spread(frames, monkeypatch):

@@ -113,16 +113,3 @@ def test_a_persons_strokes_are_found_online_as_offline(run):
     assert len(offline) >= 8  # strokes to and fro at about 2 Hz for 5 s, some too curved
     for period in (250, 1000):
         assert share_near(offline, ranges(online(block, period).live.values())) >= 0.9
-
-
-@pytest.mark.parametrize("speed_mm_s", [20.0, 250.0])
-def test_sensor_noise_does_not_break_a_steady_stroke(speed_mm_s):
-    generator = np.random.default_rng(1)
-    count = 900
-    block = as_measured(
-        generator, np.full(count, speed_mm_s), np.full(count, 0.2), np.full(count, 0.2)
-    )
-    (found,) = segment(block)
-    assert found.stop - found.start >= 780
-    assert found.speed_mm_s == pytest.approx(speed_mm_s, rel=0.01)
-    assert found.force_n == pytest.approx(0.2, rel=0.01)

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mmt.scene import Scene
+from mmt.scene import Hand, Scene
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.surfaces.textures import get_surface
@@ -250,3 +250,19 @@ def test_the_surface_left_longest_ago_is_dropped(frames):
         modeller.state_surface(SurfaceStatement(sample, surface))
     list(updates(modeller, frames))
     assert sorted(modeller.models()) == [1, 3]
+
+
+def test_strokes_at_other_headings_are_not_another_surface():
+    """Corduroy's vibration depends on the heading; that of glass is another one altogether."""
+    course = SurfaceCourse(
+        [get_surface("corduroy"), get_surface("glass")],
+        [CourseChange(25_000, 1, in_contact=False)],
+    )
+    scene = Scene.model_validate(
+        {"hand": Hand(headings="all"), "link": {}, "simulated": {}, "recording": {}}
+    )
+    frames, _ = simulate_session(scene, course, 33.0, 2)
+    modeller = SurfaceModeller(replace(SETTINGS, inputs="anisotropic"), 1000)
+    found = [c for u in updates(modeller, frames) for c in u.changes]
+    assert [(c.kind, c.surface) for c in found] == [("new", 2)]
+    assert all(model.space.directed for model in modeller.models().values())

@@ -8,7 +8,7 @@ import scipy.signal
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from stream_samples import judged, stroke_frames
-from stroked_sessions import resonant_noise, stroked_frames, strokes_over_plane
+from stroked_sessions import resonant_noise, stroked_frames
 
 from mmt.scene import Hand, Link, Scene, Simulated, Texture
 from mmt.testing.simulation.offline import simulate_session
@@ -248,14 +248,6 @@ def test_a_session_without_noise_has_no_fault_whatever_the_hand(
     assert faults == SignalFaults()
     first = np.flatnonzero(frames["acceleration_m_s2"][:, 2] != np.float32(gravity))[0]
     assert aligned.measured[first:].all()
-
-
-@pytest.mark.parametrize("level", [1e-3, 1.0, 1e3])
-def test_strokes_between_rests_that_are_cut_to_nothing_lose_no_sample(level):
-    frames = stroked_frames(strokes_over_plane(), level)
-    aligned, faults = judged(frames)
-    assert faults == SignalFaults()
-    assert aligned.valid[100:].all()
 
 
 @given(
