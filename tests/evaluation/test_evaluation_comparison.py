@@ -91,17 +91,6 @@ def test_a_part_that_only_one_has_is_a_sentence(tmp_path):
     )
 
 
-@pytest.mark.parametrize("about", ["environment", "machine"])
-def test_what_was_found_stands_before_what_it_was_found_with(tmp_path, about):
-    a, b = (
-        {about: {"numpy": version}, "order": {"time_ms": time_ms}}
-        for version, time_ms in (("2.1", 1.0), ("2.2", 1.1))
-    )
-    found, settings = compared(tmp_path, a, b).answers
-    assert [row[:2] for row in found.rows] == [("order", "time ms")]
-    assert settings.rows == [(about, "numpy", "2.1", "2.2")]
-
-
 def test_headlines_say_which_is_better_and_settings_stand_apart(tmp_path):
     def one(start_s, right, order):
         data = evaluation(start_s=start_s, at_end={"within_jnd": right}, settings={"order": order})

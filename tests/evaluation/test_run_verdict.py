@@ -91,13 +91,6 @@ def test_verdict_and_headlines_agree_on_whether_sessions_were_complete(complete)
     assert told == (complete_at == "9.0") == (complete > 2)
 
 
-@pytest.mark.parametrize("without", range(4))
-def test_the_error_is_that_of_the_sessions_that_have_a_model(without):
-    lacking = {**EVALUATION, "at_stop": {"power_error_db": None}}
-    found = run_verdict({}, {"sessions": [EVALUATION, *[lacking] * without]})
-    assert found.error == run_verdict({}, EVALUATION).error != ""
-
-
 def test_a_follower_alone_says_how_it_ended():
     found = run_verdict({"follower": FOLLOWER})
     assert (found.state, found.parts) == ("running", ("leader stopped (completed)",))

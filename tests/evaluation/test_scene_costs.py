@@ -142,3 +142,13 @@ def test_it_says_when_the_model_was_not_in_use(began_s):
 def test_packages_are_others_than_pythons_and_our_own():
     modules = ["json.decoder", "mmt.scene", "numpy", "numpy.linalg", "_cffi_backend", "Zope.x"]
     assert packages_of(modules) == ["numpy", "Zope"]
+
+
+def test_a_whole_scene_that_does_not_run_is_an_error():
+    def run(_):
+        raise MmtError("no such port")
+
+    with pytest.raises(MmtError, match="no such port"):
+        measure_scene(example("demo"), run, rounds=2)
+    alone = measure_scene(example("demo"), runs_of([], lambda _: 1.0), rounds=2, parts=False)
+    assert not alone.variants

@@ -15,7 +15,7 @@ from mmt.texture.autoregression.burg import burg_batch
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.field.covariance import coordinates, prior_covariance, settings
 from mmt_methods.selection import ModelPoints
-from mmt_methods.selection.outliers import FALSE_ALARMS, find_outliers, limit_of, reasons
+from mmt_methods.selection.outliers import FALSE_ALARMS, MOST, find_outliers, limit_of, reasons
 from mmt_methods.selection.points import band
 from mmt_methods.selection.transients import whitening
 
@@ -154,3 +154,10 @@ def test_other_inputs_are_refused(dimensions):
     if dimensions == 4:
         with pytest.raises(InputError, match="not negative"):
             find_outliers(replace(data, points=points[:, :2] - 0.5))
+
+
+def test_more_false_alarms_that_are_allowed_are_more_found():
+    data, _ = drawn_from_the_prior(120, 2, 3, gain_spread=0.5, knocks=12)
+    counts = [find_outliers(data, rate).outlier.sum() for rate in (0.001, 0.02, 0.2)]
+    assert counts == sorted(counts)
+    assert counts[0] < counts[2] <= MOST * 120
