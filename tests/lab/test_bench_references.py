@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mmt_lab.bench import references, signals
+from mmt_lab.bench import references
 
 
 def test_burg_of_a_signal_that_is_worked_out_by_hand():
@@ -47,21 +47,3 @@ def test_an_incomplete_set_of_frequencies_is_refused():
     lsf = np.array([0.5, 1.0, 1.5, 2.0])
     ar = references.lsf_to_ar(lsf)
     assert references.refine_lsf(ar, np.array([0.5, 1.0, 0.5, 2.0])) is None
-
-
-def test_filters_are_the_same_in_every_form():
-    for made in (
-        signals.spread_filters(6, 2),
-        signals.low_pass_filter(5),
-    ):
-        for lsf, k, ar in zip(made.lsf, made.reflection, made.ar, strict=True):
-            exact = references.step_up(references.exact(k))
-            assert references.largest_error(ar, exact) <= 1e-13 * max(1.0, *np.abs(ar))
-            frequencies = references.rounded(lsf)
-            assert (np.diff(frequencies, prepend=0, append=np.pi) > 0).all()
-
-
-def test_stiff_cases_have_names_of_their_own_and_enough_samples():
-    names = [case.name for case in signals.STIFF_CASES]
-    assert len(set(names)) == len(names) >= 15
-    assert all(len(case.signal) > case.order for case in signals.STIFF_CASES)

@@ -1,12 +1,11 @@
-"""Tables and reports of the bench, from a result made by hand."""
+"""The clockwork of the bench, and its tables and reports from a result made by hand."""
 
-import json
-import re
+import math
+import sys
+import time
 
-from rich.console import Console
-
-from mmt.evaluation.reports.document import ReportTable, as_rich
-from mmt_lab.bench.command import write_bench_report
+from mmt_lab.bench import peers
+from mmt_lab.bench.measuring import interleave
 from mmt_lab.harness.findings import (
     Axis,
     Curves,
@@ -17,13 +16,12 @@ from mmt_lab.harness.findings import (
     Spread,
     Target,
 )
-from mmt_lab.harness.report import (
-    panel_table,
-    records_table,
-    tables_of,
-    targets_table,
-)
+from mmt_lab.harness.report import panel_table, records_table, tables_of, targets_table
 
+ROWS = (
+    {"case": "tone", "stable": True, "error": 0.25, "x": None},
+    {"case": "tone", "stable": False, "error": 2.5, "x": None},
+)
 TIME, ERROR = Axis("time (µs)", "µs"), Axis("error", "error")
 
 
@@ -41,11 +39,7 @@ def made_result():
         "Burg's method",
         "What was measured.",
         panels=(made_panel(),),
-        records=(
-            FindingsTable(
-                "stiff", "Stiff", ({"case": "tone", "stable": True, "error": 0.25, "x": None},)
-            ),
-        ),
+        records=(FindingsTable("stiff", "Stiff", ROWS),),
         targets=(
             Target("faster", 20.0, "at least", 4.0),
             Target("slower", 7.0, "at most", 5.0),
@@ -67,7 +61,10 @@ def test_a_panel_has_a_row_for_each_setting():
 
 def test_records_and_targets_are_said_in_words():
     result = made_result()
-    assert records_table(result.records[0]).rows == [("tone", "yes", "0.25", "-")]
+    assert records_table(result.records[0]).rows == [
+        ("tone", "yes", "0.25", "-"),
+        ("", "no", "2.5", "-"),
+    ]
     assert targets_table([result]).rows == [
         ("faster", "burg", "20", "at least 4", "yes"),
         ("slower", "burg", "7", "at most 5", "no"),
@@ -76,21 +73,7 @@ def test_records_and_targets_are_said_in_words():
     assert tables_of(result)[-1].rows == [("librosa", "cannot be imported", "pip install librosa")]
 
 
-def test_a_report_is_one_page_with_its_plots_inside(tmp_path):
-    page = write_bench_report(tmp_path / "out", [made_result()], {"processor": "a machine"})
-    html = page.read_text(encoding="utf-8")
-    assert "data:image/png;base64," in html
-    assert not re.search(r"(src|href)=\"http", html)
-    assert "a machine" in html
-    markdown = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
-    assert "![" in markdown
-    assert (tmp_path / "out" / "figures" / "burg.png").exists()
-    figures = json.loads((tmp_path / "out" / "bench.json").read_text(encoding="utf-8"))
-    assert figures["burg"]["panels"][0]["curves"][1]["failures"] == {"16": "raises: no"}
-    assert figures["machine"] == {"processor": "a machine"}
-
-
-def test_what_is_said_once_is_not_repeated():
+def test_over_its_own_setting_a_panel_has_one_column_less():
     curves = Curves()
     curves.add("mmt", 8, 8, 1e-16)
     curves.fail("mmt", 16, "raises: no")
@@ -99,24 +82,53 @@ def test_what_is_said_once_is_not_repeated():
     assert table.columns == ("method", "order", "error")
     assert table.rows == [("mmt", "8", "1e-16"), ("", "16", "raises: no")]
 
-    rows = ({"case": "tone", "n": 1}, {"case": "tone", "n": 2}, {"case": "step", "n": 1})
-    assert records_table(FindingsTable("r", "R", rows)).rows == [
-        ("tone", "1"),
-        ("", "2"),
-        ("step", "1"),
-    ]
+
+def test_methods_take_turns_in_an_order_that_moves_on():
+    calls = []
+    tasks = {name: lambda name=name: calls.append(name) for name in "abc"}
+    interleave(tasks, rounds=3, least_s=0.0)
+    # Two calls each to see how long one takes, then the rounds.
+    assert "".join(calls) == "aabbcc" + "abc" + "bca" + "cab"
 
 
-def test_a_table_in_eighty_columns_loses_no_number_and_no_word():
-    words = "a method of a rather long name that no peer would ever have"
-    table = ReportTable(
-        ("method", "order", "remark"),
-        [(words, str(number), f"{words} {number}") for number in (8, 123456789)],
+def test_a_slower_task_takes_longer_and_short_ones_are_repeated():
+    calls = []
+    times = interleave(
+        {"slow": lambda: time.sleep(0.004), "fast": lambda: calls.append(1)}, 3, least_s=0.001
     )
-    console = Console(width=80)
-    with console.capture() as capture:
-        console.print(as_rich(table))
-    lines = capture.get().splitlines()
-    assert max(map(len, lines)) <= 80
-    for word in [*words.split(), "123456789"]:
-        assert sum(line.split().count(word) for line in lines) >= 2
+    assert times["slow"].median > 0.004
+    assert times["fast"].median < times["slow"].median / 4
+    assert len(calls) > 30
+
+
+def test_what_is_not_finite_is_a_failure_and_no_point():
+    curves = Curves()
+    curves.add("a", 1, 2.0, 3.0)
+    curves.add("a", 2, 2.0, math.inf)
+    curves.fail("b", 1, "raises")
+    first, second = curves.build()
+    assert [point.knob for point in first.points] == [1]
+    assert first.failures == {"2": "not finite"}
+    assert second.points == ()
+    assert second.failures == {"1": "raises"}
+
+
+def test_ratios_are_taken_where_both_have_a_point():
+    curves = Curves()
+    for knob, time_us in ((1, 10.0), (2, 30.0), (3, 50.0)):
+        curves.add("slow", knob, time_us, 1.0)
+    for knob, time_us in ((1, 2.0), (2, 5.0)):
+        curves.add("fast", knob, time_us, 1.0)
+    axis = Axis("x", "x")
+    panel = Panel("p", "p", "knob", axis, axis, curves.build())
+    assert panel.x_ratios("slow", "fast") == {1: 5.0, 2: 6.0}
+    assert panel.x_ratios("none", "fast") == {}
+    assert panel.points("none") == ()
+
+
+def test_a_peer_that_is_not_installed_is_left_out_with_the_command(monkeypatch):
+    monkeypatch.setitem(sys.modules, "librosa", None)
+    modules, left_out = peers.find(("librosa", "mpmath"))
+    assert list(modules) == ["mpmath"]
+    assert left_out[0].name == "librosa"
+    assert "pip install librosa" in left_out[0].remedy

@@ -18,13 +18,7 @@ SMALL = {
         "OFFSETS": (1.0, 1e4),
         "STIFF": [c for c in signals.STIFF_CASES if len(c.signal) < 20 or "zero" in c.name],
     },
-    lines: {
-        "ORDERS": (6, 16),
-        "LOW_PASS_ORDERS": (8, 30),
-        "BATCH": 4,
-        "LOOKED_AT": 2,
-        "ROUNDS": 2,
-    },
+    lines: {"ORDERS": (6, 16), "LOW_PASS_ORDERS": (8, 30), "BATCH": 4, "LOOKED_AT": 2, "ROUNDS": 2},
     pipeline: {
         "SURFACES": ("wood",),
         "DURATION_S": 6.0,
@@ -76,17 +70,6 @@ def test_burg_is_exact_and_holds_where_it_is_stiff(results):
     assert all(row["stable"] for row in ours)
     held = next(target for target in result.targets if "mmt holds" in target.what)
     assert held.met
-
-
-def test_peers_are_measured_or_left_out(results):
-    for name, peers in (
-        ("burg", ("librosa", "memspectrum", "spectrum", "statsmodels")),
-        ("lines", ("pysptk", "spectrum")),
-    ):
-        methods = " ".join(curve.method for curve in results[name].panels[0].curves)
-        left_out = {out.name for out in results[name].left_out}
-        for peer in peers:
-            assert (peer in methods) != (peer in left_out)
 
 
 def test_frequencies_from_reflection_coefficients_keep_their_digits(results):

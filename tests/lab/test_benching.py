@@ -1,12 +1,23 @@
+"""The experiments of the bench: the evaluation, the link, lost packets, and strangers."""
+
 import json
+import math
+import os
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from command_runs import refusal
 
-from mmt.core.errors import MmtError
+from mmt.cli.running.scene_services import DemoRun
+from mmt.core.errors import InputError, MmtError
+from mmt.core.frames import COMMAND_DTYPE
+from mmt_lab.bench import lossy_path
 from mmt_lab.bench.command import run_benches
-from mmt_lab.experiments.bench import evaluate
+from mmt_lab.bench.link_sides import Side, SideReport, TurnFigures
+from mmt_lab.bench.strangers import BYSTANDER, KINDS
+from mmt_lab.experiments.bench import evaluate, link, services
+from mmt_lab.experiments.bench.link import missing_at_end, ratios, summarise
 from mmt_lab.harness import command
 from mmt_lab.harness.findings import Findings, Target
 
@@ -26,8 +37,9 @@ def test_the_evaluation_is_measured(monkeypatch):
 
 def test_the_link_is_measured_beside_a_bare_websocket():
     _, figures = run_benches(["link"], duration=1.5)
-    assert figures["link"]["figures"]["up_lost"] == 0
-    assert figures["link"]["figures"]["ratio_up_p50"] > 0
+    found = figures["link"]["figures"]
+    assert found["up_lost"] == found["down_lost"] == 0
+    assert all(math.isfinite(found[f"ratio_{name}"]) for name in ("up_p50", "down_p99"))
     assert figures["link"]["targets"][0]["met"] is True
 
 
@@ -64,3 +76,81 @@ def test_a_stage_that_fails_leaves_the_others_their_figures(monkeypatch, tmp_pat
     written = json.loads(figures.read_text())
     assert written["failed"] == {"burg": "a process gave nothing"}
     assert written["lines"]["title"] == "Lines"
+
+
+def measured(**changes):
+    usual = {"p50_ms": 1.0, "p99_ms": 2.0, "rate_hz": 1000.0, "cores": 0.1}
+    return TurnFigures("ours", **{**usual, "lost": 0, "out_of_order": 0, **changes})
+
+
+def test_a_disturbed_turn_does_not_move_the_ratios():
+    ours = [(measured(p99_ms=3.0, cores=0.2), measured(p50_ms=1.25))] * 4
+    bare = [(measured(), measured())] * 4
+    disturbed = (measured(p50_ms=90.0, p99_ms=90.0, cores=0.9), measured(p99_ms=70.0))
+    expected = {"up_p50": 1.0, "up_p99": 1.5, "down_p50": 1.25, "down_p99": 1.0}
+    expected |= {"leader_cores": 2.0, "follower_cores": 1.0}
+    assert ratios(ours, bare) == pytest.approx(expected)
+    assert ratios([*ours, disturbed], [*bare, bare[0]]) == pytest.approx(expected)
+
+
+def test_what_is_lost_is_summed_and_includes_the_tail():
+    turns = [(measured(lost=2), measured()), (measured(out_of_order=1), measured())]
+    result = summarise(turns, missing_up=3, missing_down=1)
+    up, down = result["up"], result["down"]
+    assert (up.lost, up.out_of_order) == (5, 1)
+    assert (down.lost, down.out_of_order) == (1, 0)
+    sender = SideReport([], {"ours": 10, "bare": 0}, {"ours": -1, "bare": -1})
+    receiver = SideReport([], {"ours": 0, "bare": 0}, {"ours": 7, "bare": -1})
+    assert missing_at_end(sender, receiver) == {"ours": 2, "bare": 0}
+
+
+def test_a_side_counts_gaps_and_disorder():
+    sender, receiver = Side(COMMAND_DTYPE), Side(COMMAND_DTYPE)
+    records = [sender.next_record() for _ in range(8)]
+    receiver.record_block(np.concatenate(records[:2]), 0)
+    for number in (4, 3, 7):
+        receiver.record(records[number].tobytes())
+    assert (receiver.sent, receiver.lost, receiver.out_of_order) == (0, 2 + 2, 1)
+    assert (sender.sent, sender.lost, sender.out_of_order) == (8, 0, 0)
+    assert receiver.latency.count == 5
+
+
+@pytest.mark.parametrize("duration_s", [0.0, -1.0, math.nan])
+def test_the_duration_must_be_positive(duration_s):
+    with pytest.raises(InputError, match="must be positive"):
+        link.bench_link(duration_s)
+
+
+def test_loss_stalls_what_is_sent_again(monkeypatch):
+    monkeypatch.setattr(lossy_path, "LOSSES", (0.03,))
+    found = lossy_path.measure_losses(1.5)
+    rows = {records.name: dict(records.rows[0]) for records in found.records}
+    assert {"retransmitted", "datagrams"} <= set(rows)
+    assert ("tcp" in rows) != bool(found.left_out)
+    assert os.geteuid() == 0 or found.left_out
+    for row in rows.values():
+        for what in ("frames", "commands"):
+            p50, p99, largest = (row[f"{what} {name} (ms)"] for name in ("p50", "p99", "max"))
+            assert lossy_path.DELAY_MS < p50 <= p99 <= largest
+    assert rows["retransmitted"]["frames max (ms)"] > 3 * lossy_path.DELAY_MS
+
+
+def test_a_stranger_who_makes_more_than_twice_the_ticks_late_is_seen(monkeypatch):
+    shares = {BYSTANDER: 0.01, "maps": 0.021}
+    ran = []
+
+    async def beside(kind, _):
+        ran.append(kind)
+        return DemoRun(leader={"ticks": {"late_share_1ms": shares.get(kind, 0.02)}})
+
+    monkeypatch.setattr(services, "_beside", beside)
+    found = services.run(duration=10.0, strangers=True)
+    assert ran == ["alone", BYSTANDER, *KINDS] * 2
+    assert found.figures["maps"] == pytest.approx(0.021)
+    missed = [target.what for target in found.targets if not target.met]
+    assert missed == [KINDS["maps"]]
+
+
+def test_two_ways_at_once_are_refused():
+    with pytest.raises(InputError, match="not both"):
+        services.run(realtime=True, strangers=True)

@@ -1,18 +1,12 @@
 """The bench of the device path: its arithmetic on frames that are known, and one run of it."""
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
 
 from mmt.core.errors import MmtError
-from mmt_lab.bench.device_path.frame_times import (
-    PERIOD_NS,
-    Motion,
-    frame_times,
-    time_errors_ms,
-)
+from mmt_lab.bench.device_path.frame_times import Motion, frame_times, time_errors_ms
 from mmt_lab.experiments.bench import devices
 from mmt_lab.experiments.bench.devices import SetUp, SetUpFigures
 
@@ -27,16 +21,6 @@ def moving(size):
     motion = Motion(size)
     motion.begin()
     return motion
-
-
-def test_a_motion_rests_until_it_begins_and_then_tells_its_time():
-    motion = Motion(3.0, (1.0, 0.0, 9.8))
-    assert motion(START_NS) == (1.0, 0.0, 9.8)
-    motion.begin()
-    x, y, z = motion(START_NS)
-    assert math.hypot(x - 1.0, y) == pytest.approx(3.0)
-    assert z == 9.8
-    assert motion(START_NS + PERIOD_NS) == pytest.approx((x, y, z))
 
 
 @pytest.mark.parametrize("late_ns", [-3_000_000, -20_000, 0, 90_000, 20_000_000])
@@ -85,13 +69,9 @@ def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine(
 
 
 def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(monkeypatch):
-    times = frame_times(
-        {"force": np.array([[1.0, 0.0, 0.0]]), "acceleration": np.array([[1.0, 0.0, 0.0]])},
-        np.array([START_NS]),
-        np.array([START_NS + 1_500_000]),
-        0.0,
-    )
-
+    still, sampled_ns = np.array([[1.0, 0.0, 0.0]]), np.array([START_NS])
+    values = {"force": still, "acceleration": still}
+    times = frame_times(values, sampled_ns, sampled_ns + 1_500_000, 0.0)
     late = dataclasses.replace(times, latency_p99_ms=9.0)
 
     def measured(set_up, *_, **__):
