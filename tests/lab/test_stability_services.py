@@ -8,11 +8,7 @@ import mmt.leader.output.stream
 import mmt.texture.online.modeller
 from mmt.core.frames import empty_frames
 from mmt_lab.stability.families import run_case, services
-from mmt_lab.stability.families.services import (
-    growth,
-    interrupted_cases,
-    run_endless_modelling,
-)
+from mmt_lab.stability.families.services import interrupted_cases, run_endless_modelling
 
 
 def test_what_needs_no_hour_holds():
@@ -30,11 +26,7 @@ def test_the_services_survive_what_interrupts_them(number):
     assert row.held, f"{row.what}: {row.got}"
 
 
-SUMMARY = {
-    "outcome": "stopped",
-    "link": {"frames": 9000},
-    "backfill": {"filled": 40, "lost": 0},
-}
+SUMMARY = {"outcome": "stopped", "link": {"frames": 9000}, "backfill": {"filled": 40, "lost": 0}}
 
 
 def strokes(count, speed_mm_s):
@@ -64,13 +56,6 @@ def test_a_clock_that_is_not_watched_does_not_hold(monkeypatch):
     assert not case_of(cases, "leader's clock steps by +10 s").run().held
 
 
-def test_the_age_of_what_is_heard():
-    heard = services.play(np.full(400, 5.0), lambda _: (0, 0))
-    assert np.nanmedian(services.ages_ms(heard)) == pytest.approx(7.0, abs=1.0)
-    assert np.isnan(services.ages_ms(np.zeros(5))).all()
-    assert np.isnan(services.ages_ms(0.6 * heard[100:110])).all()
-
-
 def test_endless_modelling_keeps_its_size(monkeypatch):
     monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 60)
     figures = run_endless_modelling(60).figures
@@ -84,9 +69,3 @@ def test_a_model_without_an_end_is_seen(monkeypatch):
     assert outcome.figures["samples"] > 300
     assert outcome.figures["growth_blocks"] > services.MOST_BLOCKS
     assert not outcome.held
-
-
-def test_growth_counts_from_the_quarter_that_is_asked_for():
-    blocks, megabytes = [0, 9, 10, 11, 13], [0.0, 5.0, 6.0, 6.0, 6.5]
-    seconds = [0.0, 5.0, 6.0, 7.0, 8.5]
-    assert growth(np.column_stack([blocks, megabytes, seconds])) == (3, 0.5, 1.5)
