@@ -1,4 +1,4 @@
-"""Methods side by side: sessions, judgement, statistics and the command."""
+"""Methods side by side: sessions, what spoils them, judgement, statistics and ingredients."""
 
 import json
 from dataclasses import replace
@@ -8,17 +8,24 @@ import pytest
 from lab_runs import run_lab
 
 from mmt.core.errors import InputError
-from mmt.core.frames import acceleration_samples, empty_frames
+from mmt.core.frames import empty_frames
 from mmt.evaluation.model_errors import BAND_EDGES_HZ, band_edges_hz, band_errors_db
 from mmt.evaluation.reports.document import ReportTable
-from mmt.testing.simulation.surfaces.textures import SURFACES
-from mmt.texture.settings import START_SHARE, STOP_SHARE
-from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, simulated_cases
-from mmt_lab.compare.judging import FIGURES, Certainty, JudgedMethod, check_methods, judge
-from mmt_lab.compare.spoiling import MOMENT_S, check_spoils, spoilt
+from mmt.texture.online.history import build
+from mmt.texture.settings import START_SHARE, STOP_SHARE, ModellingSettings
+from mmt_lab.compare.ablations import INGREDIENTS, without
+from mmt_lab.compare.cases import ComparisonCase
+from mmt_lab.compare.judging import (
+    FIGURES,
+    Certainty,
+    JudgedMethod,
+    blocks_of,
+    check_methods,
+    judge,
+)
+from mmt_lab.compare.spoiling import LASTS_S, MOMENT_S, SPOILS, check_spoils, spoilt
 from mmt_lab.compare.summary import RUN_TO_RUN_DB, MethodComparison
 from mmt_lab.compare.tables import (
-    calibration_figure,
     calibration_table,
     errors_table,
     falls_table,
@@ -77,30 +84,6 @@ def test_bands_of_every_rate_begin_with_the_nine_and_end_at_half_of_it(samples_p
     assert 0.5 < octaves[-1] < 1.5
 
 
-def test_every_texture_has_as_many_seeds_as_asked_and_a_group():
-    textures = [*SURFACES, *INHOMOGENEOUS, "drawn-3"]
-    cases = simulated_cases(10, textures)
-    assert {case.texture for case in cases} == set(textures)
-    assert len({case.seed for case in cases}) == 10 * len(textures)
-    groups = {case.texture: case.group for case in cases}
-    assert {groups[name] for name in INHOMOGENEOUS} == {"inhomogeneous"}
-    assert groups["drawn-3"] == "drawn and models"
-    assert {case.inputs for case in cases if case.group == "grained"} == {"anisotropic"}
-
-
-def test_sensors_without_noise_give_the_texture_itself():
-    noisy, exact = (ComparisonCase("glass", 5, noise=noise).session() for noise in (True, False))
-    np.testing.assert_array_equal(noisy["sequence"], exact["sequence"])
-    lifted = exact["force_n"][:, 2] == 0.0
-    still = np.flatnonzero(lifted[1:] & lifted[:-1])
-    step = {
-        name: np.std(np.diff(frames["acceleration_m_s2"][:, 2])[still])
-        for name, frames in (("noisy", noisy), ("exact", exact))
-    }
-    assert step["noisy"] > 0.03
-    assert step["exact"] < 0.5 * step["noisy"]
-
-
 def test_an_unknown_method_is_refused_in_words():
     for names in ([], ["field", "field"], ["published", "best"], ["field-soup"]):
         with pytest.raises(InputError, match="name some of published, field, field-"):
@@ -138,17 +121,6 @@ def test_only_rates_of_a_scene_are_taken():
             rates_of(wrong)
 
 
-@pytest.mark.parametrize("count", [1, 5, 10])
-def test_a_moment_spoils_the_samples_of_its_time(count):
-    frames = empty_frames(20_000, samples_per_frame=count)
-    frames["time_ns"] = np.arange(20_000) * 1_000_000
-    where = np.flatnonzero(acceleration_samples(spoilt(frames, "spike", 1))[:, 2])
-    assert where.tolist() == [count * (round(1000.0 * MOMENT_S) + 1) - 1]
-    knocked = np.flatnonzero(acceleration_samples(spoilt(frames, "knock", 1))[:, 2])
-    assert knocked[0] == where[0] + 1
-    assert len(knocked) == 10 * count - 1
-
-
 @pytest.fixture(scope="module")
 def session():
     return judge(ComparisonCase("felt", 3, hand="quick"), ["published", "field"], ["drift"])
@@ -156,9 +128,6 @@ def session():
 
 def test_a_session_is_judged_at_four_times_and_where_each_criterion_is_met(session):
     found, _ = session
-    assert (
-        judge(ComparisonCase("felt", 3, hand="quick"), ["published", "field"], ["drift"]) == session
-    )
     for method in ("published", "field"):
         for spoil in ("", "drift"):
             moments = [o.moment for o in found if (o.method, o.spoil) == (method, spoil)]
@@ -184,10 +153,6 @@ def test_a_model_that_states_its_error_is_checked_at_every_update(session):
 
 
 def test_without_a_model_the_shares_are_nought_and_there_are_no_errors():
-    case = ComparisonCase("felt", 3, hand="pauses")
-    early = replace(case, seed=4)
-    found, _ = judge(early, ["field"])
-    assert all(one.samples > 0 or set(one.figures.values()) == {0.0} for one in found)
     nothing = replace(judged("field", 0, 0.0), samples=0, figures={"within_jnd": 0.0})
     row = MethodComparison(("field",), (nothing, judged("field", 1, 0.8))).rows("wood")[0]
     assert row.figures["within_jnd"].mean == pytest.approx(0.4)
@@ -256,26 +221,12 @@ def test_a_threshold_is_calibrated_by_what_was_expected_when_it_was_met():
     assert "2.00" in table.caption
 
 
-def test_the_figure_has_a_panel_for_each_group_and_the_means_of_tenths():
-    random = np.random.default_rng(1)
-    expected = random.uniform(0.5, 0.6, 40).tolist()
-    (axis,) = calibration_figure([certainty(expected, [0.5] * 40)]).axes
-    assert axis.get_title() == "isotropic"
-    np.testing.assert_allclose(axis.lines[1].get_xydata(), [[np.mean(expected), 0.5]])
-    assert calibration_figure([certainty([0.5], [0.5])]).axes[0].get_xlim() == (0.0, 1.02)
-
-
 def test_targets_are_missed_by_one_time_or_one_moment_that_spoils():
     lead = comparison([0.1] * 6, moments=TIMES)
     assert [target.met for target in targets(lead)] == [True]
-    worse = replace(
-        lead,
-        judged=(
-            *lead.judged[:-1],
-            replace(lead.judged[-1], figures={**lead.judged[-1].figures, "within_jnd": 0.0}),
-        ),
-    )
-    assert [target.met for target in targets(worse)] == [False]
+    *before, last = lead.judged
+    last = replace(last, figures={**last.figures, "within_jnd": 0.0})
+    assert not targets(replace(lead, judged=(*before, last)))[0].met
     spoilt = comparison([0.05] * 6, spoil="knock", moments=TIMES)
     found = targets(replace(lead, judged=lead.judged + spoilt.judged))
     assert [target.met for target in found] == [True, False]
@@ -303,3 +254,117 @@ def test_the_command_compares_on_named_textures(tmp_path):
     assert {fall["spoil"] for fall in data["falls"]} == {"knock", "lost-1"}
     with pytest.raises(InputError, match="soup not known, allowed are all, quiet-20"):
         check_spoils(["knock", "soup"])
+
+
+@pytest.fixture(scope="module")
+def frames():
+    count = 15_000
+    made = empty_frames(count, ("position", "force", "acceleration"))
+    made["sequence"] = np.arange(count)
+    made["time_ns"] = 5_000_000_000 + 1_000_000 * np.arange(count)
+    made["acceleration_m_s2"] = np.random.default_rng(1).standard_normal((count, 3))
+    made["acceleration_m_s2"][:, 2] += 9.81
+    return made
+
+
+def acceleration(frames, name):
+    return spoilt(frames, name, 7)["acceleration_m_s2"].astype(np.float64)
+
+
+BEGIN, END = round(1000 * MOMENT_S), round(1000 * (MOMENT_S + LASTS_S))
+
+
+@pytest.mark.parametrize("name", SPOILS)
+def test_all_is_as_it_was_before_the_moment_and_in_other_channels(frames, name):
+    kept = frames.copy()
+    found = spoilt(frames, name, 7)
+    np.testing.assert_array_equal(frames, kept)
+    same = np.isin(frames["sequence"], found["sequence"])
+    for channel in ("time_ns", "position_mm", "force_n"):
+        np.testing.assert_array_equal(found[channel], frames[channel][same])
+    if not name.startswith("lost"):
+        assert same.all()
+        own, whole = found["acceleration_m_s2"], frames["acceleration_m_s2"]
+        np.testing.assert_array_equal(own[:BEGIN], whole[:BEGIN])
+        changed = np.flatnonzero((own != whole).any(axis=1))
+        assert changed[0] in (BEGIN, BEGIN + 1)
+        lasts = {"unplugged": 2000, "drift": 3000, "knock": 10, "spike": 1}.get(name, 300)
+        assert changed[-1] < BEGIN + lasts
+    np.testing.assert_array_equal(found, spoilt(frames, name, 7))
+
+
+@pytest.mark.parametrize("by_db", [20, 40])
+def test_a_quieter_moment_is_so_many_decibels_quieter_about_gravity(frames, by_db):
+    own = acceleration(frames, f"quiet-{by_db}")[BEGIN:END]
+    whole = frames["acceleration_m_s2"][BEGIN:END]
+    ratio_db = 20.0 * np.log10(whole.std(axis=0) / own.std(axis=0))
+    np.testing.assert_allclose(ratio_db, by_db, atol=0.01)
+    np.testing.assert_allclose(own.mean(axis=0), whole.mean(axis=0), atol=1e-5)
+
+
+def test_held_unplugged_and_saturated_sensors_carry_nothing(frames):
+    assert (np.ptp(acceleration(frames, "held")[BEGIN:END], axis=0) == 0.0).all()
+    assert not acceleration(frames, "unplugged")[BEGIN : BEGIN + 2000].any()
+    saturated = np.abs(acceleration(frames, "saturated")[BEGIN:END])
+    assert np.mean(saturated == saturated.max()) > 0.6
+
+
+def test_what_is_added_has_the_size_stated(frames):
+    def added(name):
+        return acceleration(frames, name) - frames["acceleration_m_s2"].astype(np.float64)
+
+    assert np.abs(added("knock")).max() == pytest.approx(60.0, abs=0.1)
+    assert np.abs(added("hum")).max() == pytest.approx(5.0, abs=0.01)
+    spectrum = np.abs(np.fft.rfft(added("hum")[BEGIN:END, 0]))
+    assert np.fft.rfftfreq(END - BEGIN, 0.001)[spectrum.argmax()] == pytest.approx(50.0, abs=2)
+    assert added("spike").sum() == pytest.approx(60.0, abs=0.01)
+    assert added("drift")[-1] == pytest.approx(1.5, abs=0.01)
+
+
+@pytest.mark.parametrize("share", [1, 2, 5])
+@pytest.mark.parametrize(("suffix", "together"), [("", 1), ("-in-threes", 3)])
+def test_as_many_frames_are_lost_as_stated(frames, share, suffix, together):
+    found = spoilt(frames, f"lost-{share}{suffix}", 3)
+    assert 1.0 - len(found) / len(frames) == pytest.approx(0.01 * share, rel=0.25)
+    gaps = np.diff(found["sequence"].astype(int)) - 1
+    assert np.median(gaps[gaps > 0]) == together
+    assert found["sequence"][0] == 0
+
+
+HEADINGS = {"ridges", "nap"}
+"""Ingredients of models over velocity and force alone."""
+
+
+def rendered(case, blocks):
+    model = build(blocks, ModellingSettings(inputs=case.inputs)).model_at(10.0)
+    speeds, forces = (axis.ravel() for axis in np.meshgrid([11, 90, 200, 280], [0.11, 1.0, 2.5]))
+    density = model.spectrum(speeds, forces, frequencies_hz=np.arange(8.0, 500.0, 4.0))
+    return np.concatenate([density.ravel(), model.level_db(speeds, forces)[1]])
+
+
+@pytest.mark.parametrize(
+    ("texture", "names"), [("glass", set(INGREDIENTS) - HEADINGS), ("corduroy", HEADINGS)]
+)
+def test_each_ingredient_changes_the_model_and_comes_back(texture, names):
+    case = ComparisonCase(texture, 3)
+    blocks = blocks_of(case.session())[:10]
+    whole = rendered(case, blocks)
+    for name in sorted(names):
+        with without(name):
+            less = rendered(case, blocks)
+        assert np.isfinite(less).all(), name
+        assert not np.allclose(less, whole, rtol=1e-9), name
+    np.testing.assert_array_equal(rendered(case, blocks), whole)
+
+
+def test_the_experiment_says_what_an_ingredient_costs(tmp_path, monkeypatch):
+    monkeypatch.setattr("mmt_lab.harness.experiment.DRAWN", 1)
+    monkeypatch.setattr("mmt_lab.experiments.ablations.INHOMOGENEOUS", ("plastic+patches",))
+    options = ("--textures", "glass", "--ingredients", "smoothing", "--spoil", "knock")
+    tables = run_lab(tmp_path, "ablations", *options, "--workers", "1")[0]["tables"]
+    names = [table["caption"].split(",")[0].split(":")[0] for table in tables]
+    assert names == [name for name in ("clean", "noisy", "drawn", "uneven", "spoilt") for _ in "12"]
+    for table in tables:
+        assert [row[0] for row in table["rows"]] == ["whole field", "smoothing"]
+    worse = float(tables[3]["rows"][1][3])  # the spectrum at 30 s
+    assert worse > 0.0

@@ -189,33 +189,6 @@ def test_a_fault_ends_a_session_for_its_generator_alone():
     assert generator_sentences(rendered[:1]) == []
 
 
-class Notes(Noise):
-    """Noise that keeps what it was asked by."""
-
-    def __init__(self, directed):
-        super().__init__()
-        self.directed, self.asked = directed, []
-
-    def generate(self, *inputs):
-        self.asked.append([each[0] for each in inputs])
-        return super().generate(*inputs)
-
-
-def test_a_grain_is_asked_by_velocity_or_by_speed():
-    heading_rad = np.arange(72) * (np.pi / 36.0) + 0.01
-    strokes = Strokes(np.linspace(10.0, 290.0, 72), np.linspace(0.2, 2.9, 72), heading_rad)
-    by_speed, by_velocity = Notes(directed=False), Notes(directed=True)
-    for one in (by_speed, by_velocity):
-        vibration, _ = render_strokes(GuardedGenerator("notes", one), strokes, 1, 1.0)
-        assert vibration.shape == (2, 72, 1000)
-    speed_mm_s, force_n = np.array(by_speed.asked).T
-    x_mm_s, y_mm_s, also_force_n = np.array(by_velocity.asked).T
-    np.testing.assert_allclose(np.hypot(x_mm_s, y_mm_s), speed_mm_s)
-    np.testing.assert_array_equal(also_force_n, force_n)
-    heading = np.unique(np.round(np.mod(np.arctan2(y_mm_s, x_mm_s), 2.0 * np.pi), 9))
-    np.testing.assert_allclose(heading, np.unique(strokes.heading_rad), atol=1e-8)
-
-
 def test_generators_are_named_once_and_not_as_a_method():
     noise = f"{__name__}:build_noise"
     with pytest.raises(InputError, match="name each once"):

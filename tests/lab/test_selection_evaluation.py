@@ -9,20 +9,8 @@ import pytest
 from mmt.core.errors import InputError
 from mmt_lab.experiments import selection
 from mmt_lab.selection import sessions
-from mmt_lab.selection.knocks import (
-    SAMPLES,
-    add_knock,
-    read_taps,
-    simulated_knock,
-)
+from mmt_lab.selection.knocks import SAMPLES, read_taps
 from mmt_lab.selection.sessions import session_trials
-
-
-def test_a_knock_has_four_tenths_of_the_segments_variance():
-    generator = np.random.default_rng(3)
-    segment = generator.standard_normal(250)
-    added = add_knock(segment, simulated_knock(generator), generator) - segment
-    assert added.std() ** 2 == pytest.approx(0.4 * segment.std() ** 2)
 
 
 def test_ours_finds_more_than_the_published_selection_whatever_the_order():

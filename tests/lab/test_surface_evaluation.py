@@ -101,22 +101,6 @@ def test_half_of_the_surfaces_of_a_grained_session_have_a_grain(count):
     assert grained == max(2, (count + 1) // 2)
 
 
-def test_both_groups_are_simulated_and_told_apart(monkeypatch):
-    monkeypatch.setattr(running, "COUNTS", (2,))
-    monkeypatch.setattr(running, "DURATION_S", 0.6)
-    results = run_simulated(1, first=7, workers=1)
-    assert [result.group for result in results] == ["isotropic", "grained"]
-    assert all("seed 7" in result.name for result in results)
-    found = groups(results)
-    assert [(row["group"], row["surfaces"]) for rows in found.values() for row in rows] == [
-        ("isotropic", "2"),
-        ("isotropic", "all"),
-        ("grained", "2"),
-        ("grained", "all"),
-    ]
-    assert len(targets([rows[-1] for rows in found.values()])) == 6
-
-
 def test_sessions_are_drawn_from_the_textures_that_are_named(monkeypatch):
     monkeypatch.setattr(running, "DURATION_S", 0.6)
     named = ("drawn-0", "wood", "oak", "plastic+patches")
@@ -139,13 +123,6 @@ def test_the_bound_of_a_rate_is_that_of_a_poisson_count():
     assert poisson(hours * row["false_alarms_per_hour_most"]).cdf(1) == pytest.approx(0.05)
 
 
-def test_frames_that_are_missing_are_refused():
-    course = SurfaceCourse([get_surface("glass"), get_surface("wood")], [])
-    frames, _ = simulate_session(Scene(), course, 0.2, 1)
-    with pytest.raises(InputError, match="whole frames"):
-        run_session("gaps", course, frames[5:])
-
-
 def test_the_command_scores_a_recorded_session(tmp_path):
     course = SurfaceCourse.draw(
         [get_surface("glass"), get_surface("sandpaper")],
@@ -164,14 +141,13 @@ def test_the_command_scores_a_recorded_session(tmp_path):
     assert (tmp_path / "report" / "report.html").exists()
 
 
-def test_a_session_on_one_surface_has_no_course(tmp_path):
+def test_a_session_on_one_surface_or_with_missing_frames_is_refused(tmp_path):
     frames, annotations = simulate_session(Scene(), "glass", 0.2, 1)
     write_session(tmp_path / "one.mcap", frames, annotations=annotations)
     with pytest.raises(InputError, match="single surface"):
         surfaces.run([tmp_path / "one.mcap"])
-
-
-# --- a recorded session by its surfaces
+    with pytest.raises(InputError, match="whole frames"):
+        run_session("gaps", SurfaceCourse([get_surface("glass")], []), frames[5:])
 
 
 @pytest.fixture(scope="module")
