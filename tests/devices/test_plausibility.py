@@ -6,12 +6,16 @@ from itertools import product
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mmt.core.units import LARGEST_QUANTITY
+from mmt.devices import reading_checks
 from mmt.devices.reading_checks import (
     JUMP,
     NOT_FINITE,
     OUT_OF_REACH,
     PlausibilityCheck,
+    RareWarning,
     StuckCheck,
+    measured,
 )
 
 STILL = (0.0, 0.0, 0.0)
@@ -47,12 +51,36 @@ def test_a_first_measurement_is_finite_and_within_reach():
         assert PlausibilityCheck().problem(STILL, (x, y, z), 0) == speed
 
 
+@given(
+    st.tuples(*[st.floats(-4.0, 4.0)] * 3),
+    st.none() | st.sampled_from([math.nan, math.inf, -math.inf, 1e39]),
+    st.integers(0, 2),
+)
+def test_a_reading_is_finite_and_within_what_a_leader_accepts(direction, bad, axis):
+    value = [component * LARGEST_QUANTITY / 2 for component in direction]
+    expected = math.hypot(*value) <= LARGEST_QUANTITY
+    assert measured(tuple(value)) == (tuple(value) if expected else None)
+    value[axis] = LARGEST_QUANTITY if bad is None else bad
+    assert measured(tuple(value)) is None or (bad is None and math.hypot(*value) == value[axis])
+
+
+def test_a_warning_comes_at_once_and_every_ten_seconds(monkeypatch, caplog):
+    clock_s = [0.0]
+    monkeypatch.setattr(reading_checks.time, "monotonic", lambda: clock_s[0])
+    warning = RareWarning()
+    for clock_s[0], told in ((0.0, 1), (9.9, 1), (10.0, 2), (19.9, 2), (31.0, 3)):
+        warning.warn(f"the sensor of {clock_s[0]} % is gone")
+        assert len(caplog.records) == told
+    assert caplog.messages[0] == "the sensor of 0.0 % is gone"
+
+
 values = st.sampled_from([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (math.nan, 0.0, 0.0)])
 
 
 @given(st.lists(st.tuples(values, st.integers(1, 40)), max_size=30), st.integers(0, 60))
 def test_a_value_is_stuck_once_it_has_stayed_the_same_for_the_time_given(steps, longest_ns):
     check = StuckCheck(longest_ns)
+    assert check.is_stuck is False
     now_ns, since_ns, last = 0, 0, None
     for value, passed_ns in steps:
         now_ns += passed_ns
@@ -63,8 +91,12 @@ def test_a_value_is_stuck_once_it_has_stayed_the_same_for_the_time_given(steps, 
 
 def test_a_stuck_value_stays_so_until_it_changes_whatever_the_clock_does():
     check = StuckCheck(10)
+    assert check.recovers([(1.0,)])
     assert [check.add((1.0,), time_ns) for time_ns in (0, 9, 10, 3, 4)] == [0, 0, 1, 1, 1]
     assert not check.recovers([])
     assert not check.recovers([(1.0,), (1.0,)])
     assert check.recovers([(1.0,), (2.0,)])
+    assert check.is_stuck is False
     assert [check.add((1.0,), time_ns) for time_ns in (5, 2, 11, 12)] == [0, 0, 0, 1]
+    check = StuckCheck(1)
+    assert [check.add((1.0,), time_ns) for time_ns in (0, 1)] == [0, 1]
