@@ -23,11 +23,12 @@ from mmt.core.output.streams import is_queued
 from mmt.scene.files import example_scenes, load_scene
 from mmt.session.files import read_session
 
-DEVICES = '[link]\n[devices]\nrobot = "lab:Robot"\naccelerometer = "lab:A"\n[playout]\n[actuator]\n'
-
 
 def example(name):
     return load_scene(example_scenes()[name])
+
+
+DEVICES = '[link]\n[devices]\nrobot = "lab:Robot"\naccelerometer = "lab:A"\n[playout]\n[actuator]\n'
 
 
 @pytest.fixture
@@ -81,12 +82,9 @@ def test_a_part_that_costs_is_told_from_those_that_do_not(explain):
     assert "≈0 ±0.00" in rows["recording"]
     assert rows["texture"].split("±")[2].split()[-1] == "1.0", "texture holds a module"
     assert "What a part costs the follower" not in said, "no part changes what it sends"
-
-
-def test_a_part_that_the_follower_sends_for_is_in_its_table(explain):
-    said = explain("stream-only").partition("What a part costs the follower")[2]
-    assert "force_feedback" in said
-    assert "12.0" in said
+    sent = explain("stream-only").partition("What a part costs the follower")[2]
+    assert "force_feedback" in sent
+    assert "12.0" in sent
 
 
 def test_the_json_holds_what_was_printed(explain, tmp_path):
@@ -110,22 +108,15 @@ def test_devices_move_only_when_asked(explain, tmp_path):
     assert "start (s)" in explain(scene, "--devices")
 
 
-# --- running
-
-
-def test_a_run_writes_nowhere_but_in_its_directory(tmp_path):
+def test_a_run_writes_nowhere_but_in_its_directory_and_replays_what_was_named(tmp_path):
     runner = SceneRunner(tmp_path, 2.0)
+    named = load_scene(example_scenes()["replay"], replay=tmp_path / "mine.mcap")
+    assert runner.prepare(named).replay == named.replay
     prepared = runner.prepare(example("replay"))
     assert prepared.session.duration_s == 2.0
     assert prepared.recording.file.parent == tmp_path
     assert prepared.replay.file is not None
     assert len(read_session(prepared.replay.file).frames) >= 3000, "longer than the run"
-
-
-def test_a_recording_that_was_named_is_replayed(tmp_path):
-    scene = load_scene(example_scenes()["replay"], replay=tmp_path / "mine.mcap")
-    prepared = SceneRunner(tmp_path, 2.0).prepare(scene)
-    assert prepared.replay == scene.replay
 
 
 @pytest.mark.parametrize(
