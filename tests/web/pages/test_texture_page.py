@@ -80,13 +80,6 @@ async def renders_as_python(page, made):
     assert np.abs(samples - expected).max() < 1e-9 * expected.std()
 
 
-@pytest.mark.parametrize("name", ["oak", "felt"])
-async def test_the_page_gives_the_samples_that_python_gives(browser, tmp_path, name):
-    made = load_model(name)
-    async with of_models(browser, tmp_path, {name: made}) as page:
-        await renders_as_python(page, made)
-
-
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", [DESKTOP, PHONE])
 async def test_a_stroke_is_heard_shown_and_ends(browser, tmp_path, size, scheme):
@@ -105,15 +98,6 @@ async def test_a_stroke_is_heard_shown_and_ends(browser, tmp_path, size, scheme)
         assert figures["by"] == "worklet"
         assert 7.0 < figures["conversion"] < 9.0
         await shows(page, "#scale-text", "an amplitude of 1 is 150 m/s²")
-
-
-async def test_keys_stroke_it(browser, tmp_path):
-    async with of_models(browser, tmp_path, {"one": model()}) as page:
-        await page.focus("#surface")
-        await page.keyboard.down("ArrowRight")
-        await until(page, f"{LEVEL} > 0.05")
-        await page.keyboard.up("ArrowRight")
-        await until(page, f"{LEVEL} === 0")
 
 
 async def test_without_a_worklet_the_same_module_plays(browser, tmp_path):

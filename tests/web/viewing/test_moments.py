@@ -83,9 +83,8 @@ def test_a_model_is_rendered_along_the_motion_between_frames(monkeypatch):
 
 
 def test_the_page_is_told_the_rate_of_what_vibrates():
-    frames = np.zeros(2000, frame_dtype(["acceleration"], samples_per_frame=4))
-    frames["sequence"] = np.arange(2000)
-    frames["time_ns"] = np.arange(2000) * 1_000_000
+    frames = made_frames(0, 2000, ["acceleration"], 4)
+    frames["acceleration_m_s2"] = 0.0
     recording = ViewedRecording(MemoryWindows(RecordedSession(frames)))
     assert unpack(recording.opening())["rate_hz"] == 4000.0
     measured = unpack(recording.state_at(1.999))["arrays"]["measured"]
@@ -93,14 +92,11 @@ def test_the_page_is_told_the_rate_of_what_vibrates():
 
 
 def test_what_was_played_stands_at_its_moment():
-    blocks = [
-        OutputBlock(1.0, "streamed", np.full(100, 2.0)),
-        OutputBlock(1.1, "synthesized", np.full(100, 3.0)),
-    ]
+    played = ((1.0, "streamed", 2.0), (1.1, "synthesized", 3.0))
+    blocks = [OutputBlock(at_s, mode, np.full(100, value)) for at_s, mode, value in played]
     shown = traces.played(blocks, 1.2)
-    assert np.isnan(shown.vibration_m_s2[:312]).all()
-    assert (shown.vibration_m_s2[312:412] == 2.0).all()
-    assert (shown.vibration_m_s2[412:] == 3.0).all()
+    expected = np.repeat([np.nan, 2.0, 3.0], [312, 100, 100])
+    np.testing.assert_array_equal(shown.vibration_m_s2, expected)
     assert shown.modelled.tolist() == [0.0] * 412 + [1.0] * 100
     assert np.isnan(traces.played(blocks, 50.0).vibration_m_s2).all()
 
@@ -120,15 +116,10 @@ def test_a_late_tick_leaves_no_hole_in_what_was_played():
 def test_a_rendered_sample_is_the_same_a_moment_later():
     frames, _ = simulate_session(Scene(), "plastic", 4.0)
     time_s = (frames["sequence"] - frames["sequence"][0]) / 1e3
-    model = TextureModel(
-        TextureSamples.isotropic(
-            speed_mm_s=np.array([50.0, 150.0, 250.0]),
-            force_n=np.array([1.0, 2.0, 1.0]),
-            lsf=np.array([[0.5, 1.5]] * 3),
-            variance=np.ones(3),
-            power=np.ones(3),
-        )
+    samples = TextureSamples.isotropic(
+        [50.0, 150.0, 250.0], [1.0, 2.0, 1.0], [[0.5, 1.5]] * 3, np.ones(3), np.ones(3)
     )
+    model = TextureModel(samples)
     shown = [
         traces.synthesized(
             Window(time_s[time_s < end], frames[time_s < end]), end, SETTINGS, model
@@ -142,13 +133,13 @@ def test_a_rendered_sample_is_the_same_a_moment_later():
     np.testing.assert_array_equal(earlier[both], later[both])
 
 
-def test_what_was_played_when_is_told_apart():
-    played = [("streamed", 0.0), ("streamed", 0.02), ("fading", 0.041), ("synthesized", 0.06)]
-    blocks = [OutputBlock(at_s, mode, np.zeros(20)) for mode, at_s in [*played, ("streamed", 1.0)]]
-    spans = [(0.0, 0.04, "streamed"), (0.041, 0.08, "synthesized"), (1.0, 1.02, "streamed")]
-    assert [mode for *_, mode in traces.modes(blocks)] == [mode for *_, mode in spans]
-    ends = [span[:2] for span in traces.modes(blocks)]
-    np.testing.assert_allclose(ends, [span[:2] for span in spans])
+def test_what_was_played_before_and_after_a_hole_is_told_apart():
+    begins = {0.0: "streamed", 0.02: "streamed", 0.041: "fading", 0.06: "synthesized"}
+    begins[1.0] = "streamed"
+    found = traces.modes([OutputBlock(at, mode, np.zeros(20)) for at, mode in begins.items()])
+    assert [mode for *_, mode in found] == ["streamed", "synthesized", "streamed"]
+    ends = [(0.0, 0.04), (0.041, 0.08), (1.0, 1.02)]
+    np.testing.assert_allclose([each[:2] for each in found], ends)
 
 
 @given(st.lists(st.tuples(st.sampled_from(get_args(Mode)), st.integers(1, 300)), max_size=30))
@@ -204,13 +195,8 @@ def test_of_events_a_person_gets_what_matters():
 
 
 def test_latencies_are_told_on_one_clock():
-    clock = {
-        "at_s": 0.0,
-        "clock_time_ns": 0,
-        "clock_offset_ns": 5_000_000_000,
-        "clock_drift_ppm": 10.0,
-        "clock_uncertainty_ns": 1000,
-    }
+    clock = {"at_s": 0.0, "clock_time_ns": 0, "clock_offset_ns": 5_000_000_000}
+    clock |= {"clock_drift_ppm": 10.0, "clock_uncertainty_ns": 1000}
     came = np.arange(100, dtype=np.int64) * 10_000_000
     sent = came - 3_000_000 + 5_000_000_000 + came // 100_000
     table = LinkRecord([clock]).at(1.0, np.column_stack([came, sent]))

@@ -29,19 +29,32 @@ def stroked():
     return frames
 
 
-def rebuilt(settings, events=None, frames=None):
-    """Return the finished building of a session's model."""
-    recorded = stroked() if frames is None else frames
-    windows = MemoryWindows(RecordedSession(recorded, events=events or []))
-    rebuilding = ModelRebuild(windows, settings, 1.0)
-    rebuilding.start()
-    until(lambda: rebuilding.done)
-    assert rebuilding.problem is None
-    return rebuilding
+@pytest.fixture
+def rebuilt():
+    """Give the finished building of a session's model, and close it after the test."""
+    made = []
+
+    def rebuild(settings, events=(), frames=None):
+        recorded = stroked() if frames is None else frames
+        windows = MemoryWindows(RecordedSession(recorded, events=events))
+        made.append(rebuilding := ModelRebuild(windows, settings, 1.0))
+        rebuilding.start()
+        until(lambda: rebuilding.done)
+        assert rebuilding.problem is None
+        return rebuilding
+
+    yield rebuild
+    for each in made:
+        each.close()
 
 
-def test_every_state_is_that_of_the_live_leader():
+def test_every_state_is_that_of_the_live_leader_and_a_moment_has_the_last_one(rebuilt):
     rebuilding = rebuilt(NEVER)
+    assert rebuilding.at(0.5) is None
+    third = rebuilding.states[2]
+    for moment_s in (third.time_s, third.time_s + 0.5):
+        assert rebuilding.at(moment_s) is third
+    assert rebuilding.at(1e9) is rebuilding.states[-1]
     history = build(list(stream_blocks([stroked()], 1000)), NEVER)
     assert [s.progress for s in rebuilding.states] == [u.progress for u in history.updates]
     assert [s.time_s for s in rebuilding.states] == pytest.approx(
@@ -52,10 +65,9 @@ def test_every_state_is_that_of_the_live_leader():
         if state.number is not None and update.model is not None:
             model = rebuilding.snapshots.model(state.number)
             np.testing.assert_array_equal(model.points, update.model.points)
-    rebuilding.close()
 
 
-def test_a_state_says_what_was_no_measurement_until_then():
+def test_a_state_says_what_was_no_measurement_until_then(rebuilt):
     frames = stroked().copy()
     frames["acceleration_m_s2"][5200:5600] = frames["acceleration_m_s2"][5200]
     rebuilding = rebuilt(NEVER, frames=frames)
@@ -63,30 +75,18 @@ def test_a_state_says_what_was_no_measurement_until_then():
     assert said[5] == ""
     assert said[6].startswith("the accelerometer held one value for 0.4 s")
     assert said[14] == said[6]
-    rebuilding.close()
 
 
-def test_a_moment_has_the_state_of_the_last_update():
-    rebuilding = rebuilt(NEVER)
-    assert rebuilding.at(0.5) is None
-    third = rebuilding.states[2]
-    assert rebuilding.at(third.time_s) is third
-    assert rebuilding.at(third.time_s + 0.5) is third
-    assert rebuilding.at(1e9) is rebuilding.states[-1]
-    rebuilding.close()
-
-
-def test_the_model_is_left_alone_once_it_is_complete():
+def test_the_model_is_left_alone_once_it_is_complete(rebuilt):
     settings = ModellingSettings(method="published", start_distance=20.0, stop_distance=12.0)
     rebuilding = rebuilt(settings)
     last = rebuilding.states[-1]
     assert last.stop_s == last.time_s < 13.0
     assert last.progress.value <= 12.0
     assert last.start_s is not None
-    rebuilding.close()
 
 
-def test_a_reset_begins_a_new_model():
+def test_a_reset_begins_a_new_model(rebuilt):
     rebuilding = rebuilt(NEVER, [{"time_s": 7.5, "event": "model reset"}])
     after = [state for state in rebuilding.states if state.time_s >= 7.5]
     assert (after[0].time_s, after[0].number, after[0].start_s) == (7.5, None, None)
@@ -97,10 +97,9 @@ def test_a_reset_begins_a_new_model():
     )
     before = rebuilding.at(7.4)
     assert before.number is not None
-    rebuilding.close()
 
 
-def test_a_frozen_model_does_not_grow():
+def test_a_frozen_model_does_not_grow(rebuilt):
     events = [
         {"time_s": 5.0, "event": "model frozen", "frozen": True},
         {"time_s": 9.0, "event": "model grows again", "frozen": False},
@@ -108,7 +107,6 @@ def test_a_frozen_model_does_not_grow():
     rebuilding = rebuilt(NEVER, events)
     assert [s for s in rebuilding.states if 6.0 < s.time_s < 9.5] == []
     assert rebuilding.states[-1].time_s > 12.0
-    rebuilding.close()
 
 
 def test_a_freeze_ends_with_the_recording_or_a_reset():
@@ -118,25 +116,17 @@ def test_a_freeze_ends_with_the_recording_or_a_reset():
     assert frozen_spans([freeze, reset], 8.0) == [(2.0, 3.0)]
 
 
-def test_each_surface_has_its_own_model_and_criteria():
+def test_each_surface_has_its_own_model_and_criteria(rebuilt):
     course = SurfaceCourse(
         [get_surface("glass"), get_surface("sandpaper")],
         [CourseChange(7000, 1, in_contact=True), CourseChange(13_000, 0, in_contact=False)],
     )
     frames, _ = simulate_session(Scene(), course, 17.0, 4)
-    settings = ModellingSettings(
-        order=10,
-        method="published",
-        start_distance=20.0,
-        stop_distance=9.0,
-        surfaces=SurfaceSettings(),
-    )
+    criteria = {"start_distance": 20.0, "stop_distance": 9.0, "surfaces": SurfaceSettings()}
+    settings = ModellingSettings(order=10, method="published", **criteria)
     said = SurfaceChange("recalled", 2, 1, 13_300, 13_300)
     event = {"at_s": 13.3, "time_s": 13.3, "event": "surface 1 again"} | asdict(said)
-    session = RecordedSession(frames, events=(event,))
-    rebuilding = ModelRebuild(MemoryWindows(session), settings, 1.0)
-    rebuilding.start()
-    until(lambda: rebuilding.done)
+    rebuilding = rebuilt(settings, (event,), frames)
     states = rebuilding.states
     surfaces = [state.surface for state in states]
     assert [a for a, b in pairwise([*surfaces, None]) if a != b] == [1, 2, 1]
@@ -150,7 +140,6 @@ def test_each_surface_has_its_own_model_and_criteria():
     model = rebuilding.snapshots.model(last.number)
     other = max(s.number for s in states if s.surface == 2 and s.number is not None)
     assert rebuilding.snapshots.model(other).samples.power.mean() > 30 * model.samples.power.mean()
-    rebuilding.close()
 
 
 def test_building_can_be_left_at_any_time():
