@@ -18,8 +18,12 @@ def streams(**tables):
     return describe_scene(scene_from_tables(tables)).streams
 
 
+def described(name):
+    return describe_scene(load_scene(example_scenes()[name]))
+
+
 def test_the_demo_sends_whole_frames_up_and_commands_down():
-    up, down = describe_scene(load_scene(example_scenes()["demo"])).streams
+    up, down = described("demo").streams
     assert (up.way, up.event, up.holds) == ("up", "frames", ("position", "force", "acceleration"))
     assert (up.record_bytes, up.message_bytes) == (FRAME + 36, FRAME + 36 + FRAMES_ENVELOPE)
     assert (up.payload_bytes_per_s, up.bytes_per_s) == (48_000.0, 76_000.0)
@@ -63,43 +67,25 @@ def test_a_replay_at_another_speed_sends_more_or_less(speed, gathered, records, 
     assert up.payload_bytes_per_s == 1000 * speed * 24
 
 
-def test_without_a_hand_no_command_goes_down():
-    description = describe_scene(load_scene(example_scenes()["replay"]))
-    assert [stream.way for stream in description.streams] == ["up"]
-
-
-def test_a_scene_without_a_link_has_a_leader_alone():
-    description = describe_scene(load_scene(example_scenes()["model-only"]))
-    assert description.follower is None
-    assert description.streams == ()
-    assert description.leader.runs == ("hand", "rendering", "actuator")
-
-
-def test_the_tasks_of_the_leader_are_named():
-    scene = load_scene(example_scenes()["demo"])
-    assert describe_scene(scene).leader.tasks == (
-        "segmenting",
-        "fitting",
-        "synthesizing",
-        "completing",
-    )
-
-
-def test_both_services_say_what_they_leave_out():
-    description = describe_scene(load_scene(example_scenes()["stream-only"]))
-    assert description.leader.runs == ("link", "hand", "playout", "actuator", "force_feedback")
-    assert {"texture", "rendering", "recording"} <= set(description.leader.left_out)
-    assert description.leader.tasks == ()
-    assert description.follower.runs == ("link", "simulated")
-    assert {"replay", "devices"} <= set(description.follower.left_out)
+def test_services_say_what_they_run_and_leave_out():
+    assert [stream.way for stream in described("replay").streams] == ["up"], "there is no hand"
+    alone = described("model-only")
+    assert (alone.follower, alone.streams) == (None, ())
+    assert alone.leader.runs == ("hand", "rendering", "actuator")
+    tasks = ("segmenting", "fitting", "synthesizing", "completing")
+    assert described("demo").leader.tasks == tasks
+    streamed = described("stream-only")
+    assert streamed.leader.runs == ("link", "hand", "playout", "actuator", "force_feedback")
+    assert {"texture", "rendering", "recording"} <= set(streamed.leader.left_out)
+    assert streamed.leader.tasks == ()
+    assert streamed.follower.runs == ("link", "simulated")
+    assert {"replay", "devices"} <= set(streamed.follower.left_out)
 
 
 def test_the_methods_of_force_feedback_add_what_they_send():
     added = streams(**SIMULATED, force_feedback={"method": "passive"})[2:]
-    assert [(s.way, s.event, s.record_bytes) for s in added] == [
-        ("up", "energy", 36),
-        ("down", "energy", 36),
-    ]
+    assert [(s.way, s.event) for s in added] == [("up", "energy"), ("down", "energy")]
+    assert {s.record_bytes for s in added} == {36}
     (contact,) = streams(**SIMULATED, force_feedback={"method": "model"})[2:]
     assert (contact.way, contact.event, contact.record_bytes) == ("up", "contact", 48)
     assert (contact.records_per_message, contact.messages_per_s) == (5, 200.0)
@@ -121,8 +107,5 @@ def test_what_the_acceleration_lacks_is_said(options, said):
     assert describe_scene(scene_from_tables(tables)).acceleration is None
     tables["session"] = {"acceleration_rate_hz": 4000}
     assert describe_scene(scene_from_tables(tables)).acceleration == said
-
-
-def test_simulated_frames_of_several_samples_lack_nothing():
-    tables = {**SIMULATED, "session": {"acceleration_rate_hz": 3000}, "playout": {}, "actuator": {}}
-    assert describe_scene(scene_from_tables(tables)).acceleration == "3 samples a frame"
+    simulated = {**SIMULATED, **{name: tables[name] for name in ("session", "playout", "actuator")}}
+    assert describe_scene(scene_from_tables(simulated)).acceleration == "4 samples a frame"
