@@ -62,8 +62,3 @@ async def test_a_stock_client_is_told_the_others_if_it_shows_the_token(token, mo
         assert refusals[0]["data"] == {"hubs": ["http://hub2.lab:8766"]}
     else:
         assert "data" not in refusals[0]
-
-
-async def test_a_full_leader_names_nobody():
-    async with shared(most=1) as full, listening(full.url):
-        await refused("raise most of", full.url)

@@ -7,18 +7,15 @@ from contextlib import AsyncExitStack
 from dataclasses import replace
 
 import pytest
-import socketio
 import trustme
 from hub_samples import free_port, hub_process, needs_redis, redis_server, serving
 from sharing_samples import ENDED, about, listening, model_of, refused, shared, until
 
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import MmtError
 from mmt.texture.model.file import arrays_of
-from mmt.texture.model.file_arrays import file_arrays
-from mmt_share.changes import apply, digest
+from mmt_share.changes import digest
 from mmt_share.hub import peers
 from mmt_share.hub.channel import FORBIDDEN, HubChannel
-from mmt_share.messages import SHARING_VERSION
 
 pytestmark = needs_redis
 
@@ -88,23 +85,6 @@ async def test_the_leader_has_one_listener_however_many_hubs_there_are(redis):
         await until(lambda: [set(each.client.hubs) for each in heard] == others)
 
 
-async def test_the_others_go_on_where_the_feeder_leaves(redis):
-    async with AsyncExitStack() as stack:
-        leader = await stack.enter_async_context(shared())
-        leader.publish(10)
-        async with serving(leader.url, redis.url) as first:
-            await until(lambda: first.hub.feeding)
-            second = await stack.enter_async_context(serving(leader.url, redis.url))
-            of_first = await stack.enter_async_context(listening(first.url))
-            of_second = await stack.enter_async_context(listening(second.url))
-            await until(lambda: of_first.client.hubs and is_model_of(of_second, 10))
-            assert not second.hub.feeding
-        await until(lambda: second.hub.feeding)
-        leader.publish(11)
-        await until(lambda: is_model_of(of_first, 11) and is_model_of(of_second, 11))
-        assert of_second.models[-1] == 2
-
-
 async def test_a_feeder_that_is_killed_is_replaced_and_its_listeners_find_another_hub(redis):
     async with AsyncExitStack() as stack:
         leader = await stack.enter_async_context(shared())
@@ -124,29 +104,6 @@ async def test_a_feeder_that_is_killed_is_replaced_and_its_listeners_find_anothe
         leader.publish(12)
         await until(lambda: is_model_of(of_first, 12) and is_model_of(of_second, 12))
         assert leader.server.figures()["listeners"] == 1
-
-
-async def test_any_socket_io_client_can_listen_at_a_hub(alone):
-    heard = {}
-    stock = socketio.AsyncClient(serializer="msgpack", reconnection=False)
-    for event in ("welcome", "hubs", "model", "change", "state", "end"):
-        stock.on(event, lambda argument, event=event: heard.update({event: argument}))
-    async with shared() as leader, serving(leader.url, alone.url) as hub:
-        leader.publish(10)
-        await until(lambda: hub.hub.copy.number)
-        hello = {"sharing": SHARING_VERSION, "role": "listener"}
-        await stock.connect(hub.url, auth=hello, transports=["websocket"])
-        await stock.emit("again", None)
-        await until(lambda: "model" in heard)
-        leader.publish(11)
-        await until(lambda: "change" in heard)
-        leader.relay.finish("completed")
-        await until(lambda: heard.get("end") == {"outcome": "completed"})
-        await stock.disconnect()
-    arrays = apply(file_arrays(heard["model"]["file"]), heard["change"])
-    assert digest(arrays) == digest(arrays_of(model_of(11).contents))
-    welcome = {"sharing": SHARING_VERSION, "session_id": "abc", "name": "a table", "rate_hz": 1000}
-    assert heard["welcome"] == {**welcome, "hubs": []}
 
 
 async def test_another_session_of_the_leader_is_followed(redis):
@@ -216,11 +173,6 @@ async def test_without_redis_the_hub_says_how_to_start_it(redis):
             pass
 
 
-async def test_a_leader_that_never_answers_ends_the_hub(alone):
-    async with serving("http://127.0.0.1:9", alone.url, listening={"patience_s": 0.5}) as hub:
-        await hub.ends_by("no leader answered")
-
-
 async def test_a_hub_that_is_refused_says_why(alone, monkeypatch):
     monkeypatch.setenv("MMT_SHARING_TOKEN", "0123456789abcdef0123")
     async with shared() as leader:
@@ -237,38 +189,6 @@ async def test_listeners_of_a_hub_show_its_token_and_are_no_more_than_it_allows(
                 await refused("1 are listening already", hub.url)
             monkeypatch.setenv("MMT_SHARING_TOKEN", "")
             await refused("give the listener the leader's token", hub.url)
-
-
-async def test_a_port_that_is_taken_is_named(redis):
-    async with shared() as leader:
-        with pytest.raises(MmtError, match=f"cannot listen on 127.0.0.1 port {leader.server.port}"):
-            async with serving(leader.url, redis.url, sharing={"port": leader.server.port}):
-                pass
-
-
-async def test_a_hub_is_open_to_others_only_where_it_says_so(redis):
-    with pytest.raises(InputError, match=r"lets everyone .* be a listener"):
-        async with serving("http://127.0.0.1:9", redis.url, sharing={"host": "0.0.0.0"}):
-            pass
-
-
-async def test_a_slow_listener_holds_up_nobody_and_gets_what_is_newest(alone):
-    async with shared() as leader, serving(leader.url, alone.url) as hub:
-        leader.publish(10)
-        await until(lambda: hub.hub.copy.number)
-        async with listening(hub.url) as slow, listening(hub.url) as quick:
-            await until(lambda: is_model_of(slow, 10) and is_model_of(quick, 10))
-            listeners = list(hub.hub.relay.listeners.values())
-            given = listeners[0].next
-            listeners[0].next = lambda: None  # it can take nothing
-            for count in (11, 12, 13):
-                leader.publish(count)
-                await until(lambda count=count: is_model_of(quick, count))
-            assert slow.models == [1]
-            listeners[0].next = given
-            listeners[0].send_newest()
-            await until(lambda: is_model_of(slow, 13))
-            assert slow.models == [1, 4]
 
 
 async def test_a_wrong_password_of_redis_is_called_so():
