@@ -3,8 +3,6 @@
 import json
 import signal
 import socket
-import time
-from dataclasses import dataclass
 
 import pytest
 from service_processes import Service, follower_of, scene
@@ -116,50 +114,16 @@ def test_a_leader_that_returns_is_followed(tmp_path):
             assert listener.end() == 0, listener.stderr
 
 
-@dataclass(frozen=True)
-class Pair:
-    """A leader that shared until it was interrupted, and one that wanted its port meanwhile."""
-
-    url: str
-    ended_after_s: float
-    second: Service
-
-
-@pytest.fixture(scope="module")
-def pair(tmp_path_factory):
-    directory = tmp_path_factory.mktemp("pair")
-    with share(directory, 60.0) as leader:
-        leader.port()
-        url = shared_at(leader)
-        port = url.rpartition(":")[2]
+def test_a_port_that_is_taken_ends_the_session_with_a_sentence(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
         with Service(
-            *("leader", SCENE, "--share", "--port", 0), cwd=directory, MMT_SHARING__PORT=port
-        ) as second:
-            second.end()
-        began_s = leader.signal(signal.SIGINT)
-        leader.end()
-        return Pair(url, time.monotonic() - began_s, second)
-
-
-def test_a_port_that_is_taken_ends_the_session_with_a_sentence(pair):
-    assert pair.second.process.returncode == 1
-    assert "the model cannot be shared: cannot listen on 127.0.0.1" in pair.second.stderr
-    assert "set host and port of [sharing]" in pair.second.stderr
-    assert "Traceback" not in pair.second.stderr
-
-
-@pytest.mark.parametrize(
-    ("url", "said"),
-    [
-        ("http://127.0.0.1:9", "no leader answered at http://127.0.0.1:9"),
-        ("nonsense", "leader's URL 'nonsense'"),
-    ],
-)
-def test_nobody_there_is_said_in_a_sentence(tmp_path, url, said):
-    with listen(tmp_path, url, MMT_LISTENING__PATIENCE_S="0.5") as listener:
-        assert listener.end() in (1, 2)
-        assert said in listener.stderr
-        assert "Traceback" not in listener.stderr
+            *("leader", SCENE, "--share", "--port", 0), cwd=tmp_path, MMT_SHARING__PORT=port
+        ) as leader:
+            assert leader.end() == 1
+    assert "the model cannot be shared: cannot listen on 127.0.0.1" in leader.stderr
+    assert "set host and port of [sharing]" in leader.stderr
+    assert "Traceback" not in leader.stderr
 
 
 @pytest.mark.parametrize("options", [(), ("--json", "found.json")])
@@ -173,9 +137,3 @@ def test_a_listener_whose_time_is_over_says_that_it_heard_nobody(tmp_path, optio
         found = json.loads((tmp_path / "found.json").read_text())
         assert found["outcome"] == f"failed: no leader was heard at {url}"
         assert found["listening"]["session_id"] is None
-
-
-def test_the_process_for_listeners_ends_with_its_leader(tmp_path, pair):
-    assert pair.ended_after_s < 10.0
-    with listen(tmp_path, pair.url, MMT_LISTENING__PATIENCE_S="0.5") as listener:
-        assert listener.end() == 1

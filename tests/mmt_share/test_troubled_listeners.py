@@ -38,15 +38,17 @@ async def visit(url):
 async def send_rubbish(url, seed):
     """Join as a listener does, and send what makes no sense until the connection is closed."""
     rng = random.Random(seed)
-    hello = {"sharing": SHARING_VERSION, "role": "listener", "name": "rubbish"}
+    name = "\x1b[31mrubbish" + 99 * "x"
+    hello = {"sharing": SHARING_VERSION, "role": "listener", "name": name}
     async with aiohttp.ClientSession() as http:
         client = socketio.AsyncClient(serializer="msgpack", reconnection=False, http_session=http)
         await client.connect(url, auth=hello, transports=["websocket"])
         try:
             for _ in range(2000):
                 event = rng.choice(["again", "have", "frames", ""])
+                rubbish = rng.choice([rng.randbytes(rng.randrange(5000)), {"a": [1, b"x"]}])
                 with suppress(socketio.exceptions.SocketIOError):
-                    await client.emit(event, rng.randbytes(rng.randrange(5000)))
+                    await client.emit(event, rubbish)
                 if not client.connected:
                     break
                 await asyncio.sleep(0.002)
@@ -63,6 +65,10 @@ async def test_troubles_disturb_nobody():
         await until(lambda: heard.models[-1:] == [2])
         assert heard.client.rejected == 0
         await until(lambda: len(sharing.relay.listeners) == 1)
+        ends = [each["listener"] for each in sharing.details if "left" in each["kind"]]
+        assert any("it sent more than 10 messages" in each["why"] for each in ends)
+        assert max(each["rejected"] for each in ends) > 0
+        assert "\x1b" not in "".join(sharing.said)
 
 
 async def test_a_model_that_cannot_be_read_is_told_once_and_the_next_one_is_taken():
