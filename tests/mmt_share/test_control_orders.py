@@ -9,22 +9,14 @@ from mmt_share.parts.control import ControlPart
 from mmt_share.tables import CONTROL_VARIABLE
 
 
-@pytest.fixture
-def control(tmp_path, monkeypatch):
+def test_orders_that_make_no_sense_are_refused(tmp_path, monkeypatch):
     monkeypatch.setenv(CONTROL_VARIABLE, "0123456789abcdef")
     tables = {"texture": {}, "rendering": {}, "sharing": {"port": 0}, "control": {}}
     part = Leader(small_scene(tmp_path, **tables)).parts.get(ControlPart)
-    assert part is not None
-    return part.orders()["control"]
-
-
-@pytest.mark.parametrize("decision", [None, 1, "gift", [], {}, ["give"]])
-def test_a_decision_that_makes_no_sense_is_refused(control, decision):
-    with pytest.raises(InputError, match="allowed are give, refuse, take back"):
-        control({"decision": decision})
-
-
-@pytest.mark.parametrize("who", [None, 1.0, "1", [1]])
-def test_a_listener_is_named_by_its_number(control, who):
-    with pytest.raises(InputError, match="who is the number of a listener"):
-        control({"decision": "refuse", "who": who})
+    control = part.orders()["control"]
+    for decision in (None, 1, "gift", [], {}, ["give"]):
+        with pytest.raises(InputError, match="allowed are give, refuse, take back"):
+            control({"decision": decision})
+    for who in (None, 1.0, "1", [1]):
+        with pytest.raises(InputError, match="who is the number of a listener"):
+            control({"decision": "refuse", "who": who})
