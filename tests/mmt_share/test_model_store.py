@@ -48,6 +48,11 @@ def test_what_is_no_model_or_too_much_is_refused(tmp_path, monkeypatch):
             store.add(data, Entry("x"))
     with pytest.raises(InputError, match="bytes: "):
         store.add(bytes(store_module.LARGEST_BYTES + 1), Entry("x"))
+    for digest in ("", "../../etc/passwd", "a" * 63, "A" * 64, "a" * 65):
+        assert store.path(digest) is None
+    for said in ({}, {"name": " "}, {"name": "x", "error_db": "much"}):
+        with pytest.raises(InputError):
+            Entry.from_description(said)
     monkeypatch.setattr(store_module, "MOST_MODELS", 1)
     store.add(model_of(10).to_bytes(), Entry("x"))
     with pytest.raises(InputError, match="takes no more"):
@@ -57,31 +62,10 @@ def test_what_is_no_model_or_too_much_is_refused(tmp_path, monkeypatch):
 def test_what_is_damaged_is_left_out(tmp_path):
     store = ModelStore(tmp_path)
     entry = store.add(model_of(10).to_bytes(), Entry("table"))
-    for name, text in (("a", "{"), ("b", "[1]"), ("c", json.dumps({"unknown": 1}))):
+    gone = json.dumps({"name": "gone", "hash": "d" * 64})
+    for name, text in (("a", "{"), ("b", "[1]"), ("c", '{"unknown": 1}'), ("d", gone)):
         (tmp_path / f"{name * 64}.json").write_text(text)
-    (tmp_path / f"{'d' * 64}.json").write_text(json.dumps({"name": "gone", "hash": "d" * 64}))
     assert store.entries() == [entry]
-
-
-@pytest.mark.parametrize("digest", ["", "../../etc/passwd", "a" * 63, "A" * 64, "a" * 65])
-def test_only_hashes_name_files(tmp_path, digest):
-    assert ModelStore(tmp_path).path(digest) is None
-
-
-@pytest.mark.parametrize(
-    "said",
-    [
-        {},
-        {"name": " "},
-        *({"name": "x", "error_db": error} for error in ("much", "nan", "-inf", "1" * 400)),
-    ],
-)
-def test_who_pushes_must_give_a_name(said):
-    with pytest.raises(InputError):
-        Entry.from_description(said)
-    assert Entry.from_description({"name": "\x1b[31m" + 999 * "x"}).name.startswith(
-        "\N{REPLACEMENT CHARACTER}"
-    )
 
 
 async def test_an_error_is_a_finite_number_and_may_be_nought(tmp_path):
@@ -114,6 +98,7 @@ async def test_a_model_goes_there_and_comes_back(tmp_path):
         np.testing.assert_array_equal(same.samples.lsf, model.samples.lsf)
         with pytest.raises(InputError, match=r"no model called chair .* there are table"):
             await asyncio.to_thread(remote.find, "chair")
+        assert Entry.from_description({"name": "\x1b" + 999 * "x"}).name.startswith("\ufffdx")
         with pytest.raises(MmtError, match="not a texture model"):
             await asyncio.to_thread(remote.push, b"nonsense", Entry("x"))
 
@@ -215,9 +200,12 @@ class Server:
         self._socket.close()
 
 
+EMPTY_LISTING = b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]"
+
+
 @pytest.mark.parametrize("status", [301, 302, 303, 307, 308])
 def test_a_token_goes_to_nobody_but_whom_it_is_for(status, tmp_path):
-    with Server(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]") as other:
+    with Server(EMPTY_LISTING) as other:
         there = f"HTTP/1.1 {status} Go\r\nLocation: {other.url}/models\r\n\r\n"
         with Server(there.encode()) as server:
             remote = RemoteStore(server.url, Access(TOKEN))
@@ -232,10 +220,7 @@ def test_a_token_goes_to_nobody_but_whom_it_is_for(status, tmp_path):
 
 
 def test_a_proxy_of_the_environment_sees_no_token(monkeypatch):
-    with (
-        Server(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]") as proxy,
-        Server(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]") as server,
-    ):
+    with Server(EMPTY_LISTING) as proxy, Server(EMPTY_LISTING) as server:
         for name in ("http_proxy", "https_proxy", "all_proxy"):
             monkeypatch.setenv(name, proxy.url)
         assert RemoteStore(server.url, Access(TOKEN)).entries() == []
@@ -260,44 +245,25 @@ def test_an_endless_listing_or_model_is_not_read_to_its_end(head, tmp_path):
         assert (tmp_path / "oak.npz.part").stat().st_size <= store_module.LARGEST_BYTES
 
 
-def test_a_listing_of_too_many_models_is_refused(monkeypatch):
-    listing = json.dumps([ENTRY] * (store_module.MOST_MODELS + 1)).encode()
-    monkeypatch.setattr(RemoteStore, "_request", lambda *_, **__: listing)
-    with pytest.raises(MmtError, match="has no store of models that this program reads"):
-        RemoteStore("http://127.0.0.1:1", Access()).entries()
-
-
 ENTRY = {"name": "oak", "hash": "a" * 64, "samples": 10}
 
 
-@pytest.mark.parametrize(
-    "listing",
-    [
-        b"{",
-        b"[" * 100_000,
-        b"7",
-        b"[7]",
-        *(
-            json.dumps([{**ENTRY, **change}]).encode()
-            for change in ({"hash": "../../oak"}, {"hash": ""}, {"name": []}, {"samples": "10"})
-        ),
-        json.dumps([{**ENTRY, "unknown": 1}]).encode(),
-    ],
-)
-def test_a_listing_that_makes_no_sense_is_refused(monkeypatch, listing):
-    monkeypatch.setattr(RemoteStore, "_request", lambda *_, **__: listing)
+def test_a_listing_that_makes_no_sense_is_refused_and_any_other_can_be_printed(monkeypatch):
+    said = []
+    monkeypatch.setattr(RemoteStore, "_request", lambda *_, **__: said[-1])
     remote = RemoteStore("http://127.0.0.1:1", Access())
-    with pytest.raises(MmtError, match="has no store of models that this program reads"):
-        remote.entries()
-    with pytest.raises(MmtError, match="cannot be read"):
-        remote.push(b"", Entry("oak"))
-
-
-def test_what_is_listed_can_be_printed(monkeypatch):
-    listing = json.dumps([{**ENTRY, "note": "\x1b[31m"}])
-    monkeypatch.setattr(RemoteStore, "_request", lambda *_, **__: listing.encode())
-    (entry,) = RemoteStore("http://127.0.0.1:1", Access()).entries()
-    assert entry == Entry("oak", note="\N{REPLACEMENT CHARACTER}[31m", hash="a" * 64, samples=10)
+    said.append(json.dumps([{**ENTRY, "note": "\x1b[31m"}]).encode())
+    printable = Entry("oak", note="\N{REPLACEMENT CHARACTER}[31m", hash="a" * 64, samples=10)
+    assert remote.entries() == [printable]
+    changes = ({"hash": "../../oak"}, {"hash": ""}, {"name": []}, {"samples": "10"}, {"unknown": 1})
+    wrong = [json.dumps([{**ENTRY, **change}]).encode() for change in changes]
+    wrong += [b"{", b"[" * 100_000, b"7", b"[7]"]
+    for listing in (*wrong, json.dumps([ENTRY] * (store_module.MOST_MODELS + 1)).encode()):
+        said.append(listing)
+        with pytest.raises(MmtError, match="has no store of models that this program reads"):
+            remote.entries()
+        with pytest.raises(MmtError, match="cannot be read"):
+            remote.push(b"", Entry("oak"))
 
 
 async def test_without_leave_nothing_is_added_and_without_a_store_nothing_is_there(tmp_path):

@@ -1,33 +1,22 @@
 """``mmt play`` on the command line."""
 
-import asyncio
+import re
 import signal
-import sys
+import urllib.request
 from pathlib import Path
 
-import aiohttp
 import pytest
 from player_samples import flat_texture
+from service_processes import LONGEST_S, Service
 
 from mmt.core.errors import InputError
 from mmt_share.commands.playing import play
 
 
 def given(directory, **options):
-    usual = {
-        "results": directory / "results.csv",
-        "record": None,
-        "shared": None,
-        "seed": 0,
-        "host": "127.0.0.1",
-        "port": 0,
-        "token_file": None,
-        "certificate": None,
-        "key": None,
-        "everyone": False,
-        "force": False,
-    }
-    return {**usual, **options}
+    usual = dict.fromkeys(("record", "shared", "token_file", "certificate", "key"))
+    usual |= {"results": directory / "results.csv", "seed": 0, "host": "127.0.0.1", "port": 0}
+    return {**usual, "everyone": False, "force": False, **options}
 
 
 def test_what_cannot_be_played_is_explained(tmp_path):
@@ -50,19 +39,12 @@ def test_what_cannot_be_played_is_explained(tmp_path):
         play([model], **given(tmp_path))
 
 
-async def test_the_page_is_served_until_ctrl_c(tmp_path):
+def test_the_page_is_served_until_ctrl_c(tmp_path):
     flat_texture(1.0).save(tmp_path / "cork.npz")
-    process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "mmt.cli.entry", "main", "play", "cork.npz", "--port", "0",
-        cwd=tmp_path, stderr=asyncio.subprocess.PIPE,
-    )  # fmt: skip
-    assert process.stderr is not None
-    async with asyncio.timeout(120):
-        while not (line := await process.stderr.readline()).startswith(b"player:"):
-            assert line
-        url = line.decode().split()[1]
-        async with aiohttp.ClientSession() as http, http.get(url) as answer:
-            assert "mmt texture player" in await answer.text()
-        process.send_signal(signal.SIGINT)
-        await process.stderr.read()
-        assert await process.wait() == 0
+    with Service("main", "play", "cork.npz", "--port", 0, cwd=tmp_path) as player:
+        player.wait_for(lambda: "/player/" in player.stderr)
+        (url,) = re.findall(r"http://\S+", player.stderr)
+        with urllib.request.urlopen(url, timeout=LONGEST_S) as answer:
+            assert b"mmt texture player" in answer.read()
+        player.signal(signal.SIGINT)
+        assert player.end() == 0

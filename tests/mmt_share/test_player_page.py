@@ -19,12 +19,9 @@ from page_browser import (
     shows,
     until,
 )
-from player_samples import NAMES, RMS_M_S2, address, flat_texture, playing, rows_of, textures
+from player_samples import NAMES, RMS_M_S2, address, playing, rows_of, textures
 
-from mmt.session.data import missing_frames
-from mmt.session.files import read_session
 from mmt.texture.model.json_form import model_json
-from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt.web.page_server import pack
 
 __all__ = ["browser"]
@@ -98,14 +95,6 @@ async def test_arrow_keys_stroke_each_texture_at_its_level(browser, tmp_path):
         total = float((await latency.text_content()).split("hand to sound ")[1].split(" ms")[0])
         assert 8.0 < total < 10_000.0
         assert await fits(page)
-
-
-async def test_pictures_differ(silent):
-    pictures = await silent.evaluate(
-        "[...document.querySelectorAll('.tile canvas')].map(canvas => canvas.toDataURL())"
-    )
-    assert len(set(pictures)) == 3
-    assert min(map(len, pictures)) > 2000
 
 
 async def test_a_mouse_is_heard_while_it_strokes_and_not_beyond_the_grid(browser, tmp_path):
@@ -250,25 +239,6 @@ async def test_a_page_plays_on_without_its_server_and_says_so(browser, tmp_path,
         await hears(page, 3.0, 5.0)
 
 
-async def test_a_texture_that_grows_is_taken_over_while_it_is_stroked(browser, tmp_path):
-    async with a_player(browser, tmp_path) as (page, server):
-        await stroke(page, 0)
-        await hears(page, 0.7, 1.3)
-        server.player.set_models([flat_texture(5.0), *textures()[1:]])
-        await hears(page, 4.0, 6.0)
-
-
-async def test_what_the_page_renders_is_what_python_renders(silent):
-    model, count = textures()[1], 2000
-    speeds = 100.0 + 80.0 * np.sin(np.arange(count) / 100.0)
-    white = np.random.default_rng(1).standard_normal(count)
-    expected = Synthesizer(model, seed=4).render(speeds, np.ones(count), excitation=white)
-    await silent.keyboard.press("b")
-    given = [speeds.tolist(), [1.0] * count, white.tolist()]
-    samples = await silent.evaluate("given => [...window.mmtTexture.render(...given)]", given)
-    assert np.abs(np.array(samples) - expected).max() < 1e-9 * expected.std()
-
-
 LIVE = """async ([forms, turns]) => {
     const { FULL_SCALE_M_S2, LiveRenderer, parseModel } = await import('/player/mmt-texture.js');
     const models = forms.map(parseModel), renderer = new LiveRenderer(48000, 3), all = [];
@@ -311,25 +281,12 @@ async def test_quick_changes_between_textures_stay_within_what_each_does(silent)
 async def test_a_hostile_model_is_refused_with_a_sentence_and_the_last_one_stays(browser, tmp_path):
     async with a_player(browser, tmp_path) as (page, server):
         form = json.loads(model_json(textures()[0], NAMES[0]))
-        for change, sentence in (
-            ({"order": 10_000}, "its order must be 1 to 64"),
-            ({"version": 2}, "its version is 2"),
-            ({"rows": {**form["rows"], "shape": [2**31, 2**31]}}, "the shape of rows is wrong"),
-        ):
-            message = {"texture": 0, "form": json.dumps({**form, **change})}
-            server.player.model_messages = (pack("model", message, {}),)
-            await shows(page, "#answer", f"{NAMES[0]}: This is no texture model")
-            await shows(page, "#answer", sentence)
+        message = {"texture": 0, "form": json.dumps({**form, "order": 10_000})}
+        server.player.model_messages = (pack("model", message, {}),)
+        await shows(page, "#answer", f"{NAMES[0]}: This is no texture model")
+        await shows(page, "#answer", "its order must be 1 to 64")
         await stroke(page, 0)
         await hears(page, 0.7, 1.3)
-
-
-async def test_without_a_worklet_the_page_plays_by_itself(browser, tmp_path):
-    lacking = "Object.defineProperty(BaseAudioContext.prototype, 'audioWorklet', {get() {}});"
-    async with a_player(browser, tmp_path, script=lacking) as (page, _):
-        await stroke(page, 1)
-        await hears(page, 1.4, 2.6)
-        await shows(page, "#latency", "no worklet")
 
 
 async def test_without_a_sound_device_the_page_says_so_and_tries_again(browser, tmp_path):
@@ -343,22 +300,3 @@ async def test_without_a_sound_device_the_page_says_so_and_tries_again(browser, 
         await stroke(page, 1)
         await hears(page, 1.4, 2.6)
         await api.expect(page.locator("#answer")).to_be_empty()
-
-
-async def test_strokes_on_the_page_are_recorded(browser, tmp_path):
-    async with a_player(browser, tmp_path, record=True) as (page, server):
-        await stroke(page, 1)
-        async with asyncio.timeout(LONGEST_MS / 1000):
-            while server.player.status()["recorded_s"] < 2.0:
-                await asyncio.sleep(0.05)
-        await page.keyboard.up("ArrowRight")
-        await shows(page, "#recording", "recorded 2.")
-        await server.stop()
-    frames = read_session(tmp_path / "touch-linen.mcap").frames
-    assert missing_frames(frames) == 0
-    path_mm = frames["position_mm"][:, 0]
-    assert np.ptp(path_mm) < 400.0  # to and fro over the tile
-    speed_mm_s = np.abs(np.diff(path_mm)) * 1000.0
-    assert np.median(speed_mm_s) == pytest.approx(100.0, rel=0.1)
-    assert frames["force_n"][:, 2] == pytest.approx(1.0)
-    assert np.std(frames["acceleration_m_s2"][:, 2]) == pytest.approx(RMS_M_S2[1], rel=0.25)
