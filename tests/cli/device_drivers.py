@@ -1,13 +1,15 @@
-"""Drivers for the tests of `mmt device`."""
+"""Devices for the tests of `mmt device`, which load them by this module's name."""
 
-DRIVERS = '''
-"""Devices for tests."""
 import math
 import time
+from typing import ClassVar
 
-from mmt.devices.protocols import InterfaceState, SensorReading
-from mmt.devices.protocols import VoltageReading
 from mmt.core.errors import DeviceLost, MmtError
+from mmt.devices.protocols import InterfaceState, SensorReading, VoltageReading
+
+
+class Bare:
+    """No device at all."""
 
 
 class Useless:
@@ -15,6 +17,23 @@ class Useless:
         pass
 
     def close(self):
+        pass
+
+
+class Sensor(Useless):
+    def read(self):
+        return (0.0, 0.0, 9.81)
+
+
+def made_sensor() -> Sensor:
+    return Sensor()
+
+
+class Actuator(Useless):
+    def write(self, samples):
+        assert not any(samples)
+
+    def calibrate(self):
         pass
 
 
@@ -73,41 +92,7 @@ class Handle(Polled):
 
 class Board(Polled):
     latency_ns = 0
-    faults = {}
+    faults: ClassVar = {}
 
     def read(self):
         return [VoltageReading(time.monotonic_ns(), (0.1, 0.2, 0.3, 0.4))]
-
-
-class Bare:
-    pass
-
-
-class Sensor:
-    def connect(self):
-        pass
-
-    def read(self):
-        return (0.0, 0.0, 9.81)
-
-    def close(self):
-        pass
-
-
-def made_sensor() -> Sensor:
-    return Sensor()
-
-
-class Actuator:
-    def write(self, samples):
-        assert not any(samples)
-
-    def connect(self):
-        pass
-
-    def calibrate(self):
-        pass
-
-    def close(self):
-        pass
-'''

@@ -11,11 +11,11 @@ from mmt.devices import discovery
 from mmt.devices import drivers as driver_table
 
 
-def test_the_list_has_drivers_ports_and_what_is_missing(drivers, tmp_path, monkeypatch):
+def test_the_list_has_drivers_ports_and_what_is_missing(tmp_path, monkeypatch):
     import serial.tools.list_ports as ports
     import usb.core
 
-    names = {"good.robot": f"{drivers}:Polled", "bad.robot": "nowhere.at_all:Polled"}
+    names = {"good.robot": "device_drivers:Polled", "bad.robot": "nowhere.at_all:Polled"}
     install_package(tmp_path, monkeypatch, "lab-devices", {driver_table.GROUP: names})
     port = SimpleNamespace(
         device="/dev/none", vid=0x16C0, pid=0x0483, product="Teensy", description="", hwid="USB"
@@ -67,10 +67,10 @@ def test_a_library_that_is_missing_is_named_with_the_drivers_that_want_it(tmp_pa
     assert any(text.startswith("openhaptics: the vendor's library") for text in problems)
 
 
-def test_the_list_shows_each_role_that_a_driver_can_take(drivers, tmp_path, monkeypatch):
+def test_the_list_shows_each_role_that_a_driver_can_take(tmp_path, monkeypatch):
     names = {"lab-arm": "Polled", "lab-handle": "Handle", "lab-coil": "Actuator", "lab-?": "Bare"}
     names |= {"lab-line": "made_sensor"}
-    targets = {name: f"{drivers}:{made}" for name, made in names.items()}
+    targets = {name: f"device_drivers:{made}" for name, made in names.items()}
     install_package(tmp_path, monkeypatch, "lab-devices", {driver_table.GROUP: targets})
     found, _ = run_json(tmp_path, "device", "list")
     roles = {driver["name"]: driver["roles"] for driver in found["drivers"]}

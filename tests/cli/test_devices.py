@@ -5,6 +5,7 @@ import time
 import tomllib
 from pathlib import Path
 
+import device_drivers
 import pytest
 from command_runs import refusal, run, run_json
 from plugin_samples import install_package
@@ -20,9 +21,9 @@ def tried(directory, what, *options):
     return result, figures["devices"]
 
 
-def figures_of(drivers, name, directory, *settings):
+def figures_of(name, directory, *settings):
     given = [word for setting in settings for word in ("--set", setting)]
-    result, (seen,) = tried(directory, f"{drivers}:{name}", *given, "--duration", 0.3)
+    result, (seen,) = tried(directory, f"device_drivers:{name}", *given, "--duration", 0.3)
     return result, seen
 
 
@@ -34,8 +35,8 @@ def of_the_device(problems):
     return [problem for problem in problems if BUSY not in problem]
 
 
-def test_a_sensor_that_works_shows_its_values_and_rate(drivers, tmp_path):
-    result, seen = figures_of(drivers, "Sampled", tmp_path)
+def test_a_sensor_that_works_shows_its_values_and_rate(tmp_path):
+    result, seen = figures_of("Sampled", tmp_path)
     assert result.exit_code == bool(seen["problems"]), result.output
     assert seen["rate_hz"] == pytest.approx(2000, rel=0.2)
     assert seen["spacing_p50_ms"] == pytest.approx(0.5)
@@ -44,14 +45,14 @@ def test_a_sensor_that_works_shows_its_values_and_rate(drivers, tmp_path):
     assert of_the_device(seen["problems"]) == []
 
 
-def test_a_polled_device_is_read_in_the_role_that_is_asked_for_and_calibrated(drivers, tmp_path):
-    result, seen = figures_of(drivers, "Polled", tmp_path, "z=2.5")
+def test_a_polled_device_is_read_in_the_role_that_is_asked_for_and_calibrated(tmp_path):
+    result, seen = figures_of("Polled", tmp_path, "z=2.5")
     assert result.exit_code == 0, result.output
     assert (seen["mean"], seen["rate_hz"]) == ([0.0, 0.0, 2.5], None)
-    _, (seen,) = tried(tmp_path, f"{drivers}:Polled", "--duration", 0.1, "--calibrate")
+    _, (seen,) = tried(tmp_path, "device_drivers:Polled", "--duration", 0.1, "--calibrate")
     assert seen["mean"] == [0.0, 0.0, 0.0]
     options = ("--role", "accelerometer", "--duration", 0.1)
-    _, (seen,) = tried(tmp_path, f"{drivers}:made_sensor", *options)
+    _, (seen,) = tried(tmp_path, "device_drivers:made_sensor", *options)
     assert seen["role"] == "accelerometer"
 
 
@@ -65,47 +66,45 @@ def test_a_polled_device_is_read_in_the_role_that_is_asked_for_and_calibrated(dr
         ("Polled", ["z=nan"], "no numbers"),
     ],
 )
-def test_what_is_wrong_is_said_with_what_to_do(drivers, tmp_path, name, settings, sentence):
-    result, seen = figures_of(drivers, name, tmp_path, *settings)
+def test_what_is_wrong_is_said_with_what_to_do(tmp_path, name, settings, sentence):
+    result, seen = figures_of(name, tmp_path, *settings)
     assert result.exit_code == 1
     assert any(sentence in problem for problem in seen["problems"]), seen["problems"]
     assert sentence.split(maxsplit=1)[0] in result.output
 
 
-def test_a_silent_and_a_stuck_sensor_are_told_apart(drivers):
-    module = __import__(drivers)
-    silent = check_device("force_sensor", "a", module.Sampled(silent=True), duration_s=9.0)
+def test_a_silent_and_a_stuck_sensor_are_told_apart():
+    silent = check_device("force_sensor", "a", device_drivers.Sampled(silent=True), duration_s=9.0)
     assert "gives no reading: check its cable" in silent.problems[0]
-    stuck = module.Sampled(noise=0.0)
+    stuck = device_drivers.Sampled(noise=0.0)
     # longer than the second that it takes, so that a pause of this machine spoils nothing
     seen = check_device("force_sensor", "a", stuck, duration_s=2.5)
     assert "never changes" in " ".join(seen.problems)
     assert stuck.closed == 1
-    bursts = module.Sampled(at_once=80)
+    bursts = device_drivers.Sampled(at_once=80)
     (problem,) = check_device("force_sensor", "a", bursts, duration_s=0.5).problems
     assert "come in bursts, up to" in problem or BUSY in problem
 
 
-def test_an_accelerometer_must_feel_gravity_and_pass_its_band(drivers):
-    module = __import__(drivers)
+def test_an_accelerometer_must_feel_gravity_and_pass_its_band():
     narrow = load_device("adxl335-serial", {"port": "/dev/none", "bandwidth_hz": 50})
     for device, words in (
-        (module.Polled(z=1.0), "may be in g"),
-        (module.Polled(z=3.0), "feels 3: keep it still"),
+        (device_drivers.Polled(z=1.0), "may be in g"),
+        (device_drivers.Polled(z=3.0), "feels 3: keep it still"),
         (narrow, "Replace the three capacitors by 0.01 uF or less"),
     ):
         problems = check_device("accelerometer", "a", device, duration_s=0.05).problems
         assert words in " ".join(problems)
-    seen = check_device("board", "a", module.Board(), duration_s=0.05)
+    seen = check_device("board", "a", device_drivers.Board(), duration_s=0.05)
     assert (seen.mean, seen.unit) == (pytest.approx((0.1, 0.2, 0.3, 0.4)), "V")
 
 
-def test_all_devices_of_a_scene_are_tested(drivers, tmp_path):
+def test_all_devices_of_a_scene_are_tested(tmp_path):
     scene = tmp_path / "lab.toml"
     scene.write_text(
-        f'[link]\n[devices]\nrobot = "{drivers}:Polled"\naccelerometer = "{drivers}:Sampled"\n'
-        f'[handle]\ndriver = "{drivers}:Handle"\n[playout]\n'
-        f'[actuator]\ndriver = "{drivers}:Actuator"\n'
+        '[link]\n[devices]\nrobot = "device_drivers:Polled"\n'
+        'accelerometer = "device_drivers:Sampled"\n[handle]\ndriver = "device_drivers:Handle"\n'
+        '[playout]\n[actuator]\ndriver = "device_drivers:Actuator"\n'
     )
     result, seen = tried(tmp_path, scene, "--duration", 0.1)
     problems = [problem for one in seen for problem in one["problems"]]
@@ -120,15 +119,13 @@ def test_all_devices_of_a_scene_are_tested(drivers, tmp_path):
     ("accelerometer", "rate_hz", "said"),
     [("Sampled", 2000, 1000), ("Polled", 1000, 500), ("Sampled", 20_000, None)],
 )
-def test_an_accelerometer_must_give_what_a_frame_takes(
-    drivers, tmp_path, accelerometer, rate_hz, said
-):
+def test_an_accelerometer_must_give_what_a_frame_takes(tmp_path, accelerometer, rate_hz, said):
     options = f"rate_hz = {rate_hz}\n" if accelerometer == "Sampled" else ""
     scene = tmp_path / "lab.toml"
     scene.write_text(
-        f'[session]\nacceleration_rate_hz = 5000\n[link]\n[devices]\nrobot = "{drivers}:Polled"\n'
-        f'[devices.accelerometer]\ndriver = "{drivers}:{accelerometer}"\n{options}[playout]\n'
-        "[actuator]\n"
+        "[session]\nacceleration_rate_hz = 5000\n[link]\n[playout]\n[actuator]\n"
+        '[devices]\nrobot = "device_drivers:Polled"\n'
+        f'[devices.accelerometer]\ndriver = "device_drivers:{accelerometer}"\n{options}'
     )
     _, (seen,) = tried(tmp_path, scene, "--role", "accelerometer", "--duration", 0.3)
     assert seen["samples_hz"] == 5000
@@ -167,8 +164,8 @@ def test_an_actuator_plays_silence_and_shows_what_it_counted(tmp_path):
     assert seen["played"]["peak_m_s2"] == 0.0
 
 
-def test_a_busy_machine_is_told_from_a_fault(drivers, monkeypatch):
-    sensor = __import__(drivers).Sampled()
+def test_a_busy_machine_is_told_from_a_fault(monkeypatch):
+    sensor = device_drivers.Sampled()
     sleep = time.sleep
     monkeypatch.setattr("mmt.devices.device_check.time.sleep", lambda _: sleep(0.03))
     problems = check_device("force_sensor", "a", sensor, duration_s=0.5).problems
@@ -197,8 +194,8 @@ def test_the_documented_driver_is_found_as_a_package_of_its_own(tmp_path, monkey
     assert "'port'; its options are port, baud=1000000" in refusal(*line_sensor)
 
 
-def test_a_class_without_the_calls_of_a_device_is_not_good(drivers):
-    result = run("device", "test", f"{drivers}:Useless", "--duration", "0.1")
+def test_a_class_without_the_calls_of_a_device_is_not_good():
+    result = run("device", "test", "device_drivers:Useless", "--duration", "0.1")
     assert result.exit_code == 1
     assert "good" not in result.output
     assert "has neither read() nor write()" in result.output
