@@ -73,7 +73,10 @@ def test_an_ended_child_is_an_end_of_the_messages_and_its_last_line_is_kept(chil
     assert process.close() == "why"
 
 
-@pytest.mark.skipif(os.name != "posix", reason="pipes that can be waited for")
+ON_POSIX = pytest.mark.skipif(os.name != "posix", reason="pipes, sessions and signals of POSIX")
+
+
+@ON_POSIX
 def test_a_silent_child_is_given_up_and_a_stubborn_one_killed(child):
     process = child(SLEEPER)
     with pytest.raises(EOFError):
@@ -82,7 +85,7 @@ def test_a_silent_child_is_given_up_and_a_stubborn_one_killed(child):
     assert process.returncode == -signal.SIGKILL
 
 
-@pytest.mark.skipif(os.name != "posix", reason="pipes of POSIX")
+@ON_POSIX
 def test_a_child_that_does_not_read_does_not_hold_its_end_up(child):
     process = child(SLEEPER)
     os.set_blocking(process.stdin.fileno(), False)
@@ -101,7 +104,7 @@ def test_a_child_is_told_that_its_input_is_closed(child):
     assert process.returncode == 7
 
 
-@pytest.mark.skipif(os.name != "posix", reason="sessions and signals of POSIX")
+@ON_POSIX
 @pytest.mark.parametrize("own_session", [True, False])
 def test_signals_of_the_terminal_do_not_end_it(child, own_session):
     process = child(ECHO, own_session=own_session)
@@ -113,7 +116,7 @@ def test_signals_of_the_terminal_do_not_end_it(child, own_session):
     assert process.ask(2) == 2
 
 
-@pytest.mark.skipif(os.name != "posix", reason="SIGKILL")
+@ON_POSIX
 def test_it_ends_however_its_parent_ends(child):
     with subprocess.Popen(python_command("-c", FAMILY), stdout=subprocess.PIPE) as parent:
         assert select.select([parent.stdout], [], [], LONGEST_S)[0]

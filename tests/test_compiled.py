@@ -19,32 +19,16 @@ from mmt.core.errors import MmtError
 from mmt.core.kernel_cache import compile_kernels
 from mmt.texture.model.texture_model import load_model
 
-SAVED_MODEL = """
-[rendering]
-model = "oak"
-[hand]
-[actuator]
-"""
+SAVED_MODEL = '[rendering]\nmodel = "oak"\n[hand]\n[actuator]\n'
 
-MODELLING = """
-[link]
-[simulated]
-[hand]
-[playout]
-[actuator]
-[texture]
-[rendering]
-"""
-
-DRIVEN = MODELLING.replace(
-    "[actuator]",
-    """[actuator]
+MODELLING = "[link]\n[simulated]\n[hand]\n[playout]\n[actuator]\n[texture]\n[rendering]\n"
+DRIVER = """[actuator]
 driver = "haptuator-serial"
 port = "/dev/none"
 full_scale_v = 3.0
 volts_per_m_s2 = 0.1
-""",
-)
+"""
+DRIVEN = MODELLING.replace("[actuator]\n", DRIVER)
 
 ASKED_FOR = """
 import json, pickle, sys
@@ -105,19 +89,18 @@ print(was_cached, len(halved.signatures), quartered(3.0), halved(3.0))
 """
 
 
-def test_a_kernel_needs_a_signature():
+def printed_by(*program):
+    """Return what a program prints, in a process of its own."""
+    command = [sys.executable, *map(str, program)]
+    return subprocess.run(command, capture_output=True, check=True, text=True, timeout=150).stdout
+
+
+def test_a_kernel_needs_a_signature_and_a_folder_to_be_kept_in(monkeypatch):
     with pytest.raises(ValueError, match="signature"):
         kernel()
-
-
-def test_without_a_folder_for_compiled_kernels_one_is_asked_for(monkeypatch):
     monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
     with pytest.raises(MmtError, match="NUMBA_CACHE_DIR"):
-        kernel("f8(f8)")(abs_of)
-
-
-def abs_of(x):
-    return abs(x)
+        kernel("f8(f8)")(printed_by)
 
 
 def test_kernels_are_dropped_when_any_source_of_their_folder_changes(tmp_path):
@@ -149,16 +132,7 @@ def test_kernels_that_are_collected_are_compiled_when_they_are_asked_for(tmp_pat
 def test_an_inner_kernel_is_loaded_for_callers_that_are_not_cached(tmp_path):
     (tmp_path / "inner_numerics.py").write_text(INNER)
     (tmp_path / "run.py").write_text(INNER_FROM_CACHE)
-    found = [
-        subprocess.run(
-            [sys.executable, tmp_path / "run.py"],
-            check=True,
-            capture_output=True,
-            text=True,
-            timeout=150,
-        ).stdout.split()
-        for _ in range(2)
-    ]
+    found = [printed_by(tmp_path / "run.py").split() for _ in range(2)]
     assert found == [["False", "1", "0.75", "1.5"], ["True", "0", "0.75", "1.5"]]
 
 
@@ -197,14 +171,8 @@ def test_kernels_that_only_kernels_call_are_inner():
 def test_a_scene_asks_for_every_kernel_that_it_uses(tmp_path, scene):
     (tmp_path / "scene.toml").write_text(scene)
     (tmp_path / "model").write_bytes(pickle.dumps(load_model("oak").prepared()))
-    ended = subprocess.run(
-        [sys.executable, "-c", ASKED_FOR, tmp_path / "scene.toml", tmp_path / "model"],
-        check=True,
-        capture_output=True,
-        text=True,
-        timeout=150,
-    )
-    asked, loaded_later = json.loads(ended.stdout)
+    printed = printed_by("-c", ASKED_FOR, tmp_path / "scene.toml", tmp_path / "model")
+    asked, loaded_later = json.loads(printed)
     assert asked > 5
     assert loaded_later == []
 
@@ -220,8 +188,6 @@ def test_kernels_are_compiled_in_the_program_where_the_processes_fail(tmp_path, 
 
 def test_a_report_imports_no_kernels_of_the_selection_which_it_does_not_show():
     program = "import sys, mmt.cli.reporting, mmt.evaluation.reports.figures; print(*sys.modules)"
-    ended = subprocess.run(
-        [sys.executable, "-c", program], check=True, capture_output=True, text=True, timeout=150
-    )
-    assert "mmt.evaluation.reports.report" in ended.stdout.split()
-    assert "mmt_methods.selection" not in ended.stdout.split()
+    imported = printed_by("-c", program).split()
+    assert "mmt.evaluation.reports.report" in imported
+    assert "mmt_methods.selection" not in imported

