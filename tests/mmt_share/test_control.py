@@ -8,11 +8,13 @@ import pytest
 import socketio
 from hypothesis import given
 from hypothesis import strategies as st
+from service_runs import small_scene
 from sharing_samples import listening, refused, shared, until
 
 from mmt.contact.estimation import ContactModel
 from mmt.contact.rendering import LocalContact
 from mmt.core.errors import InputError
+from mmt.leader.service import Leader
 from mmt.link.access import Access
 from mmt.link.protocol import encode_event
 from mmt_share.control_messages import (
@@ -25,6 +27,8 @@ from mmt_share.control_messages import (
     encode_motion,
 )
 from mmt_share.operator import OperatorClient
+from mmt_share.parts.control import ControlPart
+from mmt_share.tables import CONTROL_VARIABLE
 
 TOKEN = Access("0123456789abcdef" * 2)
 HOLD = (1.0, 2.0, 3.0)
@@ -277,3 +281,16 @@ def test_any_contact_that_is_taken_can_be_rendered(given_model):
     for target in (model, ContactModel(0.0, 1e3), model):
         rendering.set_target(target)
         assert np.isfinite([rendering.step(depth_m) for depth_m in (-1.0, 0.001, 2.0)]).all()
+
+
+def test_orders_that_make_no_sense_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setenv(CONTROL_VARIABLE, "0123456789abcdef")
+    tables = {"texture": {}, "rendering": {}, "sharing": {"port": 0}, "control": {}}
+    part = Leader(small_scene(tmp_path, **tables)).parts.get(ControlPart)
+    control = part.orders()["control"]
+    for decision in (None, 1, "gift", [], {}, ["give"]):
+        with pytest.raises(InputError, match="allowed are give, refuse, take back"):
+            control({"decision": decision})
+    for who in (None, 1.0, "1", [1]):
+        with pytest.raises(InputError, match="who is the number of a listener"):
+            control({"decision": "refuse", "who": who})

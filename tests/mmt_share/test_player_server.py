@@ -1,4 +1,4 @@
-"""The player's server, with pages that have no screen."""
+"""The player's server, with pages that have no screen, and what it records of them."""
 
 import asyncio
 import json
@@ -19,6 +19,7 @@ from player_samples import (
     visiting,
 )
 
+import mmt
 from mmt.core.errors import InputError
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.session.data import missing_frames
@@ -26,6 +27,8 @@ from mmt.session.files import read_session
 from mmt.session.info import info
 from mmt.texture.model.json_form import model_json
 from mmt.texture.model.texture_model import TextureModel
+from mmt_share.player.messages import Step
+from mmt_share.player.recording import TouchRecorder
 from mmt_share.player.results import ResultsFile
 from mmt_share.player.server import TAKEN_OVER
 
@@ -219,3 +222,22 @@ async def test_a_recording_that_cannot_be_made_is_told(tmp_path):
         while (problem := (await page.until("status"))["problem"]) is None:
             pass
         assert "recording" in problem
+
+
+@pytest.mark.parametrize("k", [1, 3])
+def test_a_touch_is_recorded_at_the_rate_of_its_model(tmp_path, k):
+    shipped = mmt.load_model("oak")
+    model = TextureModel(shipped.samples, method="published", rate_hz=1000.0 * k)
+    recorder = TouchRecorder(tmp_path / "touch.mcap", ["oak"], [model])
+    recorder.record(0, [Step(10, (0.0, 0.0), (150.0, 0.0), 1.0)] * 50)
+    assert recorder.problem is None
+    ((file, seconds),) = recorder.close()
+    session = mmt.read_session(file)
+    assert seconds == pytest.approx(0.5)
+    assert len(session.frames) == 500
+    assert session.samples_per_frame == k
+    along = session.frames["acceleration_m_s2"].reshape(-1, 3)[:, 2]
+    assert len(along) == 500 * k
+    density = np.abs(np.fft.rfft(along)) ** 2
+    above = np.fft.rfftfreq(len(along), 1e-3 / k) > 500.0
+    assert (density[above].sum() > 0.1 * density.sum()) == (k > 1)

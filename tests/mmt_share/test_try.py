@@ -1,4 +1,4 @@
-"""``mmt try``: from a table of another program to a page that plays it."""
+"""``mmt try`` and ``mmt play``: from files to a page that plays them."""
 
 import os
 import re
@@ -6,18 +6,21 @@ import signal
 import subprocess
 import sys
 import urllib.request
+from pathlib import Path
 from unittest.mock import AsyncMock
 
 import numpy as np
 import pytest
 from command_runs import output_of, refusal, run
+from player_samples import flat_texture
 from service_processes import LONGEST_S, Service
 
 import mmt
-from mmt.core.errors import MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.scene.files import scene_from_tables
 from mmt.session.files import write_session
 from mmt_share.commands import trying
+from mmt_share.commands.playing import play
 
 NAMES = ("position_mm", "force_n", "acceleration_m_s2")
 
@@ -119,3 +122,40 @@ def test_too_few_strokes_are_said(tmp_path, measured, monkeypatch):
     path = write(tmp_path / "still.csv", "t,px_mm,py_mm,pz_mm,fx,fy,fz,ax,ay,az", still)
     assert "too few steady strokes" in refusal("try", path, kind=MmtError)
     assert not (tmp_path / "still.npz").exists()
+
+
+def given(directory, **options):
+    usual = dict.fromkeys(("record", "shared", "token_file", "certificate", "key"))
+    usual |= {"results": directory / "results.csv", "seed": 0, "host": "127.0.0.1", "port": 0}
+    return {**usual, "everyone": False, "force": False, **options}
+
+
+def test_what_cannot_be_played_is_explained(tmp_path):
+    model = tmp_path / "cork.npz"
+    flat_texture(1.0).save(model)
+    (tmp_path / "more").mkdir()
+    flat_texture(1.0).save(tmp_path / "more" / "cork.npz")
+    with pytest.raises(InputError, match=r"must end in \.mcap"):
+        play([model], **given(tmp_path, record=Path("touch.csv")))
+    with pytest.raises(InputError, match="cork: two textures have this name"):
+        play([model, tmp_path / "more" / "cork.npz"], **given(tmp_path))
+    with pytest.raises(InputError, match="shipped are"):
+        play([Path("nothing")], **given(tmp_path))
+    with pytest.raises(InputError, match=r"lets everyone .* be the player: set a token"):
+        play([model], **given(tmp_path, host="0.0.0.0"))
+    with pytest.raises(InputError, match="certificate and key belong together"):
+        play([model], **given(tmp_path, key=Path("key.pem")))
+    (tmp_path / "results.csv").write_text("other,columns\n")
+    with pytest.raises(InputError, match="name another file"):
+        play([model], **given(tmp_path))
+
+
+def test_the_page_is_served_until_ctrl_c(tmp_path):
+    flat_texture(1.0).save(tmp_path / "cork.npz")
+    with Service("main", "play", "cork.npz", "--port", 0, cwd=tmp_path) as player:
+        player.wait_for(lambda: "/player/" in player.stderr)
+        (url,) = re.findall(r"http://\S+", player.stderr)
+        with urllib.request.urlopen(url, timeout=LONGEST_S) as answer:
+            assert b"mmt texture player" in answer.read()
+        player.signal(signal.SIGINT)
+        assert player.end() == 0
