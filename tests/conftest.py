@@ -19,48 +19,24 @@ from mmt.core.output.streams import finish_output
 from mmt.core.running.process import ask_for_short_turns
 
 SLOW = (
-    "test_first_start.py",
-    "test_service_interruption.py",
-    "test_stability_services.py",
-    "test_sharing_services.py",
-    "test_hubs.py",
-    "test_control_services.py",
-    "test_service_soak.py",
-    "test_demo_shared.py",
-    "test_lean_scenes.py",
-    "test_lean_installs.py",
-    "test_monitor_page.py",
-    "test_player_page.py",
-    "test_firefox.py",
-    "test_site.py",
-    "test_report_pages.py",
-    "test_backfill.py",
-    "test_stalled_readers.py",
-    "test_interrupted_connecting.py",
-    "test_selection_evaluation.py",
-    "test_service_namespaces.py",
-    "test_surface_evaluation.py",
-    "test_device_bench.py",
-    "test_compare_generators.py",
-    "test_sweep.py",
-    "test_fuzz_leader.py",
-    "test_fuzz_follower.py",
-    "test_full_disk.py",
-)
+    "test_first_start.py", "test_service_interruption.py", "test_stability_services.py",
+    "test_sharing_services.py", "test_hubs.py", "test_control_services.py", "test_service_soak.py",
+    "test_demo_shared.py", "test_lean_scenes.py", "test_lean_installs.py", "test_monitor_page.py",
+    "test_player_page.py", "test_firefox.py", "test_site.py", "test_report_pages.py",
+    "test_backfill.py", "test_stalled_readers.py", "test_interrupted_connecting.py",
+    "test_selection_evaluation.py", "test_service_namespaces.py", "test_surface_evaluation.py",
+    "test_device_bench.py", "test_compare_generators.py", "test_sweep.py", "test_fuzz_leader.py",
+    "test_fuzz_follower.py", "test_full_disk.py",
+)  # fmt: skip
 """Files that only `scripts/test --all` runs: soak, installations, faults, browsers, evaluations.
 
 They begin, the slowest first: at the end, they would keep one process alone.
 """
 LONG = (
-    "test_lattice.py",
-    "test_model_difference.py",
-    "test_motion_limit.py",
-    "test_resampled_models.py",
-    "test_selection.py",
-    "test_selection_outliers.py",
-    "test_surface_detection.py",
-    "test_validity.py",
-)
+    "test_lattice.py", "test_model_difference.py", "test_motion_limit.py",
+    "test_resampled_models.py", "test_selection.py", "test_selection_outliers.py",
+    "test_surface_detection.py", "test_validity.py",
+)  # fmt: skip
 """Files that compute for four seconds and more: `scripts/test --fast` leaves them out."""
 LIVE = re.compile(
     r"^(?:from|import) (?:aiohttp|asyncio|h5py|(?:link|sharing|hub|player)_samples|multiprocessing"

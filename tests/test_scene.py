@@ -56,38 +56,24 @@ WRONG = [
     (textured(axis="w"), ["texture.axis", "dft321"]),
     (textured(normal="y"), ["surface across z", "leave 'normal'"]),
     (textured(method="published", stop_distance=9.0), ["stop_distance must not exceed"]),
-    (
-        textured(level="interpolated"),
-        ['level = "interpolated": no longer a choice; write method = "published"'],
-    ),
-    (
-        textured(method="custom", interpolator="rbf"),
-        ['interpolator = "rbf" and method = "custom": no', 'write method = "field"'],
-    ),
+    (textured(level="interpolated"),
+     ['level = "interpolated": no longer a choice; write method = "published"']),
+    (textured(method="custom", interpolator="rbf"),
+     ['interpolator = "rbf" and method = "custom": no', 'write method = "field"']),
     (textured(selection={"largest": 50}), ["selection: no longer a table", "leave it out"]),
-    (
-        textured(method="published", start_share=0.5),
-        ['start_share is of method "field"', "write start_distance and stop_distance"],
-    ),
-    (
-        textured(start_distance=9.0),
-        ['start_distance is of method "published", and method is "field"'],
-    ),
+    (textured(method="published", start_share=0.5),
+     ['start_share is of method "field"', "write start_distance and stop_distance"]),
+    (textured(start_distance=9.0),
+     ['start_distance is of method "published", and method is "field"']),
     (textured(stop_share=0.5), ["stop_share is 0.5", "start_share 0.65"]),
     (textured(start_share=1.0), ["texture.start_share"]),
     ({**SIMULATED, "hand": {"fastest_mm_s": 10.0}}, ["fastest_mm_s", "slowest_mm_s"]),
-    (
-        limited(workspace_mm=[[0, 0, 0], [1, 0, 1]]),
-        ["simulated", "workspace_mm reaches from 0 to 0 mm along y", "lowest corner first"],
-    ),
-    (
-        limited(workspace_mm=[[0, 0], [1, 1, 1]]),
-        ["simulated.workspace_mm.0.2 is missing", "should be 'off'"],
-    ),
-    (
-        limited(acceleration_limit_mm_s2=0),
-        ["simulated.acceleration_limit_mm_s2 is 0: ", "equal to 100, or 'off'"],
-    ),
+    (limited(workspace_mm=[[0, 0, 0], [1, 0, 1]]),
+     ["simulated", "workspace_mm reaches from 0 to 0 mm along y", "lowest corner first"]),
+    (limited(workspace_mm=[[0, 0], [1, 1, 1]]),
+     ["simulated.workspace_mm.0.2 is missing", "should be 'off'"]),
+    (limited(acceleration_limit_mm_s2=0),
+     ["simulated.acceleration_limit_mm_s2 is 0: ", "equal to 100, or 'off'"]),
     ({"texture": {}}, ["[texture]", "add [link]"]),
     ({"network": {}, "hand": {}}, ["[network] needs a follower: add [link]"]),
     ({"link": {}, "texture": {}}, ["source", "[simulated], [replay], [devices]"]),
@@ -105,11 +91,9 @@ WRONG = [
     (ADD_HAND, ["[force_feedback]", "add [hand]"]),
     (fed_back(method="streamed", reserve_mj=2.0), ["reserve_mj has no meaning with method"]),
     (fed_back(method="model", largest_drift_mm=1.0), ["largest_drift_mm has no meaning with"]),
-    (
-        fed_back(method="passive", largest_stiffness_n_mm=5.0),
-        ["largest_stiffness_n_mm has no meaning with method"],
-    ),
-]
+    (fed_back(method="passive", largest_stiffness_n_mm=5.0),
+     ["largest_stiffness_n_mm has no meaning with method"]),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("tables", "words"), WRONG)

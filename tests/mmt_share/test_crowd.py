@@ -76,16 +76,12 @@ async def test_who_is_refused_says_why():
     assert ["listening already" in each.problem for each in found].count(True) == 1
 
 
-async def test_a_session_without_a_model_is_the_crowds_problem():
+async def test_a_session_without_a_model_is_the_crowds_problem_and_nobody_waits_for_ever():
     async with shared() as sharing:
+        (found,) = await crowd(sharing.url, 1, 0.5)
+        assert found.problem == "no model was ready within 0.5 s"
         finding = asyncio.create_task(crowd(sharing.url, 2, 20.0))
         await until(lambda: sharing.relay.listeners)
         sharing.relay.finish("completed")
         found = await finding
     assert [each.problem for each in found] == ["the session ended before its model was ready"] * 2
-
-
-async def test_nobody_waits_for_ever():
-    async with shared() as sharing:
-        (found,) = await crowd(sharing.url, 1, 0.5)
-    assert found.problem == "no model was ready within 0.5 s"

@@ -3,7 +3,7 @@
 import asyncio
 import signal
 import time
-from contextlib import AsyncExitStack
+from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import replace
 
 import pytest
@@ -33,19 +33,26 @@ def alone(redis, monkeypatch):
     return redis
 
 
-def other_about(count):
-    """What is said of a model in another session."""
-    return replace(about(count), session_id="def")
-
-
 def is_model_of(heard, count):
     """Whether a listener has this model to the bit."""
     replica = heard.client.replica
     if replica.about != about(count):
         return False
-    return digest(arrays_of(replica.build().contents)) == digest(
-        arrays_of(model_of(count).contents)
-    )
+    one, other = (digest(arrays_of(each.contents)) for each in (replica.build(), model_of(count)))
+    return one == other
+
+
+@asynccontextmanager
+async def hubs_of_a_model(redis, count=2):
+    """A leader with a model, hubs of it, and a listener at each, which has the model."""
+    async with AsyncExitStack() as stack:
+        leader = await stack.enter_async_context(shared())
+        leader.publish(10)
+        enter = stack.enter_async_context
+        hubs = [await enter(serving(leader.url, redis.url)) for _ in range(count)]
+        heard = [await enter(listening(hub.url)) for hub in hubs]
+        await until(lambda: all(is_model_of(each, 10) for each in heard))
+        yield leader, hubs, heard
 
 
 async def test_a_hub_gives_its_listeners_what_the_leader_shares(alone):
@@ -71,12 +78,7 @@ async def test_a_hub_gives_its_listeners_what_the_leader_shares(alone):
 
 
 async def test_the_leader_has_one_listener_however_many_hubs_there_are(redis):
-    async with AsyncExitStack() as stack:
-        leader = await stack.enter_async_context(shared())
-        leader.publish(10)
-        hubs = [await stack.enter_async_context(serving(leader.url, redis.url)) for _ in range(3)]
-        heard = [await stack.enter_async_context(listening(hub.url)) for hub in hubs]
-        await until(lambda: all(is_model_of(each, 10) for each in heard))
+    async with hubs_of_a_model(redis, 3) as (leader, hubs, heard):
         await until(lambda: [hub.hub.feeding for hub in hubs] == [True, False, False])
         leader.publish(12)
         await until(lambda: all(is_model_of(each, 12) for each in heard))
@@ -121,23 +123,17 @@ async def test_another_session_of_the_leader_is_followed(redis):
         async with shared(port=port) as again:
             await again.server.welcome(session_id="def")
             for count in (5, 6, 20):  # with the number that the earlier session ended by
-                again.relay.offer_model(
-                    *again.publisher.publish(model_of(count), other_about(count))
-                )
+                said = replace(about(count), session_id="def")
+                again.offer(model_of(count), said)
             for each in heard:
-                await until(lambda each=each: each.client.replica.about == other_about(20))
+                await until(lambda each=each: each.client.replica.about == said)
                 assert each.client.session["session_id"] == "def"
             again.relay.finish("completed")
             await until(lambda: all(each.said.count(ENDED) == 2 for each in heard))
 
 
 async def test_hubs_go_on_alone_while_redis_is_lost_and_together_when_it_is_back(redis):
-    async with AsyncExitStack() as stack:
-        leader = await stack.enter_async_context(shared())
-        leader.publish(10)
-        hubs = [await stack.enter_async_context(serving(leader.url, redis.url)) for _ in range(2)]
-        heard = [await stack.enter_async_context(listening(hub.url)) for hub in hubs]
-        await until(lambda: all(is_model_of(each, 10) for each in heard))
+    async with hubs_of_a_model(redis) as (leader, hubs, heard):
         redis.kill()
         await until(lambda: all("Redis is lost" in "".join(hub.said) for hub in hubs))
         leader.publish(11)
@@ -151,19 +147,13 @@ async def test_hubs_go_on_alone_while_redis_is_lost_and_together_when_it_is_back
 
 
 async def test_a_change_that_redis_loses_is_noticed(redis, monkeypatch):
-    async with AsyncExitStack() as stack:
-        leader = await stack.enter_async_context(shared())
-        leader.publish(10)
-        hubs = [await stack.enter_async_context(serving(leader.url, redis.url)) for _ in range(2)]
-        heard = await stack.enter_async_context(listening(hubs[1].url))
-        await until(lambda: is_model_of(heard, 10))
-        take = hubs[1].hub.copy.receive
-        monkeypatch.setattr(hubs[1].hub.copy, "receive", lambda *_: None)
-        leader.publish(11)  # and then nothing more: only the beats tell that it was there
-        await until(lambda: hubs[0].hub.copy.number == 2)
-        await asyncio.sleep(0.2)
-        monkeypatch.setattr(hubs[1].hub.copy, "receive", take)
-        await until(lambda: is_model_of(heard, 11))
+    async with hubs_of_a_model(redis) as (leader, hubs, heard):
+        with monkeypatch.context() as lost:
+            lost.setattr(hubs[1].hub.copy, "receive", lambda *_: None)
+            leader.publish(11)  # and then nothing more: only the beats tell that it was there
+            await until(lambda: hubs[0].hub.copy.number == 2)
+            await asyncio.sleep(0.2)
+        await until(lambda: is_model_of(heard[1], 11))
 
 
 async def test_without_redis_the_hub_says_how_to_start_it(redis):

@@ -1,6 +1,7 @@
 """Who listens and how far they are behind, as the process that serves them knows it."""
 
 import math
+from contextlib import AsyncExitStack
 
 import numpy as np
 import pytest
@@ -66,10 +67,10 @@ def test_a_state_that_is_not_known_gives_no_lag():
     assert relay.made_ns(math.nan) is None
 
 
-@pytest.mark.parametrize("data", [None, b"", b"x" * 21, 5, {"number": 1}])
-def test_what_is_malformed_is_refused(data):
-    with pytest.raises(InputError, match="malformed"):
-        ListenerState.unpack(data)
+def test_what_is_malformed_is_refused():
+    for data in (None, b"", b"x" * 21, 5, {"number": 1}):
+        with pytest.raises(InputError, match="malformed"):
+            ListenerState.unpack(data)
     with pytest.raises(InputError, match="clock"):
         ListenerState.unpack(ListenerState(1, -1, 0.0).pack())
 
@@ -93,11 +94,8 @@ async def test_who_listens_since_when_and_how_far_behind():
         assert guest["listened_s"] > 0.0
         assert guest["states_bytes"] == figures["sent"]["states_bytes"] > 9 * 37
     joined, left = sharing.details
-    assert joined == {
-        "kind": "listener joined",
-        "listeners": 1,
-        "listener": {"id": 1, "name": "ann"},
-    }
+    assert (joined["kind"], joined["listeners"]) == ("listener joined", 1)
+    assert joined["listener"] == {"id": 1, "name": "ann"}
     assert (left["kind"], left["listeners"]) == ("listener left", 0)
     assert left["listener"]["why"] in {"it disconnected", "the connection was closed"}
     assert left["listener"]["states"] == 9
@@ -136,30 +134,21 @@ async def test_why_a_listener_was_let_go_is_told(monkeypatch):
 async def test_of_many_the_figures_are_those_furthest_behind(monkeypatch):
     monkeypatch.setattr(server_module, "_MOST_SHOWN", 2)
     async with shared() as sharing:
-        clients = [listening(sharing.url) for _ in range(4)]
-        for client in clients:
-            await client.__aenter__()
-        await until(lambda: len(sharing.relay.listeners) == 4)
-        for listener, lag_ms in zip(
-            sharing.relay.listeners.values(), (5.0, None, 9.0, 7.0), strict=True
-        ):
-            listener.lag.last_ms = lag_ms
-        figures = sharing.server.figures()
+        async with AsyncExitStack() as stack:
+            for _ in range(4):
+                await stack.enter_async_context(listening(sharing.url))
+            await until(lambda: len(sharing.relay.listeners) == 4)
+            lags_ms = (5.0, None, 9.0, 7.0)
+            for listener, lag_ms in zip(sharing.relay.listeners.values(), lags_ms, strict=True):
+                listener.lag.last_ms = lag_ms
+            figures = sharing.server.figures()
         assert (figures["listeners"], figures["joined"]) == (4, 4)
         assert (figures["lag_median_ms"], figures["lag_most_ms"]) == (7.0, 9.0)
         assert [row["id"] for row in figures["rows"]] == [3, 4]
-        for client in clients:
-            await client.__aexit__(None, None, None)
 
 
 def test_the_leader_keeps_what_a_person_wants_to_know_at_the_end():
-    pytest.importorskip("prometheus_client")
-    from prometheus_client import generate_latest
-
-    from mmt.core.output.exposition import registry_of
-
     listeners = Listeners()
-    assert b"mmt_listeners 0.0" in generate_latest(registry_of(listeners.metrics))
     for number in range(150):
         for kind, now in (("listener joined", 1), ("listener left", 0)):
             details = {"kind": kind, "listeners": now, "listener": {"id": number}}
@@ -171,13 +160,14 @@ def test_the_leader_keeps_what_a_person_wants_to_know_at_the_end():
     assert (summary["joined"], summary["most_listeners"]) == (150, 1)
     assert summary["sent"] == {**sent, "listened_s": 12.5}
     assert [each["id"] for each in summary["listeners"]] == list(range(50, 150))
-    text = generate_latest(registry_of(listeners.metrics)).decode()
-    for line in (
-        "mmt_listeners_joined_total 150.0",
-        'mmt_shared_bytes_total{kind="wholes"} 300000.0',
-        'mmt_shared_messages_total{kind="states"} 0.0',
-        "mmt_shared_skipped_messages_total 7.0",
-        'mmt_listener_lag_seconds{of="median"} 0.02',
-    ):
-        assert line in text
-    assert 'of="most"' not in text
+    found = {
+        " ".join([sample.name, *sample.labels.values()]): sample.value
+        for metric in listeners.metrics()
+        for sample in metric.samples
+    }
+    assert found["mmt_listeners_joined_total"] == 150
+    assert found["mmt_shared_bytes_total wholes"] == 300_000
+    assert found["mmt_shared_messages_total states"] == 0
+    assert found["mmt_shared_skipped_messages_total"] == 7
+    assert found["mmt_listener_lag_seconds median"] == 0.02
+    assert "mmt_listener_lag_seconds most" not in found

@@ -94,12 +94,6 @@ def test_matching_counts_the_matches_and_hides_until_then(tmp_path):
     assert written[-1]["rating"] == "6"
 
 
-def test_a_scenario_that_is_left_says_so(tmp_path):
-    study = a(Exploration, tmp_path / "r.csv")
-    study.leave()
-    assert [row["event"] for row in rows_of(tmp_path / "r.csv")] == ["begin", "leave"]
-
-
 def test_rows_are_added_to_what_there_is(tmp_path):
     path = tmp_path / "deep" / "r.csv"
     a(Exploration, path, "P1")
@@ -107,13 +101,6 @@ def test_rows_are_added_to_what_there_is(tmp_path):
     assert [row["participant"] for row in rows_of(path)] == ["P1", 'P "2", x']
     assert path.read_text().count("time_utc") == 1
     assert path.read_text().splitlines()[0] == ",".join(COLUMNS)
-
-
-def test_a_file_of_something_else_is_left_alone(tmp_path):
-    path = tmp_path / "r.csv"
-    path.write_text("a,b\n1,2\n")
-    with pytest.raises(InputError, match="its columns are not those of results"):
-        ResultsFile(path)
 
 
 def test_an_answer_that_cannot_be_written_is_not_taken(tmp_path):

@@ -21,13 +21,9 @@ LEAST_TARGET_PX = 40
 OVERFLOW = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 
 PICTURES = (
-    "#plane",
-    "#completion canvas",
-    "#vibration canvas",
-    "#spectra canvas",
-    "#force-plot canvas",
+    "#plane", "#completion canvas", "#vibration canvas", "#spectra canvas", "#force-plot canvas",
     "#position canvas",
-)
+)  # fmt: skip
 """Of the monitor and of a recording."""
 
 api.expect.set_options(timeout=LONGEST_MS)  # of a busy machine

@@ -32,14 +32,8 @@ pytestmark = MARKS
 SECONDS = 8.0
 EVENTS = [
     {"time_s": 0.0, "event": "follower connected (simulated)"},
-    {
-        "time_s": 0.5,
-        "event": "clocks compared",
-        "clock_time_ns": 0,
-        "clock_offset_ns": 2_000_000,
-        "clock_drift_ppm": 0.0,
-        "clock_uncertainty_ns": 50_000,
-    },
+    {"time_s": 0.5, "event": "clocks compared", "clock_time_ns": 0, "clock_offset_ns": 2_000_000}
+    | {"clock_drift_ppm": 0.0, "clock_uncertainty_ns": 50_000},
     {"time_s": 3.0, "kind": "gap", "event": "frames are missing", "frames": 12},
     {"time_s": 4.0, "event": "vibration synthesized", "mode": "synthesized"},
     {"time_s": 5.25, "event": "marked: knock", "mark": "knock"},
@@ -48,14 +42,7 @@ EVENTS = [
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    scene = scene_from_tables(
-        {
-            "link": {},
-            "simulated": {},
-            "hand": {},
-            "texture": {"surfaces": {}},
-        }
-    )
+    tables = {"link": {}, "simulated": {}, "hand": {}, "texture": {"surfaces": {}}}
     frames, _ = simulate_session(Scene(), "plastic", SECONDS)
     rng = np.random.default_rng(1)
     outputs = [
@@ -63,9 +50,8 @@ def recorded(tmp_path_factory):
         for begin in range(0, 8000, 20)
     ]
     path = tmp_path_factory.mktemp("recording") / "run.mcap"
-    export_session(
-        RecordedSession(frames, scene=scene.dump(), events=EVENTS, outputs=outputs), path
-    )
+    scene = scene_from_tables(tables).dump()
+    export_session(RecordedSession(frames, scene=scene, events=EVENTS, outputs=outputs), path)
     return path
 
 
@@ -89,10 +75,7 @@ async def built(page):
     ("size", "scheme"), [(DESKTOP, "light"), (TABLET, "dark")], ids=["desktop", "tablet"]
 )
 async def test_a_person_goes_through_a_recording(browser, recorded, size, scheme):
-    async with (
-        viewing(recorded) as url,
-        a_page(browser, size, scheme) as page,
-    ):
+    async with viewing(recorded) as url, a_page(browser, size, scheme) as page:
         await page.goto(url)
         await shows(page, "#session", "run.mcap")
         await built(page)
