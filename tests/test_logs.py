@@ -50,7 +50,7 @@ def test_a_line_stays_one_line_and_no_detail_hides_another_key(tmp_path):
     assert len(second["event"]) == 4000
 
 
-def test_what_ends_a_service_is_logged_and_a_mistake_has_its_trace(tmp_path, capsys):
+def test_what_ends_a_service_is_logged_and_a_mistake_has_its_trace(tmp_path, capsys, monkeypatch):
     path = tmp_path / "log.jsonl"
     for error in (ZeroDivisionError("oops"), MmtError("the port is taken")):
         with pytest.raises(type(error)), Logs("leader", path):
@@ -60,14 +60,10 @@ def test_what_ends_a_service_is_logged_and_a_mistake_has_its_trace(tmp_path, cap
     assert "ZeroDivisionError" in mistake["traceback"]
     assert fault["event"] == "the service failed: the port is taken"
     assert "traceback" not in fault
-    assert capsys.readouterr().err == ""  # the command line says it itself
-
-
-def test_without_a_file_the_command_line_alone_says_what_ends_a_service(capsys, monkeypatch):
     monkeypatch.setattr(logging.getLogger(), "handlers", [])  # pytest's, which a program has not
     with pytest.raises(MmtError), Logs("leader"):
         raise MmtError("the port is taken")
-    assert capsys.readouterr().err == ""
+    assert capsys.readouterr().err == ""  # the command line says it itself
 
 
 @pytest.mark.parametrize(

@@ -192,17 +192,15 @@ def test_the_histogram_takes_what_lies_beyond_its_range():
 
 
 async def test_a_task_that_swallows_a_cancellation_is_asked_again():
-    swallowed = 0
+    swallowed = []
 
     async def stubborn():
-        nonlocal swallowed
-        while True:
+        while len(swallowed) < 2:
             try:
                 await asyncio.sleep(3600.0)
-            except asyncio.CancelledError:
-                swallowed += 1
-                if swallowed == 2:
-                    raise
+            except asyncio.CancelledError as cancellation:
+                swallowed.append(cancellation)
+        raise swallowed[-1]
 
     async def failed():
         raise ValueError("its own")
@@ -211,6 +209,6 @@ async def test_a_task_that_swallows_a_cancellation_is_asked_again():
     await asyncio.sleep(0)
     async with asyncio.timeout(10.0):
         await cancel_until_ended(tasks)
-    assert swallowed == 2
+    assert len(swallowed) == 2
     assert all(task.done() for task in tasks)
     await cancel_until_ended([])

@@ -5,11 +5,11 @@ import os
 import shutil
 import socket
 import subprocess
-import time
 from contextlib import asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass, field
 
 import pytest
+from waiting import until
 
 from mmt.cli.running.child import Child
 from mmt.core.errors import MmtError
@@ -42,12 +42,12 @@ class RedisServer:
             ],
             stdout=subprocess.DEVNULL,
         )
-        latest_s = time.monotonic() + 20.0
-        while time.monotonic() < latest_s:
-            with suppress(OSError), socket.create_connection(("127.0.0.1", self.port), 1.0):
-                return
-            time.sleep(0.02)
-        raise TimeoutError("redis-server does not answer")
+        until(self.answers)
+
+    def answers(self):
+        with suppress(OSError), socket.create_connection(("127.0.0.1", self.port), 1.0):
+            return True
+        return False
 
     def kill(self):
         process, self.process = self.process, None
@@ -119,17 +119,9 @@ async def serving(leader, redis, **tables):
         await hub.stop()
 
 
-@dataclass
-class Process:
-    """A hub as a process of its own."""
-
-    child: Child
-    url: str
-
-
 @asynccontextmanager
 async def hub_process(leader, redis):
-    """Run ``mmt hub`` until the end of the block."""
+    """Run ``mmt hub`` until the end of the block; give the process and where it listens."""
     arguments = ["main", "hub", leader, "--redis", redis, "--port", "0", "--json-lines"]
     environment = {**os.environ, "MMT_LISTENING__NAME": "hub"}
     child = await Child.start("hub", "mmt.cli.running.child", arguments, environment)
@@ -137,7 +129,7 @@ async def hub_process(leader, redis):
     try:
         async for line in lines:
             if line["kind"] == "ready":
-                yield Process(child, line["address"])
+                yield child, line["address"]
                 break
         else:
             raise RuntimeError(child.messages)

@@ -11,7 +11,6 @@ from sharing_samples import LISTENS
 from mmt.session.files import read_session
 
 TOKEN = {"MMT_CONTROL_TOKEN": "0123456789abcdef" * 2}
-QUIET = {"MMT_CONTROL__SILENCE_MS": "2000"}
 LISTENER = """
 [session]
 name = "operator"
@@ -26,7 +25,7 @@ method = "model"
 """
 
 
-def lead(directory, **variables):
+def lead(directory):
     text = Path(scene("demo")).read_text("utf-8")
     file = directory / "lead.toml"
     file.write_text(text.replace("[force_feedback]", '[force_feedback]\nmethod = "model"'), "utf-8")
@@ -35,8 +34,8 @@ def lead(directory, **variables):
         *("--record", directory / "session.mcap"),
         cwd=directory,
         MMT_SHARING__PORT="0",
+        MMT_CONTROL__SILENCE_MS="2000",
         **TOKEN,
-        **variables,
     )
 
 
@@ -73,7 +72,7 @@ def moments(session, what):
 
 
 def test_control_goes_from_hand_to_hand_and_comes_back_from_a_lost_one(tmp_path):
-    with lead(tmp_path, **QUIET) as leader, follow(tmp_path, leader) as follower:
+    with lead(tmp_path) as leader, follow(tmp_path, leader) as follower:
         heard(leader, "follower connected")
         with (
             listen(tmp_path, leader, "ann", "--control", **TOKEN) as ann,

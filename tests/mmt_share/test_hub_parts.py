@@ -181,10 +181,7 @@ def test_a_hub_needs_no_compiled_numerics():
         "import sys, mmt_share.commands.hub, mmt_share.hub.service;"
         "print(sorted({'numba', 'scipy'} & set(sys.modules)))"
     )
-    printed = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, check=True, timeout=150
-    )
-    assert printed.stdout == b"[]\n"
+    assert subprocess.check_output([sys.executable, "-c", program], timeout=150) == b"[]\n"
 
 
 def test_tables_of_a_hub_come_from_file_environment_and_flags(tmp_path, monkeypatch):

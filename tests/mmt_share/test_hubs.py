@@ -89,18 +89,19 @@ async def test_the_leader_has_one_listener_however_many_hubs_there_are(redis):
 
 async def test_a_feeder_that_is_killed_is_replaced_and_its_listeners_find_another_hub(redis):
     async with AsyncExitStack() as stack:
-        leader = await stack.enter_async_context(shared())
+        enter = stack.enter_async_context
+        leader = await enter(shared())
         leader.publish(10)
-        first = await stack.enter_async_context(hub_process(leader.url, redis.url))
+        first, first_url = await enter(hub_process(leader.url, redis.url))
         await until(lambda: "listener hub joined, 1 listening" in leader.said)
-        second = await stack.enter_async_context(hub_process(leader.url, redis.url))
-        of_first = await stack.enter_async_context(listening(first.url, name="a"))
-        of_second = await stack.enter_async_context(listening(second.url, name="b"))
-        for url, heard in ((second.url, of_first), (first.url, of_second)):
-            await until(lambda url=url, heard=heard: heard.client.hubs == [url])
+        _, second_url = await enter(hub_process(leader.url, redis.url))
+        of_first = await enter(listening(first_url, name="a"))
+        of_second = await enter(listening(second_url, name="b"))
+        await until(lambda: of_first.client.hubs == [second_url])
+        await until(lambda: of_second.client.hubs == [first_url])
         await until(lambda: is_model_of(of_first, 10) and is_model_of(of_second, 10))
         killed_s = time.monotonic()
-        first.child.send(signal.SIGKILL)
+        first.send(signal.SIGKILL)
         await until(lambda: leader.said.count("listener hub joined, 1 listening") == 2)
         assert time.monotonic() - killed_s < 3.5
         leader.publish(12)

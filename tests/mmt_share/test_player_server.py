@@ -33,7 +33,7 @@ from mmt_share.player.results import ResultsFile
 from mmt_share.player.server import TAKEN_OVER
 
 
-async def test_a_page_gets_the_models_in_their_json_form(tmp_path):
+async def test_a_page_gets_models_and_what_they_become_but_none_too_large(tmp_path, monkeypatch):
     async with playing(tmp_path) as server, visiting(server) as page:
         hello = await page.until("hello")
         assert (hello["names"], hello["scenarios"]) == (list(NAMES), True)
@@ -42,19 +42,13 @@ async def test_a_page_gets_the_models_in_their_json_form(tmp_path):
             assert message["texture"] == number
             assert message["form"] == model_json(texture, name)
             assert message["arrays"]["picture"].shape == (96, 96)
-
-
-async def test_a_model_that_has_grown_is_sent_again_and_one_too_large_is_not(tmp_path, monkeypatch):
-    async with playing(tmp_path, count=1) as server, visiting(server) as page:
-        before = await page.model()
         grown = flat_texture(7.0)
-        server.player.set_models([grown])
-        after = await page.model()
-        assert after == json.loads(model_json(grown, NAMES[0])) != before
+        server.player.set_models([grown, *textures()[1:]])
+        assert await page.model() == json.loads(model_json(grown, NAMES[0]))
         monkeypatch.setattr("mmt.texture.model.json_form.MOST_ROWS", 3)
         sent = server.player.model_messages
         with pytest.raises(InputError, match="select fewer samples"):
-            server.player.set_models([flat_texture(1.0)])
+            server.player.set_models([flat_texture(1.0), *textures()[1:]])
         assert server.player.model_messages is sent
 
 
@@ -116,15 +110,11 @@ async def test_a_page_without_the_token_gets_nothing(tmp_path):
             assert await page.model()
 
 
-async def test_pages_of_other_sites_are_refused(tmp_path):
+async def test_neither_pages_of_other_sites_nor_other_machines_reach_the_player(tmp_path):
     async with playing(tmp_path) as server, aiohttp.ClientSession() as http:
         for headers in ({"Origin": "http://elsewhere.example"}, {"Host": "elsewhere.example"}):
             async with http.get(address(server, "/player/socket"), headers=headers) as answer:
                 assert answer.status == 403
-
-
-async def test_nobody_else_reaches_the_player_unless_that_is_allowed(tmp_path):
-    async with playing(tmp_path) as server:
         with pytest.raises(InputError, match="--token-file"):
             await server.start("0.0.0.0", 0)
 

@@ -64,29 +64,21 @@ def test_two_listeners_render_the_model_while_it_grows(tmp_path):
                     assert listener.end() == 0, listener.stderr
                 found = [listener.summary() for listener in (early, late)]
     sharing = leader.summary()["sharing"]
-    for summary in found:
-        listening = summary["listening"]
-        assert listening["session_id"] == leader.summary()["session"]["id"]
-        assert listening["rejected"] == 0
-        assert listening["whole_models"] == 1
-        assert listening["number"] == sharing["models"]
-        assert summary["vibration"]["mode"] == "synthesized"
-    assert found[0]["listening"]["changes"] > 0
-    assert (sharing["joined"], sharing["most_listeners"]) == (2, 2)
     heard = {each["name"]: each for each in sharing["listeners"]}
     for name, summary in zip(("early", "late"), found, strict=True):
         listening = summary["listening"]
+        assert listening["session_id"] == leader.summary()["session"]["id"]
+        assert (listening["rejected"], listening["whole_models"]) == (0, 1)
+        assert listening["number"] == sharing["models"]
+        assert summary["vibration"]["mode"] == "synthesized"
         assert (heard[name]["wholes"], heard[name]["changes"]) == (1, listening["changes"])
         assert heard[name]["states"] == listening["states"] > 0
         assert 0 < heard[name]["number"] <= sharing["models"]  # it is told once a second
-        assert heard[name]["why"]
+    assert found[0]["listening"]["changes"] > 0
+    assert (sharing["joined"], sharing["most_listeners"]) == (2, 2)
     assert 0.0 <= heard["early"]["lag_p50_ms"] <= heard["early"]["lag_p99_ms"]
-    for kind in ("wholes", "changes", "states", "skipped"):
-        assert sharing["sent"][kind] == sum(each[kind] for each in heard.values())
     (entry,) = ModelStore(tmp_path / "store").entries()
     assert (entry.name, entry.samples) == ("demo", leader.summary()["texture"]["samples"])
-    joined = [e for e in leader.events() if "joined" in e]
-    assert [e.partition(" joined")[0] for e in joined] == ["listener early", "listener late"]
 
 
 def test_a_leader_that_returns_is_followed(tmp_path):

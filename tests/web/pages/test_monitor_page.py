@@ -291,27 +291,6 @@ async def test_a_person_hands_control_over_and_takes_it_back(browser, tmp_path, 
         await following
 
 
-async def test_a_person_sees_the_headings_of_an_anisotropic_model(browser):
-    texture = {"inputs": "anisotropic", "stop_share": 0.999}
-    async with a_page(browser) as page, Leading(texture=texture) as leading:
-        await page.goto(leading.url)
-        await shows(page, "#plane-text", "No model yet")
-        await leading.model(8.0)
-        await shows(page, "#plane-text", "which is shown. A stroke at about")
-        await page.wait_for_function("document.querySelector('#plane').width > 300")
-        assert await inked(page, "#plane") > 1000
-        # cells have their colour also where neither sample nor line is
-        blue = await page.evaluate(
-            """() => {
-                const { width, height } = document.querySelector("#plane");
-                const pen = document.querySelector("#plane").getContext("2d");
-                const row = pen.getImageData(0, Math.round(height * 0.45), width, 1).data;
-                return row.filter((value, i) => i % 4 === 2 && value > row[i - 2] + 5).length;
-            }"""
-        )
-        assert blue > 100
-
-
 async def test_single_keys_are_listed_and_none_of_them_undoes_anything(browser):
     async with a_page(browser) as page, Leading() as leading:
         await page.goto(leading.url)

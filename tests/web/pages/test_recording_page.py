@@ -120,17 +120,6 @@ async def test_a_moment_before_any_model_is_not_said_to_be_built_for_ever(
             await shows(page, "#plane-text", "No model yet.")
 
 
-async def test_the_address_keeps_the_moment(browser, recorded):
-    async with viewing(recorded) as url, a_page(browser) as page:
-        await page.goto(url + "#t=6.5")
-        await built(page)
-        await shows(page, "#time", "6.50 s")
-        await page.keyboard.press("ArrowLeft")
-        await api.expect(page).to_have_url(f"{url}#t=5.50")
-        await page.reload()
-        await shows(page, "#time", "5.50 s")
-
-
 async def test_panels_share_a_time_line(browser, recorded):
     async with viewing(recorded) as url, a_page(browser) as page:
         await page.goto(url + "#t=2")
@@ -170,9 +159,15 @@ async def test_panels_share_a_time_line(browser, recorded):
         await click(0.99, r"^(2\.[5-9]|3\.)")
 
 
-async def test_an_event_leads_to_its_moment(browser, recorded):
+async def test_a_moment_is_reached_by_address_event_and_slider(browser, recorded):
     async with viewing(recorded) as url, a_page(browser, TABLET) as page:
-        await page.goto(url)
+        await page.goto(url + "#t=6.5")
+        await built(page)
+        await shows(page, "#time", "6.50 s")
+        await page.keyboard.press("ArrowLeft")
+        await api.expect(page).to_have_url(f"{url}#t=5.50")
+        await page.reload()
+        await shows(page, "#time", "5.50 s")
         await built(page)
         await page.get_by_role("button", name="marked: knock").click()
         await shows(page, "#time", "5.25 s")
@@ -180,11 +175,27 @@ async def test_an_event_leads_to_its_moment(browser, recorded):
         assert await page.locator("#slider-marks .mark").count() == 1
         assert await page.locator("#slider-marks .gap").count() == 1
         assert await page.locator("#events li").count() == 4  # clocks are not for a person
+        await page.evaluate("scrollTo(0, 0)")
+        box = await page.locator("#slider").bounding_box()
+        await page.mouse.move(box["x"] + 8, box["y"] + box["height"] / 2)
+        await page.mouse.down()
+        await page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        await page.mouse.up()
+        at = await page.evaluate("document.querySelector('#slider').valueAsNumber")
+        assert at == pytest.approx(SECONDS / 2, abs=0.5)
+        await shows(page, "#time", f"{at:.2f} s")
 
 
-async def test_a_recording_is_played(browser, recorded):
+async def test_a_recording_is_played_by_keys_that_are_listed(browser, recorded):
     async with viewing(recorded) as url, a_page(browser) as page:
         await page.goto(url + "#t=0")
+        await shows(page, "#at", "0.00 of 8.0")
+        await page.click("#help-open")
+        help_text = await page.locator("#help").inner_text()
+        assert "play, pause" in help_text
+        assert "save the model" not in help_text
+        await page.keyboard.press("ArrowRight")  # while the list is open keys do nothing
+        await page.click("#help-close")
         await shows(page, "#at", "0.00 of 8.0")
         await page.keyboard.press("+")
         await api.expect(page.locator("#speed")).to_have_value("2")
@@ -203,33 +214,6 @@ async def test_a_recording_is_played(browser, recorded):
         await page.wait_for_function("document.querySelector('#slider').valueAsNumber > 0")
         await page.keyboard.press("Space")
         await shows(page, "#play", "Play")
-
-
-async def test_the_slider_is_dragged(browser, recorded):
-    async with viewing(recorded) as url, a_page(browser, TABLET) as page:
-        await page.goto(url + "#t=0")
-        await shows(page, "#time", "0.00 s")
-        box = await page.locator("#slider").bounding_box()
-        await page.mouse.move(box["x"] + 8, box["y"] + box["height"] / 2)
-        await page.mouse.down()
-        await page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-        await page.mouse.up()
-        at = await page.evaluate("document.querySelector('#slider').valueAsNumber")
-        assert at == pytest.approx(SECONDS / 2, abs=0.5)
-        await shows(page, "#time", f"{at:.2f} s")
-
-
-async def test_keys_are_listed(browser, recorded):
-    async with viewing(recorded) as url, a_page(browser) as page:
-        await page.goto(url + "#t=0")
-        await shows(page, "#at", "0.00 of 8.0")
-        await page.click("#help-open")
-        help_text = await page.locator("#help").inner_text()
-        assert "play, pause" in help_text
-        assert "save the model" not in help_text
-        await page.keyboard.press("ArrowRight")
-        await page.click("#help-close")
-        await shows(page, "#at", "0.00 of 8.0")
 
 
 async def test_without_recorded_output_the_model_of_the_moment_is_rendered(browser, tmp_path):
