@@ -44,12 +44,10 @@ def run(arguments, capsys):
     ids=" ".join,
 )
 def test_a_file_that_exists_is_replaced_only_with_force(tmp_path, capsys, command):
-    frames = made_frames(0, 200)
     for suffix in ("mcap", "npz"):
-        write_session(tmp_path / f"source.{suffix}", frames)
+        write_session(tmp_path / f"source.{suffix}", made_frames(0, 200))
     flat_texture(1.0).save(tmp_path / "source-model.npz")
-    exported = ("model", "export", tmp_path / "source-model.npz", tmp_path / "source.xml")
-    output_of(*exported)
+    output_of("model", "export", tmp_path / "source-model.npz", tmp_path / "source.xml")
     names = {"source": tmp_path / "source", "out": tmp_path / "out"}
     arguments = [part.format(**names) for part in command]
     (target,) = (Path(each) for each in arguments if "out." in each)

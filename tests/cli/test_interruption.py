@@ -39,18 +39,19 @@ def at_a_prompt():
     typer.prompt("x points up", default="", err=True)
 
 
-def as_an_old_typer_translates_it():
+def translated(error):
     try:
         ctrl_c()
-    except KeyboardInterrupt as error:
-        raise typer.Abort from error
+    except KeyboardInterrupt as interrupt:
+        raise error from interrupt
+
+
+def as_an_old_typer_translates_it():
+    translated(typer.Abort())
 
 
 def told_by_the_command():
-    try:
-        ctrl_c()
-    except KeyboardInterrupt as error:
-        raise MmtError("interrupted: 3 results are kept") from error
+    translated(MmtError("interrupted: 3 results are kept"))
 
 
 def fails():
