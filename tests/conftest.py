@@ -20,7 +20,7 @@ from mmt.core.running.process import ask_for_short_turns
 
 SLOW = (
     "test_first_start.py", "test_service_interruption.py", "test_stability_services.py",
-    "test_sharing_services.py", "test_hubs.py", "test_control_services.py", "test_service_soak.py",
+    "test_sharing_services.py", "test_hubs.py", "test_service_soak.py",
     "test_demo_shared.py", "test_lean_scenes.py", "test_lean_installs.py", "test_monitor_page.py",
     "test_player_page.py", "test_firefox.py", "test_site.py", "test_report_pages.py",
     "test_backfill.py", "test_stalled_readers.py", "test_interrupted_connecting.py",

@@ -166,33 +166,26 @@ async def test_the_surface_under_the_tool_is_named_where_there_are_several(brows
         await shows(page, "#surface", "surface 1 (2 known)")
 
 
-async def test_a_lost_connection_is_shown_and_found_again(browser, unused_tcp_port):
-    async with a_page(browser) as page:
-        async with Leading(unused_tcp_port) as leading:
-            await page.goto(leading.url)
-            await shows(page, "#connection", "live")
-            leading.service.stop()
-            await shows(page, "#connection", "session over: stopped")
-            for control in ("#save", "#record", "#reset", "#mark", "#force"):
-                await api.expect(page.locator(control)).to_be_disabled()
-            await fits(page, "light")  # what is over can be read as well
-        async with Leading(unused_tcp_port) as leading:
-            await shows(page, "#connection", "live")
-            await api.expect(page.locator("#answer")).to_be_empty()
-            await api.expect(page.locator("body.lost")).to_have_count(0)
-
-
-async def test_another_leader_at_the_address_is_shown_with_nothing_of_the_last(
+async def test_another_leader_at_the_address_is_found_and_shown_with_nothing_of_the_last(
     browser, unused_tcp_port, monkeypatch
 ):
     monkeypatch.setenv("MMT_CONTROL_TOKEN", TOKEN)
     async with a_page(browser) as page:
         async with Leading(unused_tcp_port, sharing={"port": 0}, control={}) as leading:
             await page.goto(leading.url)
+            await shows(page, "#connection", "live")
             await shows(page, "#listeners-text", "0 listening")
             await shows(page, "#control-text", "The leader's hand moves the robot.")
             await api.expect(page.locator("#network")).to_have_value("lan")
+            leading.service.stop()
+            await shows(page, "#connection", "session over: stopped")
+            for control in ("#save", "#record", "#reset", "#mark", "#force"):
+                await api.expect(page.locator(control)).to_be_disabled()
+            await fits(page, "light")  # what is over can be read as well
         async with Leading(unused_tcp_port, network={"profile": "wifi"}):
+            await shows(page, "#connection", "live")
+            await api.expect(page.locator("#answer")).to_be_empty()
+            await api.expect(page.locator("body.lost")).to_have_count(0)
             await api.expect(page.locator("#network")).to_have_value("wifi")
             await api.expect(page.locator("#control")).to_be_hidden()
             await api.expect(page.locator("#listeners-panel")).to_be_hidden()
