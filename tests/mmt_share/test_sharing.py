@@ -213,23 +213,6 @@ def test_a_rate_of_states_that_makes_no_sense_is_refused():
             Hello.from_auth(auth)
 
 
-async def test_one_that_has_gone_is_served_no_more():
-    relay = Relay()
-    listener = relay.listeners["one"] = ListenerFeed(relay)
-
-    async def gone(_):
-        raise ConnectionResetError("it has gone")
-
-    serving = asyncio.create_task(listener.serve(gone))
-    await asyncio.sleep(0)
-    relay.offer_state(b"a state", 0.0, 0)
-    with pytest.raises(ConnectionResetError):
-        await serving
-    relay.offer_state(b"another", 1.0, 0)
-    await asyncio.sleep(0)
-    assert relay.sent["states"] == 1
-
-
 @pytest.mark.parametrize("given", [None, "", "another0123456789abcd"])
 async def test_without_the_token_nobody_listens(monkeypatch, given):
     monkeypatch.setenv("MMT_SHARING_TOKEN", TOKEN)

@@ -65,6 +65,9 @@ async def test_troubles_disturb_nobody():
         await until(lambda: heard.models[-1:] == [2])
         assert heard.client.rejected == 0
         await until(lambda: len(sharing.relay.listeners) == 1)
+        sharing.offer_state(0.5)
+        await until(lambda: heard.states == [0.5])
+        assert sharing.relay.sent["states"] == 1  # who has gone is served no more
         ends = [each["listener"] for each in sharing.details if "left" in each["kind"]]
         assert any("it sent more than 10 messages" in each["why"] for each in ends)
         assert max(each["rejected"] for each in ends) > 0
