@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import msgpack
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
@@ -57,8 +57,9 @@ def take(over, what, value):
     return False
 
 
-@settings(max_examples=400)
+@settings(max_examples=700)
 @given(STEPS)
+@example([("ask", 1), ("give", 1), ("tick", HOLD), ("move", 1), ("leave", 1)])
 def test_one_hand_moves_at_a_time_with_a_hold_between_two_and_at_last_the_leaders(steps):
     over = HandOver(hold_ticks=HOLD, silence_ticks=SILENCE)
     mover = 0  # 0 is the leader's own hand, None is nobody
