@@ -21,13 +21,14 @@ from mmt_share.parts.handover import HandOver
 from mmt_share.tables import Control
 
 HOLD, SILENCE = 5, 8
-LISTENERS = st.integers(1, 3)
+LISTENERS = st.integers(1, 2)
 EVENTS = ("ask", "leave", "refuse", "give", "take back", "move", "stale")
 STEPS = st.lists(
     st.one_of(
         *(st.tuples(st.just(event), LISTENERS) for event in EVENTS),
         st.tuples(st.just("tick"), st.integers(1, 12)),
     ),
+    min_size=10,
     max_size=60,
 )
 
