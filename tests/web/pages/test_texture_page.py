@@ -80,6 +80,13 @@ async def renders_as_python(page, made):
     assert np.abs(samples - expected).max() < 1e-9 * expected.std()
 
 
+@pytest.mark.parametrize("name", ["oak", "felt"])
+async def test_the_page_gives_the_samples_that_python_gives(browser, tmp_path, name):
+    made = load_model(name)
+    async with of_models(browser, tmp_path, {name: made}) as page:
+        await renders_as_python(page, made)
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", [DESKTOP, PHONE])
 async def test_a_stroke_is_heard_shown_and_ends(browser, tmp_path, size, scheme):
