@@ -60,8 +60,10 @@ def test_a_reading_is_finite_and_within_what_a_leader_accepts(direction, bad, ax
     value = [component * LARGEST_QUANTITY / 2 for component in direction]
     expected = math.hypot(*value) <= LARGEST_QUANTITY
     assert measured(tuple(value)) == (tuple(value) if expected else None)
+    if bad is None:
+        value = [0.0, 0.0, 0.0]
     value[axis] = LARGEST_QUANTITY if bad is None else bad
-    assert measured(tuple(value)) is None or (bad is None and math.hypot(*value) == value[axis])
+    assert measured(tuple(value)) == (tuple(value) if bad is None else None)
 
 
 def test_a_warning_comes_at_once_and_every_ten_seconds(monkeypatch, caplog):

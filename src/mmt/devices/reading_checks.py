@@ -115,8 +115,7 @@ class PlausibilityCheck:
         """
         passed_ns, self._newest_ns = now_ns - self._newest_ns, now_ns
         x, y, z = position
-        u, v, w = velocity
-        if not math.isfinite(x + y + z + u + v + w):
+        if not math.isfinite(math.hypot(x, y, z, *velocity)):
             return NOT_FINITE
         far = _FARTHEST_MM
         if not (-far <= x <= far and -far <= y <= far and -far <= z <= far):
