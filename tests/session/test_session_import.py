@@ -128,7 +128,7 @@ def test_text_columns_may_end_early_where_rates_differ(tmp_path):
         (HEADER + "\n0,1,1,1\n0.002,1,1,1\n0.001,1,1,1", "time of force is 0.001 s in line 4"),
         (HEADER + "\n0,1,1,1\n0.001,1,nan,1", "force_y is empty or NaN in line 3"),
         (HEADER + "\n0,1,1,1\n0.001,,1,1\n0.002,1,1,1", "force_x is empty or NaN in line 3"),
-        (HEADER + "\n0,1,1,1\n.1,1,1,1\n.2,1,1\n.3,1,1", "force end in different rows: 2, 4"),
+        (HEADER + "\n0,1,1,1\n.1,1,1,1\n.2,1,1\n.3,1,1", "force_z is empty or NaN in line 4, "),
         ("\x00\x01\x02", "not text in columns"),
     ],
 )

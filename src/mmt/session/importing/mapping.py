@@ -53,6 +53,12 @@ def _shared(time_s: FloatArray, others: Iterable[FloatArray]) -> FloatArray:
     return next(alike, time_s)
 
 
+def _to_length(values: FloatArray, length: int) -> FloatArray:
+    """Return values (n, ...) with NaN at their end up to a length, if they are shorter."""
+    blanks = np.full((max(0, length - len(values)), *values.shape[1:]), np.nan)
+    return np.concatenate([values, blanks]) if len(blanks) else values
+
+
 class _Mapping:
     def __init__(self, columns: SourceColumns, options: ImportOptions) -> None:
         self._columns = replace(columns, **_with_vectors(columns))
@@ -75,9 +81,8 @@ class _Mapping:
             if vectors is None:
                 continue
             name, time_s = self._time(channel, len(vectors))
-            if self._columns.ends_left_out and len(vectors) < len(time_s):
-                blanks = np.full((len(time_s) - len(vectors), *vectors.shape[1:]), np.nan)
-                vectors = np.concatenate([vectors, blanks])
+            if self._columns.ends_left_out:
+                vectors = _to_length(vectors, len(time_s))
             if len(time_s) != len(vectors):
                 raise InputError(
                     f"{self._origin}: {channel} has {len(vectors)} rows, its times "
@@ -161,6 +166,13 @@ class _Mapping:
                     f"{STANDARD_NAMES[f'{channel}_{axis}']}); map it, to 0 where there is none: "
                     f"--map {channel}_{axis}=0"
                 )
+        if self._columns.ends_left_out:
+            longest = max((len(values) for values in given.values() if values.ndim), default=0)
+            given |= {
+                a: _to_length(values, longest)
+                for a, values in given.items()
+                if values.ndim and len(values)
+            }
         shapes = {values.shape for values in given.values() if values.ndim}
         if len(shapes) != 1:
             empty = next((axis for axis, values in given.items() if values.shape == (0,)), None)
@@ -378,8 +390,10 @@ def _with_vectors(columns: SourceColumns) -> dict[str, Any]:
     values, units = dict(columns.values), dict(columns.units)
     for base, elements in arrays.items():
         names = [name for _, name in sorted(elements)]
-        alike = len({(len(values[name]), units.get(name)) for name in names}) == 1
+        longest = max(len(values[name]) for name in names) if columns.ends_left_out else 0
+        parts = [_to_length(values[name], longest) for name in names]
+        alike = len({units.get(name) for name in names}) == len({*map(len, parts)}) == 1
         if alike and base not in values:
-            values[base] = np.column_stack([values[name] for name in names])
+            values[base] = np.column_stack(parts)
             units |= {base: units[names[0]]} if names[0] in units else {}
     return {"values": values, "units": units}
