@@ -357,11 +357,14 @@ def test_the_vector_at_the_beginning_of_wider_arrays_is_proposed(tmp_path, colum
 @pytest.mark.parametrize(
     ("unit", "target"), [("N", "force"), ("mN", "force"), ("g", "acceleration"), ("um", "position")]
 )
-def test_a_bare_axis_is_one_of_what_its_unit_is_of(tmp_path, unit, target):
-    path = table(tmp_path, f"t,X [{unit}],y [{unit}],Z", TIMES, TIMES, TIMES, TIMES)
-    columns = propose(path).options.columns
-    assert columns[f"{target}_x"] == "X"
-    assert columns[f"{target}_y"] == "y"
+@pytest.mark.parametrize("owner", ["", "chip.", "fin/ger."])
+def test_a_bare_axis_is_one_of_what_its_unit_is_of(tmp_path, unit, target, owner):
+    names = [f"{owner}X", f"{owner}y"]
+    others = f"mag.x [{unit}],torque.x [{unit}]" if unit != "N" else "a,b"
+    head = ",".join(["t", *(f"{name} [{unit}]" for name in names), others])
+    columns = propose(table(tmp_path, head, TIMES, TIMES, TIMES, TIMES, TIMES)).options.columns
+    expected = zip((f"{target}_{axis}" for axis in "xyz"), [*names, "0"], strict=True)
+    assert columns == {"time": "t", **dict(expected)}
 
 
 @pytest.mark.parametrize(

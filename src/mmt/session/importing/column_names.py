@@ -19,9 +19,9 @@ from mmt.session.importing.options import ImportOptions, quantity_of
 _OF_TOOL: Final = "(?:(?:robot[0-9]?)?(?:cursor|eef?|tool|tip|tcp|probe|stylus|pen|device))?"
 _WORDS: Final = {
     "position": f"p|{_OF_TOOL}(?:pos|position)|tip|tcp|pen|stylus|tool",
-    "force": f"f|{_OF_TOOL}forces?|load|kraft",
-    "acceleration": "(?:linear)?a(?:cc(?:el(?:eration)?)?)?|accelerometer|imu|vibration"
-    "|beschleunigung",
+    "force": f"f|{_OF_TOOL}forces?|load(?:cell)?|kraft|ati|nano17",
+    "acceleration": "(?:linear)?a(?:cc(?:el(?:eration)?)?)?|accelerometer|imu|adxl(?:3[0-9]+)?"
+    "|vibration|beschleunigung",
     "speed": "v|vel|velocity|speed",
 }
 _TIME: Final = re.compile(
@@ -151,10 +151,11 @@ def target_of_column(name: str, unit: str, owners: Collection[str]) -> str | Non
     plain = NUMBER.sub("", name)
     axis = AXIS_OF.fullmatch(plain)
     target = _target_of_axis(axis[1], axis[2].lower(), owners) if axis else _of_owner(plain)
-    if re.fullmatch("[xyz]", plain, re.IGNORECASE) and unit:  # such an axis is what its unit is of
+    placed = axis and (target or "position").startswith("position")  # as axes of nothing else are
+    bare = axis[2] if axis and placed and not _NO_POSITION.search(axis[1].lower()) else plain
+    if unit and re.fullmatch("[xyz]", bare, re.IGNORECASE):  # such an axis is what its unit is of
         fitting = [q for q in CHANNELS if unit_factor(q, unit)]  # of g, the last: acceleration
-        quantity = fitting[-1] if fitting else ""
-        target = f"{quantity}_{plain.lower()}" if quantity else target
+        target = f"{fitting[-1]}_{bare.lower()}" if fitting else target
     if plain != name and (target not in _COMPONENTS or unit_factor("time", unit)):
         return None
     return None if name in STANDARD_NAMES.values() else target
