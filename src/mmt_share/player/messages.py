@@ -12,6 +12,8 @@ LONGEST_STEP_MS: Final = 1000
 _LARGEST_MM: Final = 10_000.0
 _LARGEST_MM_S: Final = 10_000.0
 _LARGEST_N: Final = 100.0
+_LONGEST: Final = 40
+"""Most characters of a line that a person writes."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ def whole_number(message: dict[str, Any], name: str, largest: int, least: int = 
     return value
 
 
-def line(message: dict[str, Any], name: str, longest: int = 40) -> str:
+def line(message: dict[str, Any], name: str) -> str:
     """Return a short line of text in a message, without spaces around it.
 
     Raises
@@ -91,8 +93,8 @@ def line(message: dict[str, Any], name: str, longest: int = 40) -> str:
     """
     value = message.get(name)
     text = value.strip() if isinstance(value, str) else ""
-    if not text or len(text) > longest or not text.isprintable():
-        raise InputError(f"{name}: give a line of 1 to {longest} characters")
+    if not text or len(text) > _LONGEST or not text.isprintable():
+        raise InputError(f"{name}: give a line of 1 to {_LONGEST} characters")
     return text
 
 

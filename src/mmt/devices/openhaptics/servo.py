@@ -60,8 +60,6 @@ class Servo:
         back as slowly. After an implausible measurement it is zero at once and comes back slowly.
     limit_n
         Largest force, along any direction.
-    clock
-        Monotonic time (ns).
     """
 
     def __init__(
@@ -71,9 +69,8 @@ class Servo:
         handle: int,
         options: HdOptions,
         limit_n: float,
-        clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        self._handle, self.clock = ctypes.c_uint32(handle), clock
+        self._handle, self.clock = ctypes.c_uint32(handle), time.monotonic_ns
         self._begin, self._end, self._error = hd.hdBeginFrame, hd.hdEndFrame, copies.hdGetError
         self._get, self._set = copies.hdGetDoublev, copies.hdSetDoublev
         self._thread = 0
@@ -91,7 +88,7 @@ class Servo:
         self.command_ns: int | None = None
         self.share = 0.0
         self.ticks = 0
-        self.tick_ns = clock()
+        self.tick_ns = self.clock()
         self.bad_since_ns: int | None = None
         self.fault: HdError | None = None
         self.failure: Exception | None = None

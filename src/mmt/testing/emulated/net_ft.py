@@ -25,8 +25,6 @@ class EmulatedNetFt(FaultySending):
     ----------
     truth
         The force (N) at a time (ns) of the host's monotonic clock.
-    rdt_port, http_port
-        0 for any free port.
     clock_ppm
         How much too fast the box's clock runs.
     noise_n
@@ -38,8 +36,6 @@ class EmulatedNetFt(FaultySending):
     def __init__(
         self,
         truth: Truth,
-        rdt_port: int = 0,
-        http_port: int = 0,
         *,
         clock_ppm: float = 0.0,
         noise_n: float = 0.001,
@@ -74,8 +70,6 @@ class EmulatedNetFt(FaultySending):
         self.requests: list[int] = []
         """Commands received."""
         self.truth = truth
-        self._address = ("127.0.0.1", rdt_port)
-        self._http_address = ("127.0.0.1", http_port)
         self._noise_n = noise_n
         self._rate_error = 1e-6 * clock_ppm
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret
@@ -91,7 +85,7 @@ class EmulatedNetFt(FaultySending):
     def start(self) -> None:
         """Begin to listen."""
         self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._udp.bind(self._address)
+        self._udp.bind(("127.0.0.1", 0))
         self._udp.settimeout(_PAUSE_S)
         self.host, self.rdt_port = self._udp.getsockname()
         box = self
@@ -103,7 +97,7 @@ class EmulatedNetFt(FaultySending):
             def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
                 """Say nothing."""
 
-        self._http = http.server.ThreadingHTTPServer(self._http_address, Handler)
+        self._http = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
         self.http_port = self._http.server_address[1]
         for work in (self._listen, self._send, self._serve):
             thread = threading.Thread(target=work, name="emulated Net F/T", daemon=True)
