@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from surface_samples import realisation
+from known_surface_samples import realisation
 
 from mmt.core.errors import InputError
 from mmt.testing.simulation.strokes import REACH_MM

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from known_surface_samples import odd_model
 from scipy.signal import lfilter
-from surface_samples import odd_model
 from typer.testing import CliRunner
 
 import mmt

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from known_surface_samples import odd_model, realisation, stroke_towards
 from scipy import signal
-from surface_samples import odd_model, realisation, stroke_towards
 
 import mmt
 from mmt.core.errors import InputError

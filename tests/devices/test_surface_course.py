@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from surface_samples import odd_model
+from known_surface_samples import odd_model
 
 from mmt.core.errors import InputError
 from mmt.core.frames import acceleration_samples

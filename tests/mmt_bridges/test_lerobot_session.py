@@ -254,6 +254,8 @@ def test_actions_at_a_rate_give_a_steady_motion_a_period_late():
 def test_the_displayed_force_is_that_of_the_hand_along_the_scenes_normal(normal, force, tmp_path):
     tables = session_scene(Settings("demo")).dump()
     tables["texture"]["normal"] = normal
+    tables["handle"], tables["devices"] = {"driver": "a:Handle"}, {"robot": {"driver": "a:Arm"}}
+    del tables["hand"], tables["simulated"]
     file = tmp_path / "scene.toml"
     file.write_bytes(tomli_w.dumps(tables).encode())
     options = session_scene(Settings(str(file), moved_by="actions")).handle.options

@@ -114,7 +114,7 @@ async def test_only_so_many_may_look_on_and_nothing_is_kept_once_the_last_has_le
     assert not monitor.tap.watched
     sockets = [await browser.look_on(together) for _ in range(MOST_VIEWERS)]
     for socket in sockets:
-        await until(socket, "hello")
+        await until(socket, "live")
     assert monitor.tap.watched
     with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
         await browser.look_on(together)
