@@ -183,6 +183,7 @@ async def test_emulated_devices_carry_the_main_job(tmp_path, scene):
         "link.port": 0,
         "recording.file": str(tmp_path / "session.mcap"),
         "session.duration_s": 100.0,  # on a busy machine frames are rare
+        "devices.on_lost": "hold",  # and an emulated sensor may be held up
     }
     together = await Together.listening(load_scene(Path(scene), changes))
     following = asyncio.create_task(together.follow())
