@@ -122,6 +122,9 @@ a1.b1.force,a1.b2.acc,a1.b2.force,a2.b1.force,a2.b1.acc,t ->
     time=t acceleration=a1.b2.acc force=a1.b2.force
 log.force{1},log.t{1},log.force{2} -> time=log.t{1} force=log.force{1}
 arm0.acc,arm1.force,t -> time=t acceleration=arm0.acc force=arm1.force
+t,ati.x,ati.y,ati.z,adxl.x,adxl.y,adxl.z ->
+    time=t force_xyz=ati.x,ati.y,ati.z acceleration_xyz=adxl.x,adxl.y,adxl.z
+t,loadcell,tip.x,tip.y -> time=t force=loadcell position_x=tip.x position_y=tip.y position_z=0
 """
 """Names of columns, and what is proposed for them; below them if it is long."""
 

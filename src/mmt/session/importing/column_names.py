@@ -19,9 +19,9 @@ from mmt.session.importing.options import ImportOptions, quantity_of
 _OF_TOOL: Final = "(?:(?:robot[0-9]?)?(?:cursor|eef?|tool|tip|tcp|probe|stylus|pen|device))?"
 _WORDS: Final = {
     "position": f"p|{_OF_TOOL}(?:pos|position)|tip|tcp|pen|stylus|tool",
-    "force": f"f|{_OF_TOOL}forces?|load(?:cell)?|kraft|ati|nano17",
-    "acceleration": "(?:linear)?a(?:cc(?:el(?:eration)?)?)?|accelerometer|imu|adxl(?:3[0-9]+)?"
-    "|vibration|beschleunigung",
+    "force": f"f|{_OF_TOOL}forces?|load(?:cell)?|kraft|ati",
+    "acceleration": "(?:linear)?a(?:cc(?:el(?:eration)?)?)?|accelerometer|imu|adxl|vibration"
+    "|beschleunigung",
     "speed": "v|vel|velocity|speed",
 }
 _TIME: Final = re.compile(
@@ -149,13 +149,12 @@ def target_of(name: str) -> str | None:
 def target_of_column(name: str, unit: str, owners: Collection[str]) -> str | None:
     """Return the target that a column's name and unit suggest, None if it needs no mapping."""
     plain = NUMBER.sub("", name)
-    axis = AXIS_OF.fullmatch(plain)
-    target = _target_of_axis(axis[1], axis[2].lower(), owners) if axis else _of_owner(plain)
-    placed = axis and (target or "position").startswith("position")  # as axes of nothing else are
-    bare = axis[2] if axis and placed and not _NO_POSITION.search(axis[1].lower()) else plain
-    if unit and re.fullmatch("[xyz]", bare, re.IGNORECASE):  # such an axis is what its unit is of
-        fitting = [q for q in CHANNELS if unit_factor(q, unit)]  # of g, the last: acceleration
-        target = f"{fitting[-1]}_{bare.lower()}" if fitting else target
+    if axis := AXIS_OF.fullmatch(plain):
+        target = _target_of_axis(axis[1], axis[2].lower(), unit, owners)
+    elif re.fullmatch("[xyz]", plain, re.IGNORECASE) and (quantity := _of_unit(unit)):
+        target = f"{quantity}_{plain.lower()}"
+    else:
+        target = _of_owner(plain)
     if plain != name and (target not in _COMPONENTS or unit_factor("time", unit)):
         return None
     return None if name in STANDARD_NAMES.values() else target
@@ -222,16 +221,25 @@ def _of_owner(name: str) -> str | None:
     return of_owner if of_owner and quantity_of(of_owner) in CHANNELS else target_of(name)
 
 
-def _target_of_axis(owner: str, letter: str, owners: Collection[str]) -> str | None:
+def _target_of_axis(owner: str, letter: str, unit: str, owners: Collection[str]) -> str | None:
     """Return the target of an axis by the name before it, its owner.
 
-    If that is no known quantity, the axis is one of position if nothing else has axes.
+    If that is no known quantity, or a place, the unit tells; if that tells nothing, the axis is one
+    of position if nothing else has axes.
     """
     last = last_part(VALUES.sub("", owner))
     target = next((q for q, parts in MESSAGE_PARTS.items() if last == parts[0]), None)
-    of_place = len(owners) == 1 and not _NO_POSITION.search(last.lower())
-    target = target or target_of(f".{last}") or ("position" if of_place else "")
+    target = target or target_of(f".{last}")
+    if target not in CHANNELS or target == "position":
+        told = "" if _NO_POSITION.search(owner.lower()) else _of_unit(unit)
+        of_place = len(owners) == 1 and not _NO_POSITION.search(last.lower())
+        target = told or target or ("position" if of_place else "")
     return f"{target}_{letter}" if target in CHANNELS and letter != "w" else None
+
+
+def _of_unit(unit: str) -> str:
+    """Return the quantity that a unit is of, acceleration for g; "" if none."""
+    return next((q for q in reversed(CHANNELS) if unit_factor(q, unit)), "")
 
 
 def _target_of_whole(joined: str) -> str | None:
