@@ -1,4 +1,4 @@
-"""Checks of what a device reports: readings that are none, and implausible positions."""
+"""Checks of what a device reports: readings that are none, stuck values, implausible positions."""
 
 import logging
 import math

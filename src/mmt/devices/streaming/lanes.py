@@ -74,12 +74,12 @@ class Lane:
         """
         kept, before = self._kept, self.invalid
         for reading in readings:
-            repeated = bool(kept) and reading.time_ns == kept[-1].time_ns
-            if repeated or measured(reading.value) is None or not math.isfinite(reading.time_ns):
-                self._leave_out(reading.time_ns)
+            time_ns, last_ns = reading.time_ns, kept[-1].time_ns if kept else None
+            if time_ns == last_ns or measured(reading.value) is None or not math.isfinite(time_ns):
+                self._leave_out(time_ns)
                 continue
-            if kept:
-                step = reading.time_ns - kept[-1].time_ns
+            if last_ns is not None:
+                step = time_ns - last_ns
                 if step < 0:
                     self.reset()
                 elif not self.period_ns:
