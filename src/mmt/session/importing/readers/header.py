@@ -66,7 +66,6 @@ def read_header(
         The line that the options name for the header is empty.
     """
     found = _header_rows(rows, first, options)
-    texts = list(map(text_of, found.names))
     bare, bracketed = zip(*map(_name_and_unit, found.names), strict=True)
     names, doubled = distinct(_grouped(bare, found.over))
     above = [row for row in rows[: found.begin] if row is not found.units]
@@ -82,15 +81,16 @@ def read_header(
             if unit.lower() not in MISSING and unit[-1] not in "=:"
         }
         places |= {name: place for place, name in enumerate(called)}
-    while texts and texts[-1] == str(len(texts)):
-        texts.pop()
+    own = list(map(text_of, found.names))
+    while own and own[-1] == str(len(own)):
+        own.pop()
     return Header(
         names,
         places,
         units,
         _stated_units(above),
         found.begin,
-        own=texts,
+        own=own,
         titles=[title_in(row) for row in rows[: found.begin]],
         notes=[*found.notes, *doubled, *_factors_in(rows[: found.begin])],
     )
