@@ -150,5 +150,10 @@ def test_a_whole_scene_that_does_not_run_is_an_error():
 
     with pytest.raises(MmtError, match="no such port"):
         measure_scene(example("demo"), run, rounds=2)
-    alone = measure_scene(example("demo"), runs_of([], lambda _: 1.0), rounds=2, parts=False)
-    assert not alone.variants
+
+
+def test_the_whole_alone_is_measured_if_no_parts_are_wanted():
+    seen = []
+    costs = measure_scene(example("demo"), runs_of(seen, lambda _: 1.0), rounds=2, parts=False)
+    assert seen == [example("demo")] * 2
+    assert not costs.variants

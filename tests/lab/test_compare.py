@@ -8,7 +8,7 @@ import pytest
 from lab_runs import run_lab
 
 from mmt.core.errors import InputError
-from mmt.core.frames import empty_frames
+from mmt.core.frames import acceleration_samples, empty_frames
 from mmt.evaluation.model_errors import BAND_EDGES_HZ, band_edges_hz, band_errors_db
 from mmt.evaluation.reports.document import ReportTable
 from mmt.texture.online.history import build
@@ -368,3 +368,14 @@ def test_the_experiment_says_what_an_ingredient_costs(tmp_path, monkeypatch):
         assert [row[0] for row in table["rows"]] == ["whole field", "smoothing"]
     worse = float(tables[3]["rows"][1][3])  # the spectrum at 30 s
     assert worse > 0.0
+
+
+@pytest.mark.parametrize("count", [1, 5, 10])
+def test_a_moment_spoils_the_samples_of_its_time(count):
+    frames = empty_frames(20_000, samples_per_frame=count)
+    frames["time_ns"] = np.arange(20_000) * 1_000_000
+    where = np.flatnonzero(acceleration_samples(spoilt(frames, "spike", 1))[:, 2])
+    assert where.tolist() == [count * (round(1000.0 * MOMENT_S) + 1) - 1]
+    knocked = np.flatnonzero(acceleration_samples(spoilt(frames, "knock", 1))[:, 2])
+    assert knocked[0] == where[0] + 1
+    assert len(knocked) == 10 * count - 1

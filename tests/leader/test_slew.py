@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.guards import ForceRamp, GuardedDisplay, VibrationSlew
+from mmt.scene.files import scene_from_tables
 
 FORCES = st.tuples(*[st.floats(-40.0, 40.0)] * 3)
 FORCE_N = (1.0, 2.0, -4.0)
@@ -143,3 +144,12 @@ def test_after_a_rest_the_force_returns_from_zero():
     assert ramp.silent
     ramp.renew()
     assert shares(ramp, 2) == [0.25, 0.5]
+
+
+@pytest.mark.parametrize("slew", [1000.0, "off"])
+def test_a_scene_states_the_slew_limits(slew):
+    tables = {"link": {}, "hand": {}, "simulated": {}, "playout": {}}
+    scene = scene_from_tables(
+        {**tables, "force_feedback": {"slew_n_s": slew}, "actuator": {"slew_m_s3": slew}}
+    )
+    assert scene.force_feedback.slew_n_s == scene.actuator.slew_m_s3 == slew

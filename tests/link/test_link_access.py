@@ -217,6 +217,7 @@ async def test_the_own_machine_and_programs_where_everyone_may_connect_reach_the
         for host in ("localhost", f"localhost:{port}", f"127.0.0.1:{port}", "[::1]"):
             for headers in ({"Host": host}, {"Host": host, "Origin": f"http://{host}"}):
                 assert await status(url, "/nothing", headers) == 404
+            assert await status(url, "/network", {"Host": host}) == 404  # without the table
     named = {"Host": "leader.lab"}
     page = {**named, "Origin": "http://leader.lab"}
     async with listening(Link(host="0.0.0.0", port=0, open=True)) as everywhere:

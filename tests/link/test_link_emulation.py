@@ -5,9 +5,19 @@ from contextlib import asynccontextmanager
 import aiohttp
 import numpy as np
 import pytest
-from link_samples import CHANNELS, LeaderNotes, commands, frames, linked, until
+from link_samples import (
+    CHANNELS,
+    FollowerNotes,
+    LeaderNotes,
+    commands,
+    frames,
+    hello,
+    linked,
+    until,
+)
 
 import mmt.core.running.loop_timer
+from mmt.link.client import FollowerClient
 from mmt.link.emulated.network import EmulatedNetwork, EmulatedSendQueue
 from mmt.link.protocol import encode_event
 from mmt.link.server import LeaderServer
@@ -157,6 +167,7 @@ WRONG = [
     ({"json": {"delay_ms": -1}}, "[network]: delay_ms is -1"),
     ({"json": {"delay": 1}}, "delay is not a key; allowed are profile, direction, delay_ms"),
     ({"json": [1]}, "[network]: [1]"),
+    ({"json": {"delay_ms": 1, "jitter_ms": 2}}, "jitter_ms must not exceed delay_ms"),
     ({"data": b"{", "headers": JSON}, "no JSON"),
     ({"data": b"[" * 4000, "headers": JSON}, "no JSON"),
     ({"data": b" " * 5000, "headers": JSON}, "longer than"),
@@ -171,6 +182,17 @@ async def test_wrong_settings_are_refused_with_a_sentence():
             assert status == 400
             assert problem in answer["error"]
             assert link.leads.settings == Network()
+
+
+async def test_a_follower_that_comes_later_hears_of_the_change():
+    async with linked() as link:
+        await link.client.disconnect()
+        link.leads.change({"profile": "lan"})
+        url = f"http://127.0.0.1:{link.server.port}"
+        later = FollowerClient(url, hello(), FollowerNotes().events(), network=link.follows)
+        await later.connect(10.0)
+        await until(lambda: link.follows.settings == Network(profile="lan"))
+        await later.disconnect()
 
 
 async def test_a_malformed_event_changes_nothing_and_is_counted():

@@ -265,3 +265,19 @@ _EVENT = encode_event("frames", bytes(20))
 def test_no_message_whatever_raises(message):
     event = event_in(message)
     assert event is None or (isinstance(event[0], str) and isinstance(event[1], bytes))
+
+
+async def test_frames_that_ask_for_an_acknowledgement_get_one():
+    notes = LeaderNotes()
+    client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
+    async with leader(notes) as server:
+        await client.connect(
+            f"http://127.0.0.1:{server.port}", auth=hello().to_auth(), transports=["websocket"]
+        )
+        for sequence in range(4):
+            if sequence % 2:
+                await client.call("frames", frames(sequence).tobytes(), timeout=5)
+            else:
+                await client.emit("frames", frames(sequence).tobytes())
+        await client.disconnect()
+    assert notes.sequences == [0, 1, 2, 3]

@@ -9,9 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 import socketio
+from aiohttp import web
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from link_samples import LeaderNotes, commands, leader, until
+from link_samples import (
+    CHANNELS,
+    FollowerNotes,
+    LeaderNotes,
+    commands,
+    follower,
+    frames,
+    leader,
+    until,
+)
 from socketio.msgpack_packet import MsgPackPacket
 
 from mmt.core.frames import CHANNELS as ALL_CHANNELS
@@ -112,3 +122,35 @@ async def test_the_program_in_the_page_runs(tmp_path):
     assert (times_ns[-1] - times_ns[0]) / 499 == pytest.approx(1e6, rel=0.2)  # not 660 Hz
     assert notes.ends == ["example over"]
     assert notes.losses == []
+
+
+async def test_our_follower_can_talk_to_a_stock_server():
+    heard = []
+    server = socketio.AsyncServer(async_mode="aiohttp", serializer="msgpack")
+
+    @server.on("connect")
+    def connect(sid, environ, auth):
+        heard.append(("connect", auth))
+
+    @server.on("*")
+    def note(event, sid, data):
+        heard.append((event, data))
+
+    application = web.Application()
+    server.attach(application)
+    runner = web.AppRunner(application, shutdown_timeout=1.0)
+    await runner.setup()
+    await web.TCPSite(runner, "127.0.0.1", 0).start()
+    notes = FollowerNotes()
+    async with follower(runner.addresses[0][1], notes, source="x") as client:
+        client.send_frames(frames(3))
+        await until(lambda: len(heard) == 2)
+        await server.emit("commands", struct.pack("<Iqqq3f", 5, 1, 0, 0, 1, 2, 3))
+        await until(lambda: notes.blocks)
+        await client.end("done")
+    await server.shutdown()
+    await runner.cleanup()
+    assert heard[0][1]["channels"] == list(CHANNELS)
+    assert heard[1] == ("frames", frames(3).tobytes())
+    assert heard[2] == ("end", {"reason": "done", "frames": 4})
+    assert notes.blocks[0]["position_mm"].tolist() == [[1, 2, 3]]

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mmt.core.frames import MOST_SAMPLES, frame_dtype
 from mmt.link.incoming import HANDSHAKE_MESSAGES, HandshakeLimit, PeriodLimit, RateLimit
 from mmt.scene import LARGEST_SPEED
 
@@ -12,7 +13,7 @@ FULL = 199_998_000
 """Bytes of a message that costs 10 s, all that the bucket holds."""
 HALF = 99_998_000
 TOO_LONG = 2 * FULL
-REPLAYED = round(LARGEST_SPEED) * 156 + 40
+REPLAYED = round(LARGEST_SPEED) * frame_dtype(samples_per_frame=MOST_SAMPLES).itemsize + 40
 """Bytes of a millisecond of a replay of the largest frames at the largest speed."""
 
 

@@ -4,10 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from library_samples import directed, model, stiff
 from random_samples import fitted, strokes_in
-from scipy.signal import welch
+from scipy.signal import freqz, welch
 
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.forms import lsf_spectrum
+from mmt.texture.autoregression.forms import lsf_to_ar
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space import ISOTROPIC
 from mmt.texture.synthesis.synthesizer import Synthesizer
@@ -62,7 +62,8 @@ def test_spectrum_is_the_filters():
     model = TextureModel(scattered(9))
     lsf, variance = model.at(130.0, 1.1)
     found = model.spectrum(130.0, 1.1, frequencies_hz=FREQUENCIES_HZ)
-    expected = lsf_spectrum(lsf[0], variance[0], FREQUENCIES_HZ, 1000.0)
+    _, response = freqz(1.0, np.append(1.0, lsf_to_ar(lsf)[0]), FREQUENCIES_HZ, fs=1000.0)
+    expected = 2 * variance[0] / 1000 * np.abs(response) ** 2
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
