@@ -98,7 +98,7 @@ def test_a_follower_alone_says_how_it_ended():
 
 BROKEN = {"file": "a.mcap", "dropped": 5, "error": "disk full"}
 DEAD = SignalFaults(constant_s=18.0, throughout=True).as_dict()
-HANDLE = "faults of the handle"
+STALE = {"stale commands": 2, "jumps": 0}
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ HANDLE = "faults of the handle"
         ("recording", BROKEN, "the recording failed: disk full; 5 frames are not in it"),
         ("texture__faults", DEAD, "not measured: the accelerometer gave one value throughout"),
         ("handle__losses", 1, "1 loss of the handle"),
-        ("handle__faults", {"stale commands": 2, "jumps": 0}, f"2 {HANDLE} (stale commands)"),
+        ("handle__faults", STALE, "2 faults of the handle (stale commands)"),
     ],
 )
 def test_what_is_unusual_is_named(key, value, sentence):

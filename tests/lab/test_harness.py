@@ -123,10 +123,15 @@ def test_a_report_shows_blocks_in_place_of_tables_and_the_definitions(tmp_path):
 @pytest.mark.parametrize(
     ("side", "measured", "met"),
     [
-        *(("at least", measured, met) for measured, met in ((4.0, True), (3.9, False))),
-        *(("at most", measured, met) for measured, met in ((4.0, True), (4.1, False))),
-        *(("about", measured, True) for measured in (3.6, 4.4)),
-        *(("about", measured, False) for measured in (3.4, 4.6, math.nan)),
+        ("at least", 4.0, True),
+        ("at least", 3.9, False),
+        ("at most", 4.0, True),
+        ("at most", 4.1, False),
+        ("about", 3.6, True),
+        ("about", 4.4, True),
+        ("about", 3.4, False),
+        ("about", 4.6, False),
+        ("about", math.nan, False),
         ("about", None, None),
     ],
 )

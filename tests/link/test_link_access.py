@@ -28,7 +28,7 @@ TOKEN = "a token that nobody guesses"
 
 @pytest.fixture(scope="module")
 def pem(tmp_path_factory):
-    """What gives the PEM files of an authority: its own one, a leader's and a follower's."""
+    """Gives the path of a PEM file of our authority, or of theirs, by its name."""
     folder = tmp_path_factory.mktemp("certificates")
     for owner in ("our", "their"):
         authority = trustme.CA()
@@ -36,8 +36,8 @@ def pem(tmp_path_factory):
         for name, address in (("leader", "127.0.0.1"), ("follower", "follower")):
             issued = authority.issue_cert(address)
             issued.private_key_pem.write_to_path(folder / f"{owner}-{name}-key.pem")
-            for index, pem in enumerate(issued.cert_chain_pems):
-                pem.write_to_path(folder / f"{owner}-{name}.pem", append=index > 0)
+            for index, part in enumerate(issued.cert_chain_pems):
+                part.write_to_path(folder / f"{owner}-{name}.pem", append=index > 0)
     return lambda name: folder / f"{name}.pem"
 
 

@@ -149,15 +149,18 @@ ODD = st.one_of(st.none(), st.integers(), st.text(), st.binary(max_size=40), st.
 )
 def test_no_stamps_kill_the_leader_or_the_follower(questions, answers):
     asked, reader = answerer()
-    for arguments in (*((question,) for question in questions), (), (1, 2)):
-        asked.handle_request(*arguments)
+    for question in questions:
+        asked.handle_request(question)
+    asked.handle_request()
+    asked.handle_request(1, 2)
     assert sum(reader.rejected.values()) >= 2
     assert asked.statistics["exchanges"] <= len(questions)
     reader = BlockReader(COMMAND_DTYPE, "commands")
     clock = ClockRequester(reader, SendQueue(1000), lambda _: None)
     clock._pending.update(dict.fromkeys(range(4), (0,)))  # asked without a loop
-    for arguments in (*((answer,) for answer in answers), ()):
-        clock.handle_response(*arguments)
+    for answer in answers:
+        clock.handle_response(answer)
+    clock.handle_response()
     assert sum(reader.rejected.values()) >= 1
     assert clock.statistics["exchanges"] <= 4
 

@@ -206,36 +206,38 @@ async def test_events_after_the_end_are_not_of_the_session():
     assert notes.ends == ["x" * 256]
 
 
-@pytest.mark.parametrize(
-    ("kind", "said"),
-    [
-        ("nobody", r"no leader answered at .+ within 0\.3 s .*start mmt-leader"),
-        ("silent", "no leader answered"),
-        ("another", "404"),
-    ],
-)
-async def test_a_server_that_is_no_leader_is_explained_in_time(kind, said, unused_tcp_port):
-    async def answer(reader, writer):
-        await reader.readline()
-        if kind == "another":
-            writer.write(
-                b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
-            )
-            await writer.drain()
-        else:
-            await hang.wait()
-        writer.close()
-
-    hang, port = asyncio.Event(), unused_tcp_port
-    other = None if kind == "nobody" else await asyncio.start_server(answer, "127.0.0.1", port)
+async def refused_in_time(port, said):
     client = FollowerClient(f"http://127.0.0.1:{port}", hello(), FollowerNotes().events())
     with pytest.raises(MmtError, match=said):
         await asyncio.wait_for(client.connect(0.3), 10.0)
     await client.disconnect()
+
+
+async def test_no_leader_is_explained(unused_tcp_port):
+    said = r"no leader answered at .+ within 0\.3 s .*start mmt-leader"
+    await refused_in_time(unused_tcp_port, said)
+
+
+NOT_FOUND = b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+
+
+@pytest.mark.parametrize(("answered", "said"), [(None, "no leader answered"), (NOT_FOUND, "404")])
+async def test_a_server_that_is_no_leader_is_explained_in_time(answered, said):
+    async def answer(reader, writer):
+        await reader.readline()
+        if answered is None:
+            await hang.wait()
+        else:
+            writer.write(answered)
+            await writer.drain()
+        writer.close()
+
+    hang = asyncio.Event()
+    other = await asyncio.start_server(answer, "127.0.0.1", 0)
+    await refused_in_time(other.sockets[0].getsockname()[1], said)
     hang.set()
-    if other is not None:
-        other.close()
-        await asyncio.sleep(0.05)
+    other.close()
+    await asyncio.sleep(0.05)
 
 
 async def test_the_leader_may_start_after_the_follower_who_may_also_give_up(unused_tcp_port):

@@ -103,12 +103,12 @@ async def test_a_stranger_may_send_less_than_who_is_admitted():
     assert await socket.receive() is LAST
 
 
-@pytest.mark.parametrize("beyond", [0, 1])
-async def test_the_longest_message_is_decoded(beyond):
+@pytest.mark.parametrize(("beyond", "decoded"), [(0, True), (1, False)])
+async def test_the_longest_message_is_decoded_and_a_longer_one_is_not(beyond, decoded):
     empty = len(encode_event("end", bytes(70_000))) - 70_000
     rest, _ = await rest_of(binary(encode_event("end", bytes(MAX_MESSAGE_BYTES - empty + beyond))))
     assert len(rest.data) == MAX_MESSAGE_BYTES + beyond
-    assert isinstance(rest.data, DecodedPacket) is not bool(beyond)
+    assert isinstance(rest.data, DecodedPacket) is decoded
 
 
 @pytest.mark.parametrize("kind", [WSMsgType.CLOSE, WSMsgType.ERROR])

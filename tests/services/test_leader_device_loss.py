@@ -95,35 +95,30 @@ async def test_a_scene_may_stop_without_its_handle(tmp_path, emulated):
 
 
 @pytest.mark.parametrize("kind", ["sound card", "board on a serial port"])
-async def test_an_actuator_is_lost_and_comes_back(tmp_path, kind):
+async def test_an_actuator_is_lost_and_comes_back(tmp_path, started, kind):
     options = {"volts_per_m_s2": 0.05, "full_scale_v": 3.0}
     if kind == "sound card":
         options["driver"] = "mmt.testing.emulated.haptuator:emulated_haptuator"
     else:
         pytest.importorskip("pty", reason="there are no pseudo-terminals")
-        board = EmulatedHaptuatorBoard()
-        board.start()
+        board = started(EmulatedHaptuatorBoard())
         options |= {"driver": "haptuator-serial", "port": board.path}
     scene = small_scene(tmp_path, session={"duration_s": 600.0}, actuator=options)
     together = Together.of(scene)
     actuator = together.leader.parts.vibration.reconnecting
     cable = actuator.device.card if kind == "sound card" else board
-    try:
-        await together.listen()
-        following = asyncio.create_task(together.follow())
-        await together.until(lambda: actuator.statistics.samples > 100)
-        cable.unplug()
-        await together.until(lambda: actuator.lost)
-        time_s = together.leader.time_s
-        await together.until(lambda: together.leader.time_s > time_s + 0.1)
-        cable.plug()
-        await together.until(lambda: not actuator.lost)
-        samples = actuator.statistics.samples
-        await together.until(lambda: actuator.statistics.samples > samples + 100)
-        leader, follower = await together.stop(), await following
-    finally:
-        if kind != "sound card":
-            board.stop()
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    await together.until(lambda: actuator.statistics.samples > 100)
+    cable.unplug()
+    await together.until(lambda: actuator.lost)
+    time_s = together.leader.time_s
+    await together.until(lambda: together.leader.time_s > time_s + 0.1)
+    cable.plug()
+    await together.until(lambda: not actuator.lost)
+    samples = actuator.statistics.samples
+    await together.until(lambda: actuator.statistics.samples > samples + 100)
+    leader, follower = await together.stop(), await following
     assert (leader.problem, follower.problem) == (None, None)
     table = leader.vibration["actuator"]
     assert table["losses"] == 1
@@ -134,7 +129,7 @@ async def test_an_actuator_is_lost_and_comes_back(tmp_path, kind):
 
 
 @pytest.fixture
-def stroking():
+def stroking(started):
     """An emulated arm whose hand moves to and fro."""
 
     def stroke(time_ns):
@@ -144,9 +139,7 @@ def stroking():
         device = EmulatedHd(stroke, hand_n_mm=1.0)
     except MmtError as error:
         pytest.skip(str(error))
-    device.start()
-    yield device
-    device.stop()
+    return started(device)
 
 
 STILL = """

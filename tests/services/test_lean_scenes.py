@@ -99,12 +99,14 @@ RECORDING = {*FILES, RECORDER}
 RENDERING = MODEL - {"mmt.leader.modelling.pipeline"}
 FORCES = {"mmt.follower.feedback", "mmt.contact.passivity"}
 BY_MODEL = {"mmt.leader.motion.feedback_model", "mmt.contact.passivity", "mmt.contact.estimation"}
-SIMULATED_SCENES = ("demo", "rough-texture", "anisotropic", "two-surfaces", "published")
+PASSIVE = {"mmt.leader.motion.feedback_passive", "mmt.contact.passivity"}
+SIMULATED_SCENES = ("demo", "rough-texture", "anisotropic", "two-surfaces")
 
 EXPECTED = {
-    **{f"leader {name}": MODELLING | RECORDING | {HAND} for name in SIMULATED_SCENES[:-1]},
+    **{f"leader {name}": MODELLING | RECORDING | {HAND} for name in SIMULATED_SCENES},
     **{f"follower {name}": {*NETWORK, SIMULATED} for name in SIMULATED_SCENES},
     "leader published": MODELLING | {HAND},
+    "follower published": {*NETWORK, SIMULATED},
     "leader virtual-lab": MODELLING | RECORDING | {HAND},
     "follower virtual-lab": {*NETWORK, DEVICE_SOURCE},
     "leader virtual-arm": MODELLING | RECORDING | {"mmt.contact.estimation"},
@@ -114,19 +116,13 @@ EXPECTED = {
     "leader stream-only": {*NETWORK, HAND, ACTUATOR},
     "follower stream-only": {*NETWORK, SIMULATED},
     "leader model-only": {*RENDERING, "mmt.texture.field.posterior", HAND, ACTUATOR},
-    "leader passive": {
-        *(*NETWORK, HAND),
-        "mmt.leader.motion.feedback_passive",
-        "mmt.contact.passivity",
-    },
+    "leader passive": {*NETWORK, HAND, *PASSIVE},
     "follower passive": {*NETWORK, SIMULATED, *FORCES},
     "leader model": {*NETWORK, HAND, *BY_MODEL},
     "follower model": {*NETWORK, SIMULATED, *FORCES},
     "leader listener": {*NETWORK, *RENDERING, *SHARING, HAND, ACTUATOR},
-    "leader operator": {
-        *(*NETWORK, *RENDERING, *SHARING, *BY_MODEL, HAND, ACTUATOR),
-        *CONTROL - {"mmt_share.parts.control"},
-    },
+    "leader operator": {*NETWORK, *RENDERING, *SHARING, *BY_MODEL, HAND, ACTUATOR}
+    | (CONTROL - {"mmt_share.parts.control"}),
     "leader devices": {*NETWORK, ACTUATOR},
     "follower devices": {*NETWORK, DEVICE_SOURCE},
 }
@@ -139,7 +135,7 @@ LACKING = set() if find_spec("rtde_control") else {"virtual-arm"}
 """Scenes whose extra has no wheel for every system."""
 
 WATCHED = {*MODELLING, *RECORDING, *SOURCES, *FORCES, *BY_MODEL, *LEVEL, *SHARING, *CONTROL}
-WATCHED |= {HAND, "mmt.leader.motion.feedback_passive"}
+WATCHED |= {HAND, *PASSIVE}
 NEVER = {
     "mmt.leader.monitoring",
     "mmt.web.monitor",

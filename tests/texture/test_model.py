@@ -206,11 +206,12 @@ def test_without_excitation_only_what_the_filter_remembers_is_heard():
 @pytest.mark.parametrize(
     ("excitation", "words"),
     [
-        *(
-            (wrong, "has shape")
-            for wrong in (np.zeros(99), np.zeros((100, 1)), np.full(100, np.nan))
-        ),
-        *((wrong, "is") for wrong in (np.zeros(100, complex), "white", [[0.0], [0.0, 0.0]])),
+        (np.zeros(99), "has shape"),
+        (np.zeros((100, 1)), "has shape"),
+        (np.full(100, np.nan), "has shape"),
+        (np.zeros(100, complex), "is"),
+        ("white", "is"),
+        ([[0.0], [0.0, 0.0]], "is"),
     ],
 )
 def test_an_excitation_that_does_not_fit_is_refused(excitation, words):
@@ -227,10 +228,13 @@ def test_inputs_that_are_no_rows_are_refused(inputs, rendered):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("seed", -1), *(("renewal_samples", n) for n in (0, 1.5)), ("limit_m_s2", np.nan)],
+    [("seed", -1), ("renewal_samples", 0), ("renewal_samples", 1.5), ("limit_m_s2", np.nan)],
 )
 def test_numbers_of_a_synthesizer_are_checked(name, value):
     with pytest.raises(InputError, match=f"{name} is {value}, allowed is a"):
         Synthesizer(model(), **{name: value})
+
+
+def test_the_name_of_a_model_is_none():
     with pytest.raises(InputError, match="model is 'oak', allowed is TextureModel or None"):
         Synthesizer("oak")

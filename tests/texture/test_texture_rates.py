@@ -1,6 +1,7 @@
-"""Frames with several samples of the acceleration: the same figures as with one, in more detail."""
+"""Frames with several samples of the acceleration: the same figures as with one, in more detail.
 
-import dataclasses
+A model of another rate is resampled, and a recording of one is refused.
+"""
 
 import numpy as np
 import pytest
@@ -200,9 +201,8 @@ def test_frames_stamped_at_another_rate_are_refused():
     mmt.build_model(frames)
     slow = frames.copy()
     slow["time_ns"] = slow["time_ns"][0] + 2 * (frames["time_ns"] - frames["time_ns"][0])
-    settings = dataclasses.replace(mmt.ModellingSettings())
     for use in (
-        lambda: mmt.build_model(slow, settings),
+        lambda: mmt.build_model(slow, mmt.ModellingSettings()),
         lambda: mmt.evaluate_session(mmt.RecordedSession(slow, annotations=truth)),
     ):
         with pytest.raises(InputError, match="500 Hz"):

@@ -274,7 +274,7 @@ def test_what_sticks_at_rest_is_held_from_the_stroke_on(seed, gravity, start, aw
 def test_what_sticks_in_a_stroke_is_held_until_it_changes():
     """At rest too: a sensor that is known to be stuck is so until it gives another value.
 
-    One in twenty may be missed, as in `test_validity`.
+    One in twenty may be missed, as above.
     """
     found = []
     for seed in range(40):
