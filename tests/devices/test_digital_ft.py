@@ -65,18 +65,28 @@ def test_gauges_are_amplified_as_the_calibration_wants(emulated, sensor):
     assert sensor.faults["gauge settings written"] == 1
 
 
-def test_what_keeps_it_from_being_used_is_explained(emulated, make):
+# Each on a port of its own: a pseudo terminal may refuse its settings when it is opened again.
+
+
+def test_another_sensor_than_expected_is_explained(make):
     with pytest.raises(InputError, match="its serial number is FT00018, expected is FT9"):
         make(serial="FT9")
     with pytest.raises(MmtError, match="no usable calibration of this number"):
         make(calibration_number=3)
+
+
+def test_a_sensor_that_streams_already_is_stopped_first(emulated, make):
     emulated.stream()  # as after a crash
-    sensor = make()
-    assert read_some(sensor)[-1].value == NEAR
-    sensor.close()
+    assert read_some(make())[-1].value == NEAR
+
+
+def test_a_bad_status_is_explained(emulated, make):
     emulated.registers[STATUS] = 0x0020
     with pytest.raises(MmtError, match=r"status 0x0020 .supply voltage too low.; check its supply"):
         make()
+
+
+def test_a_sensor_without_power_is_explained(emulated, make):
     emulated.deaf = True
     with pytest.raises(MmtError, match="does not answer at 115200 baud: check its power, the cab"):
         make()
@@ -100,6 +110,7 @@ def test_a_gap_is_no_error_in_time_and_silence_is_lost(emulated, make):
         readings += read_until_fault(sensor, "wrong sum")
         readings += read_some(sensor)
     check_times_rise(readings)
+    assert sum(reading.value != NEAR for reading in readings) <= 4  # the sum misses some flips
     sensor.close()
     sensor = make()
     read_some(sensor)
