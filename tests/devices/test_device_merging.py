@@ -1,4 +1,4 @@
-"""Merging sensors on clocks of their own: time errors, latencies, gaps, cost."""
+"""Merging sensors on clocks of their own: time errors, latencies, gaps."""
 
 import math
 import random
@@ -18,11 +18,11 @@ DTYPE = np.dtype([("sequence", "u4"), ("time_ns", "i8"), ("force_n", "f8", (3,))
 TRANSPORT_NS = 20_000
 
 
-def merged(sensor, seconds, *, needed_ns=None):
+def merged(sensor, seconds):
     """Run ticks with some lateness, and probes; return the frames and their ticks' times."""
     chance = random.Random(7)
     lane = Lane(sensor.latency_ns)
-    merger = FrameAssembler({"force_n": lane}, DTYPE, MS, needed_ns)
+    merger = FrameAssembler({"force_n": lane}, DTYPE, MS)
     looks = [(START_NS + k * 100_000, False) for k in range(600)]
     looks += [
         (START_NS + k * MS + round(chance.expovariate(1 / 50_000)), True)
@@ -122,9 +122,10 @@ def test_whatever_was_seen_frames_are_formed_within_bounds(needed_ns, held_ns):
     assert merger.hold_back_ns == held_ns
 
 
-def formed(ticks, come, lane):
+def formed(ticks, come):
     """Return the frames of each tick, of a lane whose readings `come` gives for its number."""
-    merger, blocks = FrameAssembler({"force_n": lane}, DTYPE, MS), []
+    lane, blocks = Lane(), []
+    merger = FrameAssembler({"force_n": lane}, DTYPE, MS)
     for k in range(ticks):
         now_ns = START_NS + k * MS
         lane.add(come(k), now_ns)
@@ -165,7 +166,7 @@ def test_all_lanes_of_a_frame_are_of_one_instant_whatever_their_latency():
 
 def test_a_lost_record_leaves_a_number_out_and_invents_nothing():
     lost = {10, 11, 12}
-    come = formed(30, lambda k: [reading(k * MS + 400_000, k)] * (k not in lost), Lane())
+    come = formed(30, lambda k: [reading(k * MS + 400_000, k)] * (k not in lost))
     numbers = np.concatenate(come)["sequence"].tolist()
     missing = sorted(set(range(numbers[0], numbers[-1])) - set(numbers))
     # four steps from the last reading before to the first one after
@@ -203,7 +204,7 @@ def test_a_late_reading_makes_its_frame_late_and_not_wrong():
         late = range(10, 15) if k == 14 else range(0)
         return [reading(j * MS, j) for j in (late if 10 <= k < 15 else [k])]
 
-    blocks = formed(20, come, Lane())
+    blocks = formed(20, come)
     assert max(map(len, blocks)) >= 3
     frames = np.concatenate(blocks)
     assert np.diff(frames["sequence"]).tolist() == [1] * (len(frames) - 1)

@@ -1,4 +1,4 @@
-"""The Digital F/T's frames, registers, records and clock, without a line."""
+"""The Digital F/T's frames, registers and records, without a line."""
 
 import math
 import struct

@@ -7,7 +7,6 @@ import textwrap
 import time
 from collections import Counter
 from collections.abc import Callable
-from contextlib import suppress
 
 import pytest
 
@@ -116,30 +115,28 @@ def test_silence_is_seen_by_reads_that_find_nothing_not_by_time_alone(run):
 @pytest.fixture
 def pipe():
     """Two ends of a pipe, which the test may close."""
-    ends = os.pipe()
-    for end in ends:
-        os.set_blocking(end, False)
-    yield ends
-    for end in ends:
-        with suppress(OSError):
-            os.close(end)
+    ours, theirs = os.pipe()
+    os.set_blocking(ours, False)
+    os.set_blocking(theirs, False)
+    with os.fdopen(ours, "rb", 0) as reader, os.fdopen(theirs, "wb", 0) as writer:
+        yield reader, writer
 
 
 def test_a_message_for_which_there_is_no_room_is_known_not_to_be_sent(pipe):
-    pipes = DriverPipes(-1, pipe[1])
+    pipes = DriverPipes(-1, pipe[1].fileno())
     while pipes.send(b"S", bytes(4000)):
         pass
     assert not pipes.send(b"S", bytes(4000))
-    os.read(pipe[0], 1 << 16)
+    os.read(pipe[0].fileno(), 1 << 16)
     assert pipes.send(b"L", "it is gone")
 
 
 def test_commands_come_out_whole_however_they_were_cut(pipe):
-    pipes, found = DriverPipes(pipe[0], -1), []
+    pipes, found = DriverPipes(pipe[0].fileno(), -1), []
     for byte in NUMBER.pack(b"A", 1.0) + NUMBER.pack(b"B", -2.0):
-        os.write(pipe[1], bytes((byte,)))
+        pipe[1].write(bytes((byte,)))
         found += pipes.receive(NUMBER) or []
     assert found == [(b"A", 1.0), (b"B", -2.0)]
     assert pipes.receive(NUMBER) == []
-    os.close(pipe[1])
+    pipe[1].close()
     assert pipes.receive(NUMBER) is None

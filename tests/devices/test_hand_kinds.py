@@ -18,10 +18,10 @@ from mmt.testing.simulation.surfaces.textures import SURFACES
 TICKS = 40_000
 
 
-def _moved(kind, seed=3, ticks=TICKS, **keys):
+def _moved(kind, **keys):
     """Return position (n, 3), speed and force (n,) of a hand, after it has come down."""
-    hand = SimulatedHand(Hand(kind=kind, **keys), seed)
-    states = [hand.read(1) for _ in range(ticks)][621:]
+    hand = SimulatedHand(Hand(kind=kind, **keys), 3)
+    states = [hand.read(1) for _ in range(TICKS)][621:]
     position = np.array([state.position_mm for state in states])
     speed = np.array([np.hypot(*state.velocity_mm_s[:2]) for state in states])
     return position, speed, np.array([state.force_n for state in states])

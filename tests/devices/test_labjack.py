@@ -1,4 +1,4 @@
-"""A LabJack U6: its calibration, its stream through pyusb, and the accelerometer."""
+"""A LabJack U6: its calibration, its stream through pyusb, and one in another process."""
 
 import time
 from itertools import pairwise
@@ -139,7 +139,9 @@ def test_one_in_another_process_is_read_as_if_it_were_here(started, closing, con
     server = started(U6Server(EmulatedU6(lambda _time_ns: [1.65, 1.65, 1.98] + [0.0] * 11)))
     remote = closing(RemoteU6(server.address))
     options = {"board": {**REMOTE, "backend": remote}, "bandwidth_hz": 1000}
-    readings = read_some(connected(load_device("adxl335-board", options)), 100)
+    sensor = connected(load_device("adxl335-board", options))
+    readings = read_some(sensor, 100)
+    assert sensor.serial_number == "u6-360000001"
     assert readings[-1].value[2] == pytest.approx(9.8, abs=0.3)
     assert 0 < remote.own_ns < time.process_time_ns()
     assert {b.time_ns - a.time_ns for a, b in pairwise(readings)} == {500_000}

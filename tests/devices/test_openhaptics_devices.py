@@ -245,18 +245,22 @@ def test_a_calibration_that_needs_hands_says_what_to_do(make, emulated, styles, 
         robot.calibrate()
 
 
-def test_a_calibration_that_is_due_is_updated(connected, robot, emulated):
+def test_a_calibration_that_is_due_is_updated(make, robot, emulated):
     emulated.uncalibrate(AUTO | INKWELL, NEEDS_UPDATE)
     robot.calibrate()
     until(lambda: robot.read()[0] > 100.0)  # the zero is another one, and nothing has jumped
     assert robot.faults == {}  # it has kept to one frame a tick
-    for device in (robot, reset := OpenHapticsRobot(library=emulated.address, reset_encoders=True)):
-        if device is reset:
-            connected(reset).calibrate()
+
+    def come_back_uncalibrated(device):
         emulated.uncalibrate(ENCODER_RESET, NEEDS_HANDS)  # where it stands now is no zero
         device.close()
         with pytest.raises(MmtError, match="reset position"):
             device.connect()
+
+    come_back_uncalibrated(robot)
+    reset = make(reset_encoders=True)
+    reset.calibrate()
+    come_back_uncalibrated(reset)
     emulated.uncalibrate(0, NEEDS_HANDS)
     reset.connect()
     reset.calibrate()  # a device without calibration needs none

@@ -127,7 +127,8 @@ def test_damping_is_bounded_from_below_and_above_by_sampling(mass_kg, late_ticks
 def test_every_allowed_pair_of_gains_settles_on_a_mass_it_can_hold(stiffness, mass_kg):
     half_critical = math.sqrt(1e3 * stiffness * mass_kg)
     damping = min(30.0, max(1.5 * stiffness, half_critical))
-    made = servo(frame := Frame(mass_kg), stiffness_n_mm=stiffness, damping_n_s_m=damping)
+    allowed = HdRobotOptions(stiffness_n_mm=stiffness, damping_n_s_m=damping)
+    made = servo(frame := Frame(mass_kg), **allowed.model_dump())
     assert settled_mm(frame, made, 4000) < 0.01
 
 

@@ -1,4 +1,4 @@
-"""Only where a tip can have gone since it was last measured is believed."""
+"""What is believed of a reading: that it is one, that a tip can be there, that it changes."""
 
 import math
 from itertools import product
@@ -53,17 +53,18 @@ def test_a_first_measurement_is_finite_and_within_reach():
 
 @given(
     st.tuples(*[st.floats(-4.0, 4.0)] * 3),
-    st.none() | st.sampled_from([math.nan, math.inf, -math.inf, 1e39]),
+    st.sampled_from([math.nan, math.inf, -math.inf, 1e39]),
     st.integers(0, 2),
 )
 def test_a_reading_is_finite_and_within_what_a_leader_accepts(direction, bad, axis):
     value = [component * LARGEST_QUANTITY / 2 for component in direction]
     expected = math.hypot(*value) <= LARGEST_QUANTITY
     assert measured(tuple(value)) == (tuple(value) if expected else None)
-    if bad is None:
-        value = [0.0, 0.0, 0.0]
-    value[axis] = LARGEST_QUANTITY if bad is None else bad
-    assert measured(tuple(value)) == (tuple(value) if bad is None else None)
+    value[axis] = bad
+    assert measured(tuple(value)) is None
+    largest = [0.0, 0.0, 0.0]
+    largest[axis] = LARGEST_QUANTITY
+    assert measured(tuple(largest)) == tuple(largest)
 
 
 def test_a_warning_comes_at_once_and_every_ten_seconds(monkeypatch, caplog):

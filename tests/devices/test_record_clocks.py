@@ -1,4 +1,4 @@
-"""A sensor's time from its records' numbers or stamps."""
+"""A sensor's time from its records' numbers, their stamps, or their count."""
 
 import pytest
 from hypothesis import given

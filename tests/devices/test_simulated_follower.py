@@ -96,8 +96,12 @@ def test_session_takes_scene_and_overrides():
     assert len(other) == 1000
     assert surface_from_annotations(annotations) == get_surface("wood")
     assert simulate_session(scene)[0].tobytes() == frames.tobytes()
+    reseeded, _ = simulate_session(scene, seed=7)
     for field in ("force_n", "acceleration_m_s2"):
-        assert not np.array_equal(simulate_session(scene, seed=7)[0][field], frames[field])
+        assert not np.array_equal(reseeded[field], frames[field])
+    tables = {**LINKED, "session": session, "simulated": {"surface": "mesh"}, "force_feedback": {}}
+    felt, _ = simulate_session(scene_from_tables(tables))
+    assert not np.array_equal(felt["position_mm"], frames["position_mm"])
     with pytest.raises(InputError, match="duration_s"):
         simulate_session(scene, duration_s=0.0)
 

@@ -20,7 +20,7 @@ def _states(seed, ticks, settings):
     return position, velocity, force, states
 
 
-def _stroke_with_robot(seed, table, hand, ticks=TICKS, feedback=False):
+def _stroke_with_robot(table, hand, ticks=TICKS, feedback=False):
     robot = SimulatedRobot(table, 0.3)
     rows = np.empty((ticks, 3))
     for tick in range(ticks):
@@ -33,17 +33,17 @@ def _stroke_with_robot(seed, table, hand, ticks=TICKS, feedback=False):
     return rows.T
 
 
-def _steady_stretches(speed, force, length=120, share=0.12):
+def _steady_stretches(speed, force):
     """Return (number, mean speed, mean force) of the stretches that are steady."""
-    stretches = np.reshape([speed, force], (2, -1, length))
+    stretches = np.reshape([speed, force], (2, -1, 120))
     means, deviations = stretches.mean(axis=2), stretches.std(axis=2)
-    steady = (deviations <= share * means).all(axis=0) & (means > [[10.0], [0.1]]).all(axis=0)
+    steady = (deviations <= 0.12 * means).all(axis=0) & (means > [[10.0], [0.1]]).all(axis=0)
     return [(int(k), *means[:, k]) for k in np.flatnonzero(steady)]
 
 
 @pytest.mark.parametrize("seed", [1, 2, 7, 12345])
 def test_covers_the_plane_within_18_s_with_the_force_that_it_intends(seed):
-    speed, force, intended = _stroke_with_robot(seed, Simulated(), SimulatedHand(Hand(), seed))
+    speed, force, intended = _stroke_with_robot(Simulated(), SimulatedHand(Hand(), seed))
     found = _steady_stretches(speed, force)
     assert len(found) > 30
     thirds = {(int(v / 100.0), int(f)) for _, v, f in found}
@@ -100,7 +100,7 @@ def test_feedback_corrects_a_wrong_expectation():
     errors = {}
     for feedback in (False, True):
         hand = SimulatedHand(Hand(), 2)
-        _, force, intended = _stroke_with_robot(2, table, hand, 9000, feedback)
+        _, force, intended = _stroke_with_robot(table, hand, 9000, feedback)
         pressing = intended[4000:] > 0.3
         ratio = force[4000:][pressing] / intended[4000:][pressing]
         errors[feedback] = abs(np.median(ratio) - 1.0)

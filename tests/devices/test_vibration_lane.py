@@ -31,10 +31,10 @@ def lane_of(readings, kind=VibrationLane):
     return lane
 
 
-def responses(rate_hz, frequency_hz, kind=VibrationLane):
+def responses(rate_hz, frequency_hz):
     """The complex gain at instants that lie anywhere between two readings."""
     readings = readings_of(rate_hz, frequency_hz, 500)
-    lane = lane_of(readings, kind)
+    lane = lane_of(readings)
     found = []
     for k in range(97):
         time_ns = readings[10].time_ns + k * round(2.61803e9 / rate_hz)

@@ -34,8 +34,8 @@ def test_over_an_even_path_it_is_two_round_trips_and_a_margin_or_what_the_scene_
 def test_it_follows_the_estimator_of_rfc_6298_one_sample_a_round_trip():
     limit = SilenceLimit(Link())
     limits_ms = [limit.limit_ns / MS]
-    bursts = (*((72, 84) for _ in range(500)),)
-    for round_trip_ms, arrival_ms in ((40, 0), (72, 39), (72, 40), (72, 83), *bursts):
+    burst = [(72, 84)] * 500
+    for round_trip_ms, arrival_ms in ((40, 0), (72, 39), (72, 40), (72, 83), *burst):
         limit.add(round_trip_ms * MS, arrival_ms * MS)
         limits_ms.append(limit.limit_ns / MS)
     # two of 40 ms and four of half of it; of 44 ms and 23 ms; and once of 47.5 ms and 24.25 ms

@@ -1,4 +1,4 @@
-"""The driver of Bota's serial sensors on the emulated sensor, over a pseudo terminal."""
+"""Bota's serial protocol, and its driver on the emulated sensor, over a pseudo terminal."""
 
 import itertools
 import random
@@ -108,14 +108,14 @@ def test_forces_come_at_the_rate_of_the_filter_by_the_sensors_clock(emulated, se
 
 
 @pytest.mark.parametrize(
-    ("options", "wanted", "period_ns"),
+    ("options", "deaf", "wanted", "period_ns"),
     [
-        ({"sinc_length": 64, "fir": True}, (64, 0, 0, 0), 1.25e6),
-        ({"configure": False}, (512, 0, 0, 1), 1e7),  # it is left as it is
+        ({"sinc_length": 64, "fir": True}, False, (64, 0, 0, 0), 1.25e6),
+        ({"configure": False}, True, (512, 0, 0, 1), 1e7),  # it is left as it is
     ],
 )
-def test_the_filter_is_set_as_the_options_say(emulated, make, options, wanted, period_ns):
-    emulated.deaf = "configure" in options
+def test_the_filter_is_set_as_the_options_say(emulated, make, options, deaf, wanted, period_ns):
+    emulated.deaf = deaf
     readings = read_some(make(**options), 10)
     assert emulated.filter == wanted
     steps = sorted(b.time_ns - a.time_ns for a, b in itertools.pairwise(readings))
@@ -210,7 +210,11 @@ def test_what_the_sensor_could_not_measure_is_counted_and_what_is_impossible_lef
         (("text", True), {"configure": False}, "text comes: set its data format to binary"),
         (("deaf", True), {}, "not answer the command 'C'; its frames come, but what is"),
         (("refusal", 3), {}, r"it refuses the command 'C' \(code 3\): switch it off"),
-        (("refusal", 0), {"baud": 115_200}, "the baud rate is probably not 115200"),
+        (
+            ("refusal", 0),
+            {"baud": 115_200},
+            "the baud rate is probably not 115200",
+        ),  # it refuses nothing
         (("refusal", 0), {"baud": 115_200, "configure": False}, "is probably not 115200"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The driver of industrial I/O on a tree of attributes and a FIFO: values, times, faults."""
+"""The driver of industrial I/O on a tree of attributes and a FIFO: scans, times, faults."""
 
 import itertools
 import logging

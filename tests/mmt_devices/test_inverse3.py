@@ -321,3 +321,11 @@ def test_the_virtual_handle_strokes_by_itself_and_the_virtual_arm_follows(closin
         lambda: robot.write(handle.read(1).position_mm),
     )
     assert robot.remarks() == []
+
+
+def test_names_that_are_given_go_before_what_the_service_seems_to_be(make, service):
+    service.tip.hold(REST_MM, 5.0)
+    handle = make("handle", commands="3.1")
+    heard = service.heard
+    until(lambda: service.heard > heard + 200, lambda: handle.write((0.0, 0.0, 1.0)))
+    assert service.tip_state().motor_n == (0.0, 0.0, 0.0)  # it does not understand them

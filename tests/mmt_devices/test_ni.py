@@ -154,7 +154,8 @@ def test_which_board_is_told_where_there_are_several_or_another_program_has_it(c
         inputs(0, backend=box, device="Dev7").connect()
     second = connected(inputs(0, backend=box, device="Dev2"))
     assert read_some(second, 5)
-    task = (taken := EmulatedNi(level)).task()
+    taken = EmulatedNi(level)
+    task = taken.task()
     task.start()
     with pytest.raises(MmtError, match="another program has it: close that one"):
         inputs(0, backend=taken).connect()

@@ -1,4 +1,4 @@
-"""A shared model: what listeners get, when they are slow, late, strangers or many."""
+"""A shared model: what listeners get, when they are slow, late or strangers, or it is full."""
 
 import asyncio
 import re
