@@ -107,6 +107,12 @@ def test_a_model_of_the_largest_power_is_finite():
     assert np.isfinite(model.spectrum(100.0, 1.0, frequencies_hz=np.arange(0.0, 500.0))).all()
 
 
+@pytest.mark.parametrize("rate_hz", [math.nan, 0.0, -5.0, math.inf])
+def test_the_rate_of_a_model_is_checked(rate_hz):
+    with pytest.raises(InputError, match=r"rate_hz is .*, allowed is a finite number at least 1"):
+        TextureModel(samples(1.0), rate_hz=rate_hz)
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [
@@ -122,8 +128,6 @@ def test_a_model_of_the_largest_power_is_finite():
     ],
 )  # fmt: skip
 def test_a_model_file_is_checked_by_the_same_rules(name, value):
-    with pytest.raises(InputError, match=r"rate_hz is .*, allowed is a finite number at least 1"):
-        TextureModel(samples(1.0), rate_hz=math.nan)
     arrays = arrays_of(TextureModel(samples(1e12)).contents)
     assert TextureModel.from_bytes(pack_arrays(arrays)).rate_hz == 1000.0
     with pytest.raises(InputError) as caught:

@@ -169,6 +169,15 @@ def leaves(words, command):
         yield from leaves((*words, name), subcommand(command, name))
 
 
+def test_a_command_that_does_not_exist_would_be_found():
+    text = "`mmt nothing`\n\n```sh\nMMT_LINK__PORT=1 mmt session info FILE --none  # comment\n```\n"
+    first, second = written_commands(text)
+    assert first == ["mmt", "session", "info", "FILE", "--none"]
+    assert "--none" not in options(find(first)[0])
+    with pytest.raises(AssertionError, match="no command 'nothing'"):
+        find(second)
+
+
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_every_command_that_is_named_exists(page):
     for words in written_commands(page.read_text("utf-8")):

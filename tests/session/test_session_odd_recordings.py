@@ -41,6 +41,7 @@ def kind(name, *arguments, channels=TRUTH, **given):
     """Have a file written by a function, imported, and compared with the truth."""
 
     def register(write):
+        assert name not in KINDS, name
         KINDS[name] = (lambda path: write(path, *arguments), set(channels), given)
         return write
 
@@ -196,12 +197,12 @@ def lists_a_line_each(path, form):
     path.write_text("\n".join(printed(row, form) for row in rows_of(force)))
 
 
-@kind("no names.csv", None, channels=ONLY_FORCE, columns=NUMBERED)
+@kind("no names.csv", channels=ONLY_FORCE, columns=NUMBERED)
 @kind("names.csv", "0,1,2,3", channels=ONLY_FORCE,
       columns=dict(zip(NUMBERED, "0123", strict=True)))  # fmt: skip
-def with_columns_that_are_numbered(path, head):
-    first, *others = rows_of(force)
-    lines(path, head or ",".join(map(str, first)), [first, *others] if head else others)
+def with_columns_that_are_numbered(path, *head):
+    rows = [",".join(map(str, row)) for row in rows_of(force)]
+    path.write_text("\n".join([*head, *rows]) + "\n")
 
 
 @kind("arduino.log", channels=["acceleration"])
@@ -242,11 +243,10 @@ def with_row_numbers_that_have_no_name(path, sign, quote):
 @kind("header;.csv", "t;Fx;Fy;Fz;\ns;mN;mN;mN;", channels=ONLY_FORCE)
 @kind("names;.csv", "t;Fx;Fy;Fz;", channels=ONLY_FORCE, units={"force": "mN"})
 def with_its_header_repeated(path, head):
-    rows = [[t, *(1e3 * value for value in row)] for t, *row in rows_of(force)]
-    rows = [[*row, ""] if head.endswith(";") else row for row in rows]
-    lines(
-        path, head, [*rows[:99], *(line.split(";") for line in head.split("\n")), *rows[99:]], ";"
-    )
+    end = ";" if head.endswith(";") else ""
+    each = ([t, *(1e3 * value for value in row)] for t, *row in rows_of(force))
+    rows = [";".join(map(str, row)) + end for row in each]
+    path.write_text("\n".join([head, *rows[:99], head, *rows[99:]]) + "\n")
 
 
 VICON = """Trajectories
@@ -322,8 +322,8 @@ def pandas_json(path, form, encoding):
     path.write_text(json.dumps(content), encoding)
 
 
-for form, encoding in zip(("columns", "index", "split", "rows"), 4 * ["utf-8-sig"], strict=True):
-    kind(f"{form}.json", form, encoding, channels=ONLY_FORCE)(pandas_json)
+for form in ("columns", "index", "split", "rows"):
+    kind(f"{form}.json", form, "utf-8-sig", channels=ONLY_FORCE)(pandas_json)
 kind("utf-16.json", "split", "utf-16", channels=ONLY_FORCE)(pandas_json)
 kind("dated.json", "dated", "utf-8", channels=ONLY_FORCE,
      columns={"time": "index"}, units={"time": "ms"})(pandas_json)  # fmt: skip
@@ -346,12 +346,11 @@ def with_times_and_vectors(path, times):
 
 
 LACKING = {"npz": ("decimals",), "h5": ("dates", "durations", "decimals"), "parquet": ("column",)}
+"""Forms of times that a kind of file cannot hold."""
+
 for suffix, lacking in LACKING.items():
-    for times in sorted({*TIMES} - {*lacking}):
-        mapped = {"time": "t", "force": "force"}
-        kind(f"{times}.{suffix}", times, channels=ONLY_FORCE, columns=mapped)(
-            with_times_and_vectors
-        )
+    for times in (each for each in TIMES if each not in lacking):
+        kind(f"{times}.{suffix}", times, channels=ONLY_FORCE)(with_times_and_vectors)
 
 
 @kind("structures.h5", channels=ONLY_FORCE)
@@ -521,7 +520,7 @@ def two_tables(path):
         file["channel"] = np.array([["a", "b"]], dtype="S1")
 
 
-@kind("texts.h5")
+@kind("pickled.h5")
 def tidy_frame(path):
     """As pandas stores a frame with a column of texts, which PyTables pickles."""
     rows = list(readings())
