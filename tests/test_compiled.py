@@ -1,10 +1,10 @@
 import json
 import pickle
-import subprocess
 import sys
 
 import pytest
 from numba.core import caching
+from python_programs import printed_by
 
 from mmt.core.compiled import (
     are_cached,
@@ -87,18 +87,12 @@ print(was_cached, len(halved.signatures), quartered(3.0), halved(3.0))
 """
 
 
-def printed_by(*program):
-    """Return what a program prints, in a process of its own."""
-    command = [sys.executable, *map(str, program)]
-    return subprocess.run(command, capture_output=True, check=True, text=True, timeout=150).stdout
-
-
 def test_a_kernel_needs_a_signature_and_a_folder_to_be_kept_in(monkeypatch):
     with pytest.raises(ValueError, match="signature"):
         kernel()
     monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
     with pytest.raises(MmtError, match="NUMBA_CACHE_DIR"):
-        kernel("f8(f8)")(printed_by)
+        kernel("f8(f8)")(lambda x: x)
 
 
 def test_kernels_are_dropped_when_any_source_of_their_folder_changes(tmp_path):

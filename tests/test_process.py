@@ -1,6 +1,5 @@
 import os
 import platform
-import subprocess
 import sys
 import threading
 import time
@@ -8,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from python_programs import printed_by
 
 from mmt.core.errors import MmtError
 from mmt.core.running import process
@@ -23,16 +23,6 @@ from mmt.core.running.process import (
 
 ON_LINUX = pytest.mark.skipif(sys.platform != "linux", reason="Linux's own calls are used")
 NOT_PERMITTED = "this user may not schedule in real time"
-
-
-def printed_by(program):
-    """Return the words that a program prints, in a process and a session of its own."""
-    command = [sys.executable, "-c", program]
-    ended = subprocess.run(
-        command, capture_output=True, start_new_session=True, timeout=150, check=False
-    )
-    assert ended.returncode == 0, ended.stderr
-    return ended.stdout.decode().split()
 
 
 @ON_LINUX
@@ -60,7 +50,7 @@ short = turn_ns()
 lower_priority()
 print(asked, kernels, short, turn_ns())
 """
-    asked, kernels, short, after = printed_by(script)
+    asked, kernels, short, after = printed_by("-c", script).split()
     if asked != "True" or kernels == "0":
         pytest.skip("this kernel has one length of turn for all")
     assert int(short) < int(kernels) == int(after)
@@ -79,7 +69,7 @@ del blocks
 before = held_mb()
 print(release_freed_memory(), before - held_mb())
 """
-    released, given_mb = printed_by(script)
+    released, given_mb = printed_by("-c", script).split()
     if released != "True":
         pytest.skip("this C library keeps nothing to give back")
     assert float(given_mb) > 10.0
@@ -114,7 +104,9 @@ def test_sleeps_that_end_when_they_are_due_are_asked_of_the_system():
 
 @ON_LINUX
 def test_the_code_of_the_compiler_is_released_and_runs_again():
-    printed_by("""
+    printed_by(
+        "-c",
+        """
 import numba, psutil
 from mmt.core.running.process import release_file
 memory_mb = lambda: psutil.Process().memory_info().rss / 1e6
@@ -124,7 +116,8 @@ assert release_file('libllvmlite') > 0
 assert release_file('no such library') == 0
 assert memory_mb() < before_mb - 20.0
 assert numba.njit('f8(f8)')(lambda x: double(x) + x)(1.0) == 3.0
-""")
+""",
+    )
 
 
 def refuse(*_):
