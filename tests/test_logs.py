@@ -31,11 +31,9 @@ def test_every_line_has_time_level_service_session_and_event(tmp_path):
     assert (first["service"], first["session"], first["event"]) == ("leader", None, "before")
     assert second["time"] >= first["time"]
     assert second["time"].endswith("+00:00")
-    assert [second[name] for name in ("level", "service", "session", "logger")] == [
-        *("info", "leader", "abc", "mmt.test")
-    ]
-    assert (second["event"], second["time_s"], second["mode"]) == ("after 5", 1.5, "streamed")
-    assert len(second) == 8
+    told = {"level": "info", "service": "leader", "session": "abc", "logger": "mmt.test"}
+    told |= {"event": "after 5", "time_s": 1.5, "mode": "streamed"}
+    assert second == told | {"time": second["time"]}
 
 
 def test_a_line_stays_one_line_and_no_detail_hides_another_key(tmp_path):

@@ -43,7 +43,6 @@ def fed_back(**keys):
     return {**SIMULATED, "force_feedback": keys}
 
 
-ADD_HAND = {"link": {}, "replay": {}, "recording": {}, "force_feedback": {}}
 WRONG = [
     ({"linkk": {}}, ["linkk", "allowed are", "link"]),
     ({"link": {"prt": 1}}, ["link.prt", "allowed are", "port"]),
@@ -88,7 +87,8 @@ WRONG = [
     ({"hand": {}, "rendering": {}, "actuator": {}}, ["needs a model"]),
     ({"rendering": {"model": "m.npz"}, "actuator": {}}, ["add [hand], [handle] or [link]"]),
     ({"link": {}, "simulated": {}, "hand": {}}, ["would carry nothing"]),
-    (ADD_HAND, ["[force_feedback]", "add [hand]"]),
+    ({"link": {}, "replay": {}, "recording": {}, "force_feedback": {}},
+     ["[force_feedback]", "add [hand]"]),
     (fed_back(method="streamed", reserve_mj=2.0), ["reserve_mj has no meaning with method"]),
     (fed_back(method="model", largest_drift_mm=1.0), ["largest_drift_mm has no meaning with"]),
     (fed_back(method="passive", largest_stiffness_n_mm=5.0),

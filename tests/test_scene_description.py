@@ -107,5 +107,8 @@ def test_what_the_acceleration_lacks_is_said(options, said):
     assert describe_scene(scene_from_tables(tables)).acceleration is None
     tables["session"] = {"acceleration_rate_hz": 4000}
     assert describe_scene(scene_from_tables(tables)).acceleration == said
-    simulated = {**SIMULATED, **{name: tables[name] for name in ("session", "playout", "actuator")}}
-    assert describe_scene(scene_from_tables(simulated)).acceleration == "4 samples a frame"
+
+
+def test_simulated_frames_of_several_samples_lack_nothing():
+    tables = {**SIMULATED, "session": {"acceleration_rate_hz": 4000}, "playout": {}, "actuator": {}}
+    assert describe_scene(scene_from_tables(tables)).acceleration == "4 samples a frame"

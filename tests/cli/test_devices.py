@@ -76,7 +76,7 @@ def test_what_is_wrong_is_said_with_what_to_do(tmp_path, name, settings, sentenc
     assert sentence.split(maxsplit=1)[0] in result.output
 
 
-def test_a_silent_and_a_stuck_sensor_are_told_apart():
+def test_a_silent_a_stuck_and_a_bursting_sensor_are_told_apart():
     silent = check_device("force_sensor", "a", device_drivers.Sampled(silent=True), duration_s=9.0)
     assert "gives no reading: check its cable" in silent.problems[0]
     stuck = device_drivers.Sampled(noise=0.0)
@@ -98,6 +98,9 @@ def test_an_accelerometer_must_feel_gravity_and_pass_its_band():
     ):
         problems = check_device("accelerometer", "a", device, duration_s=0.05).problems
         assert words in " ".join(problems)
+
+
+def test_a_board_shows_the_voltages_of_its_inputs():
     seen = check_device("board", "a", device_drivers.Board(), duration_s=0.05)
     assert (seen.mean, seen.unit) == (pytest.approx((0.1, 0.2, 0.3, 0.4)), "V")
 

@@ -129,13 +129,16 @@ def test_the_proposed_command_imports_the_file(tmp_path, monkeypatch, name):
 def test_a_file_of_which_nothing_is_known_is_listed(tmp_path):
     (tmp_path / "odd.csv").write_text("alpha,beta\n1,2\n2,3\n")
     told = output_of(*INSPECT, tmp_path / "odd.csv")
-    assert "must have the form NAME=VALUE" in refusal(
-        *(*IMPORT, tmp_path / "odd.csv", tmp_path / "a.mcap", "--map", "force")
-    )
-    assert not (tmp_path / "a.mcap").exists()
     assert "columns: alpha, beta" in told
     assert "no column was found for time: --map time=NAME, or --rate HZ" in told
     assert "no name tells a channel: say which columns are" in told
+
+
+def test_an_option_without_a_value_is_explained_and_nothing_written(tmp_path):
+    (tmp_path / "odd.csv").write_text("alpha,beta\n1,2\n2,3\n")
+    files = (tmp_path / "odd.csv", tmp_path / "a.mcap")
+    assert "must have the form NAME=VALUE" in refusal(*IMPORT, *files, "--map", "force")
+    assert not files[1].exists()
 
 
 @pytest.mark.parametrize(

@@ -228,9 +228,8 @@ def test_the_way_to_the_first_action_and_after_a_pause_is_bounded_in_speed_and_b
     box_mm = ((-1.0, -1.0, -1.0), (100.0, 1.0, 1.0))
     handle = ActionHandle(recovery_mm_s=50.0, box_mm=box_mm)
     assert handle.read(1) is None
-    for start, goal in ((0.0, 100.0), (100.0, 0.0)):
-        asked = (goal and goal + 9.0, 0.0, 0.0)
-        assert handle.follow(asked, (0.0, 0.0, 0.0)) == (goal, 0.0, 0.0)
+    for start, asked, goal in ((0.0, 109.0, 100.0), (100.0, 0.0, 0.0)):
+        assert handle.follow((asked, 0.0, 0.0), (0.0, 0.0, 0.0)) == (goal, 0.0, 0.0)
         state = handle.read(1000)
         assert state.position_mm[0] == pytest.approx(start + (goal - start) / 2)
         assert state.velocity_mm_s[0] == pytest.approx((goal - start) / 2)
@@ -254,6 +253,7 @@ def test_actions_at_a_rate_give_a_steady_motion_a_period_late():
 def test_the_displayed_force_is_that_of_the_hand_along_the_scenes_normal(normal, force, tmp_path):
     tables = session_scene(Settings("demo")).dump()
     tables["texture"]["normal"] = normal
+    # a simulated surface lies across z alone
     tables["handle"], tables["devices"] = {"driver": "a:Handle"}, {"robot": {"driver": "a:Arm"}}
     del tables["hand"], tables["simulated"]
     file = tmp_path / "scene.toml"

@@ -1,4 +1,4 @@
-"""The part for LSL against a stand-in of pylsl; the library itself: `tests/services`."""
+"""The part for LSL against a stand-in of pylsl; the library itself: `test_lsl_services.py`."""
 
 import json
 import sys

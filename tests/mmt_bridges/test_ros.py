@@ -1,4 +1,4 @@
-"""The part for ROS 2, whose process has a stand-in of rclpy; rclpy itself: `tests/services`."""
+"""The part for ROS 2, whose process has a stand-in of rclpy; rclpy: `test_ros_services.py`."""
 
 import json
 import signal

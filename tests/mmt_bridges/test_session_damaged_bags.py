@@ -89,15 +89,17 @@ def zipped_messages(path):
         writer.finish()
 
 
+def rename_others(told):
+    for file in sorted(told.parent.iterdir()):
+        if file != told:
+            file.rename(file.with_name(f"renamed_{file.name}"))
+
+
 DAMAGE = {
     "removed": lambda told: told.unlink(),
     "empty": lambda told: told.write_bytes(b""),
     "newer": lambda told: told.write_text("version: 99"),
-    "of other files": lambda told: [
-        file.rename(file.with_name(f"renamed_{file.name}"))
-        for file in sorted(told.parent.iterdir())
-        if file != told
-    ],
+    "of other files": rename_others,
 }
 
 

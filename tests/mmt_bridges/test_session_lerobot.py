@@ -412,7 +412,10 @@ def test_what_is_no_parquet_file_of_a_session_is_said(tmp_path):
     export_session(session_of(0), tmp_path / "empty.parquet")
     with pytest.raises(InputError, match="it holds no frame"):
         read_session(tmp_path / "empty.parquet")
-    columns = {"sequence": np.arange(50), "time_ns": np.arange(50) * 1_000_000}  # and a text
+
+
+def test_a_table_with_a_sessions_columns_and_a_text_is_read(tmp_path):
+    columns = {"sequence": np.arange(50), "time_ns": np.arange(50) * 1_000_000}
     columns |= {"time_s": np.arange(50) / 1000, "trial": ["warm-up"] * 50}
     columns |= {f"force_{axis}_n": np.arange(50) / 10.0 for axis in "xyz"}
     pq.write_table(pa.table(columns), tmp_path / "a.parquet")

@@ -77,8 +77,8 @@ def test_no_array_is_proposed_beside_one_of_the_standard_name(tmp_path):
     np.savez(tmp_path / "a.npz", q=quaternions, orientation=quaternions, **arrays)
     assert propose(tmp_path / "a.npz").options.columns == {}
     assert degrees_off(import_session(tmp_path / "a.npz").frames, path) < 0.001
-    table = {"time_s": time_s, "force_z_n": time_s, "orientation": time_s}  # of which it is none
-    file = written(tmp_path, **table)
+    # a column of one number a row is no orientation, whatever its name
+    file = written(tmp_path, time_s=time_s, force_z_n=time_s, orientation=time_s)
     assert import_session(file, columns={"force_x": "0", "force_y": "0"}).channels == ("force",)
 
 

@@ -126,7 +126,7 @@ t,ati.x,ati.y,ati.z,adxl.x,adxl.y,adxl.z ->
     time=t force_xyz=ati.x,ati.y,ati.z acceleration_xyz=adxl.x,adxl.y,adxl.z
 t,loadcell,tip.x,tip.y -> time=t force=loadcell position_x=tip.x position_y=tip.y position_z=0
 """
-"""Names of columns, and what is proposed for them; below them if it is long."""
+"""Names of columns -> TARGET=COLUMN as proposed, below if long; force_xyz=a,b,c is three axes."""
 
 
 @pytest.mark.parametrize("case", re.split(r"\n(?=\S)", NAMES.strip()))
@@ -363,7 +363,7 @@ def test_the_vector_at_the_beginning_of_wider_arrays_is_proposed(tmp_path, colum
 @pytest.mark.parametrize("owner", ["", "chip.", "fin/ger."])
 def test_a_bare_axis_is_one_of_what_its_unit_is_of(tmp_path, unit, target, owner):
     names = [f"{owner}X", f"{owner}y"]
-    others = f"mag.x [{unit}],torque.x [{unit}]" if unit != "N" else "a,b"
+    others = f"mag.x [{unit}],torque.x [{unit}]"
     head = ",".join(["t", *(f"{name} [{unit}]" for name in names), others])
     columns = propose(table(tmp_path, head, TIMES, TIMES, TIMES, TIMES, TIMES)).options.columns
     expected = zip((f"{target}_{axis}" for axis in "xyz"), [*names, "0"], strict=True)

@@ -249,8 +249,8 @@ start_s = time.monotonic()
 sent = 0
 while True:
     due = int((time.monotonic() - start_s) * 1000)
-    for sent in range(sent, due):
-        recorder.record_frames(frames[sent:sent + 1])
+    for index in range(sent, due):
+        recorder.record_frames(frames[index:index + 1])
     sent = due
     print(sent, recorder.frames, flush=True)
     time.sleep(0.005)
