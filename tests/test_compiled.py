@@ -1,6 +1,8 @@
+import ast
 import json
 import pickle
 import sys
+from pathlib import Path
 
 import pytest
 from numba.core import caching
@@ -126,6 +128,35 @@ def test_an_inner_kernel_is_loaded_for_callers_that_are_not_cached(tmp_path):
     (tmp_path / "run.py").write_text(INNER_FROM_CACHE)
     found = [printed_by(tmp_path / "run.py").split() for _ in range(2)]
     assert found == [["False", "1", "0.75", "1.5"], ["True", "0", "0.75", "1.5"]]
+
+
+def _kernels_and_callers():
+    """Return the kernels of the sources, and whether inner, and all names that Python reads."""
+    kernels = {}
+    read = set()
+
+    def visit(node):
+        for child in ast.iter_child_nodes(node):
+            decorators = getattr(child, "decorator_list", [])
+            calls = [each for each in decorators if isinstance(each, ast.Call)]
+            found = [each for each in calls if getattr(each.func, "id", "") == "kernel"]
+            if found:
+                assert isinstance(child, ast.FunctionDef)
+                kernels[child.name] = any(word.arg == "inner" for word in found[0].keywords)
+                continue
+            if isinstance(child, ast.Name):
+                read.add(child.id)
+            visit(child)
+
+    for source in (Path(__file__).parents[1] / "src").rglob("*.py"):
+        visit(ast.parse(source.read_text()))
+    return kernels, read
+
+
+def test_kernels_that_only_kernels_call_are_inner():
+    kernels, read = _kernels_and_callers()
+    assert len(kernels) > 50
+    assert {name for name, inner in kernels.items() if inner} == kernels.keys() - read
 
 
 @pytest.mark.parametrize(

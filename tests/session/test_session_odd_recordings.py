@@ -820,3 +820,11 @@ def test_a_factor_above_a_table_is_told_and_not_applied(tmp_path, factor):
         f"line 2, 'Scale factor: {factor}', was not applied: --map TARGET=COLUMN*{factor} does so"
     )
     assert (told in report.warnings) == (float(factor) != 1)
+
+
+def test_a_last_line_that_ends_within_vectors_is_told_of(tmp_path):
+    with_cells_of_several_numbers(tmp_path / "a.csv", "list", ";")
+    whole = (tmp_path / "a.csv").read_text().splitlines()[:9]
+    (tmp_path / "a.csv").write_text("\n".join([*whole, "0.008;[1 2];(3)"]))
+    _, report = import_recording(tmp_path / "a.csv", propose(tmp_path / "a.csv").options)
+    assert any("cut off" in warning for warning in report.warnings)
