@@ -13,7 +13,7 @@ from mmt.core.errors import InputError
 from mmt.session.files import read_session
 from mmt.session.recover import recover
 
-SOON_S = 3.0
+SOON_S = 10.0
 """Loose bound of what takes a fraction of a second."""
 
 ENDING = [
