@@ -19,7 +19,8 @@ from mmt.core.output.streams import finish_output
 from mmt.core.running.process import ask_for_short_turns
 
 SLOW = (
-    "test_first_start.py", "test_service_interruption.py", "test_stability_services.py",
+    "test_first_start.py", "test_phantom_lab.py", "test_service_interruption.py",
+    "test_stability_services.py", "test_papers.py", "test_core_alone.py",
     "test_sharing_services.py", "test_hubs.py", "test_service_soak.py",
     "test_demo_shared.py", "test_lean_scenes.py", "test_lean_installs.py", "test_monitor_page.py",
     "test_player_page.py", "test_firefox.py", "test_site.py", "test_report_pages.py",

@@ -40,7 +40,7 @@ def hostile(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "command",
     [
-        ("demo", "virtual-lab", "--share", "--duration", "10"),
+        ("demo", "virtual-lab", "--share", "--duration", "4"),
         ("scene", "explain", "stream-only", "--no-parts", "--duration", "1"),
         ("bench", "link", "--duration", "0.5"),
     ],
