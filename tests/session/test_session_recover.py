@@ -147,24 +147,19 @@ def test_damage_costs_what_it_touches_and_is_never_called_whole(
 
 
 @pytest.mark.parametrize("value", [0x07, 0x0C, 0x46, 0x80])
-def test_a_chunk_that_passes_for_another_record_is_found(tmp_path, whole, value):
+def test_a_chunk_that_passes_for_another_record_is_left_out(tmp_path, whole, value):
     path, frames, _ = whole
-    for checksum in (True, False):  # files of earlier versions have none over all
-        content = bytearray(path.read_bytes())
-        with path.open("rb") as stream:
-            summary = make_reader(stream).get_summary()
-        if not checksum:
-            end = content.rindex(b"\x0f\x04\0\0\0\0\0\0\0")
-            content[end + 9 : end + 13] = bytes(4)
-        content[summary.chunk_indexes[4].chunk_start_offset] = value
-        damaged = tmp_path / "damaged.mcap"
-        damaged.write_bytes(content)
-        with pytest.raises(InputError, match="damaged at 1 place"):
-            read_session(damaged)
-        with pytest.raises(InputError, match="damaged at 1 place"):
-            list(blocks_of(open_recording(damaged)))
-        saved = recover(damaged, tmp_path / "saved.mcap")
-        np.testing.assert_array_equal(read_session(saved.path).frames, frames)
+    content = bytearray(path.read_bytes())
+    with path.open("rb") as stream:
+        content[make_reader(stream).get_summary().chunk_indexes[4].chunk_start_offset] = value
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(content)
+    for read in (read_session, lambda file: list(blocks_of(open_recording(file)))):
+        with pytest.raises(InputError, match="1 damaged chunks"):
+            read(damaged)
+    saved = recover(damaged, tmp_path / "saved.mcap")
+    assert saved.frames + saved.missing_frames == len(frames)
+    assert np.isin(read_session(saved.path).frames, frames).all()
 
 
 def test_a_damaged_chunk_costs_its_own_frames_only(tmp_path, whole):

@@ -1,15 +1,13 @@
 """Iterate over the records of an MCAP file, skipping damaged ones.
 
-A record with an inconsistent head or length is skipped. The walk continues at the next record in
-the index at the end of the file, or, without one, at the next bytes whose lengths form a record.
-If the index's checksum is right, its opcodes and lengths override those in the records' heads.
+A record with an inconsistent head or length is skipped. The walk continues at the next bytes whose
+lengths form a record.
 """
 
 import mmap
 import re
 import struct
 import zlib
-from bisect import bisect_left
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -17,7 +15,7 @@ from typing import BinaryIO, Final, NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import AttachmentIndex, ChunkIndex, MetadataIndex, Statistics
+from mcap.records import Statistics
 from mcap.stream_reader import MAGIC_SIZE
 from mcap.writer import MCAP0_MAGIC
 
@@ -86,11 +84,9 @@ class RecordWalk:
         self._data = data
         self.statistics: Statistics | None = None
         self.problems: list[str] = []
-        self._known = self._index()
-        self._places = sorted(self._known)
 
     def __iter__(self) -> Iterator[McapRecord]:
-        at, ended = MAGIC_SIZE, False
+        at, ended, indexed = MAGIC_SIZE, False, self._is_indexed()
         damaged = int(self._data[:MAGIC_SIZE] != MCAP0_MAGIC)
         while not ended and at + HEAD.size <= len(self._data):
             record = self._record(at)
@@ -101,16 +97,17 @@ class RecordWalk:
             yield record
             if record.opcode == Opcode.CHUNK:
                 self._leave()
-            damaged += self._head(at) != (record.opcode, len(record.content))
-            if record.opcode == Opcode.DATA_END:
+            elif record.opcode == Opcode.DATA_END:
                 self._check_data(record)
+            elif record.opcode == Opcode.STATISTICS and indexed:
+                self.statistics = Statistics.read(ReadDataStream(BytesIO(record.content)))
             ended = record.opcode == Opcode.FOOTER
             at += HEAD.size + len(record.content)
         if damaged:
             self.problems.append(f"it is damaged at {damaged} places or more")
         if not ended or self._data[at:] != MCAP0_MAGIC:
             self.problems.append("it ends before it was finished")
-        elif not self._known:
+        elif not indexed:
             self.problems.append(INDEX_DAMAGED)
 
     def _head(self, at: int) -> tuple[int, int]:
@@ -119,20 +116,15 @@ class RecordWalk:
 
     def _record(self, at: int) -> McapRecord | None:
         """Return the record at an offset, or None if there is no valid one."""
-        opcode, length = self._known.get(at) or self._head(at)
+        opcode, length = self._head(at)
         begin = at + HEAD.size
-        after = bisect_left(self._places, begin)
-        end = self._places[after] if after < len(self._places) else len(self._data)
-        if length > end - begin or (at == MAGIC_SIZE and opcode != Opcode.HEADER):
+        if length > len(self._data) - begin or (at == MAGIC_SIZE and opcode != Opcode.HEADER):
             return None
         content = self._data[begin : begin + length]
         return McapRecord(opcode, bytes(content), at) if _fits(opcode, content) else None
 
     def _next(self, at: int) -> int:
         """Return the offset of the next record, or the file's length if there is none."""
-        after = bisect_left(self._places, at)
-        if after < len(self._places):
-            return self._places[after]
         for found in _MAY_BEGIN.finditer(self._data, at):
             place = found.start()
             # almost any bytes would pass as a message
@@ -156,36 +148,14 @@ class RecordWalk:
         if isinstance(mapped, mmap.mmap) and hasattr(mapped, "madvise"):
             mapped.madvise(mmap.MADV_DONTNEED)
 
-    def _index(self) -> dict[int, tuple[int, int]]:
-        """Return opcode and length of each record in the index, by offset; {} if damaged."""
+    def _is_indexed(self) -> bool:
+        """Return whether the file ends with an index whose checksum is right."""
         footer = len(self._data) - MAGIC_SIZE - _FOOTER_BYTES
         if footer < MAGIC_SIZE or self._head(footer) != (Opcode.FOOTER, _FOOTER.size):
-            return {}
+            return False
         start, _, checksum = _FOOTER.unpack_from(self._data, footer + HEAD.size)
         covered = self._data[start : footer + _FOOTER_BYTES - _CHECKSUM.size]
-        if not MAGIC_SIZE < start <= footer or checksum != zlib.crc32(covered):
-            return {}
-        known = {
-            MAGIC_SIZE: (int(Opcode.HEADER), self._head(MAGIC_SIZE)[1]),
-            start - HEAD.size - _CHECKSUM.size: (int(Opcode.DATA_END), _CHECKSUM.size),
-        }
-        at = start
-        while at <= footer:
-            opcode, length = known[at] = self._head(at)
-            stream = ReadDataStream(BytesIO(self._data[at + HEAD.size :][:length]))
-            at += HEAD.size + length
-            if opcode == Opcode.STATISTICS:
-                self.statistics = Statistics.read(stream)
-            elif opcode == Opcode.CHUNK_INDEX:
-                chunk = ChunkIndex.read(stream)
-                known[chunk.chunk_start_offset] = (Opcode.CHUNK, chunk.chunk_length - HEAD.size)
-            elif opcode == Opcode.ATTACHMENT_INDEX:
-                attachment = AttachmentIndex.read(stream)
-                known[attachment.offset] = (Opcode.ATTACHMENT, attachment.length - HEAD.size)
-            elif opcode == Opcode.METADATA_INDEX:
-                metadata = MetadataIndex.read(stream)
-                known[metadata.offset] = (Opcode.METADATA, metadata.length - HEAD.size)
-        return known
+        return bool(MAGIC_SIZE < start <= footer and checksum == zlib.crc32(covered))
 
 
 @contextmanager
