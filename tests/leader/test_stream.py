@@ -198,13 +198,18 @@ def test_pulling_is_no_normal_force_and_rest_is_zero():
     assert (math.hypot(*motion.velocity_mm_s), motion.force_n) == (0.0, 0.0)
 
 
-def test_a_gap_makes_no_jump_of_speed():
+FILLED, ANOTHER_PLACE, LONG = (5, 0.0, 99.0), (1, 30.0, 0.0), (1000, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("missing", "jump_mm", "slowest"), [FILLED, ANOTHER_PLACE, LONG])
+def test_a_gap_makes_no_jump_of_speed(missing, jump_mm, slowest):
     motion = StreamedMotion("z", 1000.0)
     frames = moving(100.0, 1.0, 2000)
+    frames["position_mm"][500:] += jump_mm
     motion.on_frames(frames[:500], 0)
     speeds = []
-    for frame in frames[1500:]:
+    for frame in frames[500 + missing :]:
         motion.on_frames(np.atleast_1d(frame), 0)
         speeds.append(math.hypot(*motion.velocity_mm_s))
-    assert max(speeds) < 110.0
+    assert slowest <= min(speeds) <= max(speeds) < 110.0
     assert speeds[-1] == pytest.approx(100.0, rel=1e-3)

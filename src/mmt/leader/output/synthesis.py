@@ -1,13 +1,14 @@
 """Rendering from a model: the part with the synthesizer, and its motion without a hand."""
 
+import math
 from collections import deque
 from typing import TYPE_CHECKING, Final
 
 from mmt.core.arrays import RecordArray
 from mmt.devices.leader_reports import InterfaceState
 from mmt.leader.part import Part, Session
-from mmt.scene import Texture
-from mmt.texture.settings import Axis
+from mmt.scene import Link, Texture
+from mmt.texture.settings import LONGEST_BRIDGED, Axis
 from mmt.texture.signals.biquad import MOTION_CUTOFF_HZ, BiquadFilter, bessel_low_pass
 
 if TYPE_CHECKING:
@@ -136,16 +137,17 @@ class StreamedMotion(Part):
     """The follower's velocity and normal force, for a scene without a hand at the leader.
 
     Both are low-passed at 20 Hz (Bessel) and lag by the network's delay plus about 11 ms of the
-    filter.
+    filter. Few missing frames are filled by a straight line, as in the modelling; after a longer
+    gap, or a farther jump than the robot may make, the filters restart.
     """
 
-    def __init__(self, normal: Axis, rate_hz: float) -> None:
+    def __init__(self, normal: Axis, rate_hz: float, limit_mm_s: float = Link().limit_mm_s) -> None:
         self._normal = "xyz".index(normal)
         self._tangential = tuple(axis for axis in range(3) if axis != self._normal)
-        self._rate_hz = rate_hz
+        self._rate_hz, self._farthest_mm = rate_hz, limit_mm_s / rate_hz
         lowpass = bessel_low_pass(MOTION_CUTOFF_HZ, rate_hz)
         self._filters = tuple(BiquadFilter(lowpass) for _ in range(3))
-        self._position = (0.0, 0.0)
+        self._position, self._raw = (0.0, 0.0), (0.0, 0.0, 0.0)
         self._next: int | None = None
         self._idle_ticks = 0
         self.velocity_mm_s = (0.0, 0.0)
@@ -154,7 +156,9 @@ class StreamedMotion(Part):
     @classmethod
     def build(cls, session: Session) -> "StreamedMotion":
         """Return the motion that drives the scene's model."""
-        return cls((session.scene.texture or Texture()).normal, session.rate_hz)
+        scene = session.scene
+        limit_mm_s = (scene.link or Link()).limit_mm_s
+        return cls((scene.texture or Texture()).normal, session.rate_hz, limit_mm_s)
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
         """Follow the newest frames (n,)."""
@@ -166,17 +170,21 @@ class StreamedMotion(Part):
         sequences = frames["sequence"].tolist()
         for sequence, position, force in zip(sequences, positions, forces, strict=True):
             raw = (position[first], position[second], force)
-            if sequence != self._next:
+            missing = -1 if self._next is None else sequence - self._next
+            far = math.dist(raw[:2], self._raw[:2]) > (missing + 1) * self._farthest_mm
+            if not 0 <= missing <= LONGEST_BRIDGED or (missing and far):
                 for lowpass in self._filters:
                     lowpass.reset()
-                self._position = raw[:2]
-            self._next = sequence + 1
-            x, y, smooth_force = (
-                lowpass.step(value) for lowpass, value in zip(self._filters, raw, strict=True)
-            )
-            rate_hz, (x_before, y_before) = self._rate_hz, self._position
+                self._position, missing = raw[:2], 0
+            for left in range(missing, -1, -1):
+                share, (x_before, y_before) = left / (missing + 1), self._position
+                x, y, smooth_force = (
+                    lowpass.step(value + share * (before - value))
+                    for lowpass, value, before in zip(self._filters, raw, self._raw, strict=True)
+                )
+                self._position = (x, y)
+            rate_hz, self._next, self._raw = self._rate_hz, sequence + 1, raw
             self.velocity_mm_s = ((x - x_before) * rate_hz, (y - y_before) * rate_hz)
-            self._position = (x, y)
             self.force_n = max(0.0, smooth_force)
 
     def step(self, elapsed: int) -> tuple[float, float, float]:
