@@ -10,6 +10,7 @@ the earlier state, it gives the arrays of the later one to the bit; a digest ver
 O(bytes of the model), some 0.2 ms for 200 samples.
 """
 
+import re
 from collections.abc import Mapping
 from hashlib import blake2b
 from typing import TYPE_CHECKING, Any, Final
@@ -31,7 +32,7 @@ _GROUPS: Final = (MODEL_ROWS, FIELD_ROWS)
 _NEW: Final = -1
 """Marks an entry of a plan as new rows, in place of the first earlier row."""
 _LARGEST_BYTES: Final = 16 << 20
-_KINDS: Final = "fiuU"
+_DTYPE: Final = re.compile("[<>|][fiuU][0-9]+")
 
 
 def digest(arrays: Arrays) -> bytes:
@@ -171,13 +172,12 @@ def _packed(array: Any) -> list[Any]:
 
 def _unpacked(packed: Any) -> FloatArray:
     kind, shape, data = packed
-    dtype = np.dtype(str(kind))
-    if dtype.kind not in _KINDS:
+    if not _DTYPE.fullmatch(str(kind)):
         raise ValueError(f"dtype {kind}")
     lengths = [int(length) for length in shape]
     if min(lengths, default=0) < 0:
         raise ValueError(f"shape {lengths}")
-    return np.frombuffer(data, dtype).reshape(lengths)
+    return np.frombuffer(data, kind).reshape(lengths)
 
 
 class ModelReplica:

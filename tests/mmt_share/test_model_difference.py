@@ -83,11 +83,12 @@ def test_a_malformed_change_is_refused():
     kind, shape, data = arrays["variance"]
     beyond_the_end, before_the_beginning, not_there = [[0, 500]], [[-5, 2]], [[-1, 500]]
     plans = (beyond_the_end, before_the_beginning, not_there, "abc", [[0, 9]] * 200_000)
-    objects, too_few_bytes = ["|O", shape, data], [kind, shape, data[:-3]]
+    objects, no_dtype = ["|O", shape, data], ["f8,(", shape, data]
+    too_few_bytes = [kind, shape, data[:-3]]
     wrong = [{}, [1, 2], {**change, "digest": None}, {**change, "digest": bytes(8)}]
     wrong += [{**change, "rows": [{**rows, "plan": plan}]} for plan in plans]
     wrong += [{**change, "rows": [{**rows, "names": ["nobody"]}]}]
-    variances = (objects, too_few_bytes, [kind, [-7], data])
+    variances = (objects, no_dtype, too_few_bytes, [kind, [-7], data])
     wrong += [{**change, "arrays": {**arrays, "variance": each}} for each in variances]
     for each in wrong:
         with pytest.raises(InputError, match="the change of a model"):
