@@ -203,6 +203,8 @@ async def status(url, path, headers, method="GET"):
         {"Origin": FOREIGN["Origin"]},
         {"Origin": "null"},
         {"Host": "127.0.0.1.evil.example"},
+        {"Host": "["},
+        {"Origin": "http://["},
     ],
 )
 async def test_pages_of_other_sites_reach_no_route(path, headers):

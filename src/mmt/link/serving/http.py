@@ -3,6 +3,7 @@
 import asyncio
 import socket
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import urlsplit
 
@@ -79,9 +80,11 @@ def own_pages_only(
         origin, (host, loopback, access) = request.headers.get("Origin"), listening()
         if origin is not None and origin.lower() in origins and access.token is not None:
             return await handler(request)
-        if origin is not None and urlsplit(origin).netloc.lower() != request.host.lower():
+        if origin is not None and origin.partition("://")[2].lower() != request.host.lower():
             return web.Response(status=403, text="pages of other sites are refused\n")
-        name = (urlsplit(f"//{request.host}").hostname or "").lower()
+        name = ""
+        with suppress(ValueError):  # a malformed name is nobody's
+            name = urlsplit(f"//{request.host}").hostname or ""
         own = {"localhost", host.lower(), socket.gethostname().lower()}
         if (
             access.authenticates_peer
