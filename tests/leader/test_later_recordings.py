@@ -1,5 +1,7 @@
 """A recording that a person starts in mid-session: what it repeats of the time before."""
 
+from frame_samples import made_frames
+
 from mmt.leader.part import Session
 from mmt.leader.recording import RecordingPart
 from mmt.scene import Scene
@@ -38,11 +40,15 @@ async def test_a_later_recording_tells_what_holds_as_one_from_the_start(tmp_path
     clock_s[0] = 12.5
     part.recorder = None
     await part.start(tmp_path / "later.mcap")
+    for clock_s[0] in (13.001, 13.5):  # the file was slow to make
+        part.on_frames(made_frames(0, 1, session.scene.channels()), 0)
+    session.journal.event("marked")
     part.close()
     whole.close()
     later = read_session(tmp_path / "later.mcap")
     assert told_in("later.mcap") == told_in("whole.mcap")
     assert len(told_in("later.mcap")) == 3
     assert [period.operator for period in control_periods(later.events, 20.0)] == [None, "ann"]
-    assert [event["event"] for event in later.events][-1].startswith("recording into")
+    assert later.events[-2]["event"].startswith("recording into")
+    assert later.events[-1] == {"event": "marked", "time_s": 0.5}
     assert "nothing more than said" not in [event["event"] for event in later.events]

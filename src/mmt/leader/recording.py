@@ -56,7 +56,7 @@ class RecordingPart(Part):
         """
         table = self._session.scene.recording
         if table is not None:
-            self.recorder = self._made(table.file, 0.0, table.existing)
+            self.recorder = self._made(table.file, table.existing)
             if self.recorder.path != table.file:
                 self._session.journal.event(f"recording into {self.recorder.path}")
 
@@ -73,7 +73,7 @@ class RecordingPart(Part):
         if self.running is not None:
             raise InputError("a recording runs already")
         self.poll()
-        recorder = await asyncio.to_thread(self._made, path, self._session.time_s(), "refuse")
+        recorder = await asyncio.to_thread(self._made, path, "refuse")
         if self._session.ending.reached:
             await asyncio.to_thread(recorder.close)
             raise MmtError("the session has ended")
@@ -116,7 +116,8 @@ class RecordingPart(Part):
         """Record frames (n,)."""
         _ = arrival_ns
         if self.recorder is not None:
-            self.recorder.record_frames(frames)
+            time_s = self._session.time_s() - len(frames) / self._session.rate_hz
+            self.recorder.record_frames(frames, time_s)
 
     def on_backfill(self, frames: RecordArray, arrival_ns: int) -> None:
         """Record back-filled frames (n,) at their place."""
@@ -184,7 +185,7 @@ class RecordingPart(Part):
         yield counter("recorded_frames", "Frames in the recording.", recorder.frames)
         yield counter("recording_dropped_frames", "Frames that found no room.", recorder.dropped)
 
-    def _made(self, path: Path, begins_s: float, existing: "Existing") -> "McapRecorder":
+    def _made(self, path: Path, existing: "Existing") -> "McapRecorder":
         from mmt.session.recorder import McapRecorder
 
         scene = self._session.scene
@@ -193,7 +194,6 @@ class RecordingPart(Part):
             channels=scene.channels(),
             scene=scene.dump(),
             session_id=self._session.log.session_id,
-            begins_s=begins_s,
             existing=existing,
             scalars=scene.recording is not None and scene.recording.scalars,
             samples_per_frame=self._session.samples_per_frame,

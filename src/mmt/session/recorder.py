@@ -75,8 +75,6 @@ class McapRecorder:
         Largest number of records in the queue; beyond it, the oldest are dropped and counted.
     clock
         The monotonic clock (ns).
-    begins_s
-        Session time of the first recorded frame, above 0 if recording starts in mid-session.
     existing
         "refuse" an existing file, "replace" it, or "number" the new one, as ``run-2.mcap``;
         the attribute `path` is the resulting name. A file to which another recorder writes
@@ -102,7 +100,6 @@ class McapRecorder:
         on_error: Callable[[str], None] | None = None,
         queue_limit: int = QUEUE_LIMIT,
         clock: Callable[[], int] = time.monotonic_ns,
-        begins_s: float = 0.0,
         existing: Existing = "refuse",
         scalars: bool = False,
         samples_per_frame: int = 1,
@@ -115,7 +112,7 @@ class McapRecorder:
         self._on_error = on_error
         self._clock = clock
         self._limit = queue_limit
-        self._begins_s = begins_s
+        self._begins_s = 0.0
         self._stream_queue: deque[_Record] = deque()
         self._rare_queue: deque[_Record] = deque(maxlen=queue_limit)
         self._recorded_frames = 0
@@ -160,8 +157,8 @@ class McapRecorder:
             return self._overflowed_frames
         return self._recorded_frames - self.frames
 
-    def record_frames(self, frames: RecordArray) -> None:
-        """Record frames (n,) of the recorder's channels.
+    def record_frames(self, frames: RecordArray, time_s: float = 0.0) -> None:
+        """Record frames (n,) of the recorder's channels, the first at this session time.
 
         Raises
         ------
@@ -172,7 +169,7 @@ class McapRecorder:
             return
         now_ns = self._clock()
         if self._start_ns is None:
-            self._start_ns = now_ns
+            self._start_ns, self._begins_s = now_ns, time_s
         self._record(self._frame_assembler, frames, now_ns)
 
     def record_backfill(self, frames: RecordArray, log_time_ns: int) -> None:
