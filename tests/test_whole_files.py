@@ -99,9 +99,10 @@ def test_a_link_and_a_device_stay_what_they_are(tmp_path):
 
 def test_lines_at_the_end_are_there_with_one_header(tmp_path):
     path = tmp_path / "new" / "lines.txt"
-    for line in ("a\n", "ü\n"):
+    for line in ("a\n", "ü\n", "b\n"):
         append_lines(path, line, header="head\n")
-    assert path.read_text(encoding="utf-8") == "head\na\nü\n"
+        path.write_bytes(path.read_bytes().removesuffix(b"\xbc\n"))  # a line that is cut off
+    assert path.read_bytes() == b"head\na\n\xc3\nb\n"
 
 
 def test_no_module_writes_a_file_by_itself():

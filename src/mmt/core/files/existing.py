@@ -129,7 +129,7 @@ def write_file(path: Path, content: str | bytes) -> None:
 
 
 def append_lines(path: Path, text: str, *, header: str = "") -> None:
-    """Write lines at a file's end, and wait until they are on the disk; all of them or none.
+    """Write lines after a file's last, and wait until they are on the disk; all of them or none.
 
     Parameters
     ----------
@@ -146,9 +146,11 @@ def append_lines(path: Path, text: str, *, header: str = "") -> None:
         Writing failed; the file is as it was.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("ab", buffering=0) as stream:
+    with path.open("ab+", buffering=0) as stream:
         length = stream.tell()
-        content = memoryview((text if length else header + text).encode())
+        stream.seek(max(0, length - 1))
+        torn = stream.read() not in {b"", b"\n"}  # the last line, by an editor or a power cut
+        content = memoryview(("\n" * torn + (text if length else header + text)).encode())
         try:
             while content:
                 content = content[stream.write(content) :]
