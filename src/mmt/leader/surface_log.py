@@ -160,11 +160,6 @@ def replayed_words(replay: Replay) -> list[SurfaceStatement]:
     return [SurfaceStatement(max(0, word.sample - first), word.surface) for word in words]
 
 
-def model_file(recording: Path, surface: int) -> Path:
-    """Return the path of a surface's model, such as ``session-surface-2.npz``."""
-    return recording.with_name(f"{recording.stem}-surface-{surface}.npz")
-
-
 def write_surface_models(recording: Path, models: "Mapping[int, TextureModel]") -> list[str]:
     """Write a model file for each surface; delete those of an earlier recording of that name.
 
@@ -180,7 +175,7 @@ def write_surface_models(recording: Path, models: "Mapping[int, TextureModel]") 
                 old.unlink()
     problems = []
     for number, model in models.items():
-        path = model_file(recording, number)
+        path = recording.with_name(f"{recording.stem}-surface-{number}.npz")
         try:
             model.save(path)
         except MmtError as error:

@@ -38,11 +38,6 @@ def check_url(url: str) -> None:
         raise InputError(f"leader's URL {url!r}: allowed is http://HOST:PORT or https://HOST:PORT")
 
 
-def is_certificate_problem(problem: str) -> bool:
-    """Return whether the problem is a certificate, so that trying again is useless."""
-    return "CERTIFICATE" in problem.upper()
-
-
 def connection_advice(url: str, role: str) -> str:
     """Return what the user should check; a client that TLS refuses gets no answer at all."""
     if url.startswith(("https:", "wss:")):
@@ -151,7 +146,7 @@ class LeaderConnection:
                 if await self._elsewhere({self._url}):
                     return
                 raise MmtError(f"the leader at {self._url} refused: {refusal}")
-            if is_certificate_problem(problem):
+            if "CERTIFICATE" in problem.upper():  # trying again is useless
                 raise MmtError(
                     f"the leader at {self._url} and this {self._role} do not trust each other "
                     f"({problem}): check certificate, key and authority of {self._tables}"

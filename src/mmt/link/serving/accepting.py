@@ -112,10 +112,6 @@ class Connection:
         transport = self.protocol.transport
         return transport is None or transport.is_closing()
 
-    def make(self) -> asyncio.BaseProtocol:
-        """Return the protocol for the connection's transport."""
-        return self.gate or self.protocol
-
     def close(self) -> None:
         """Close the connection at once."""
         if self.opening is not None:
@@ -274,12 +270,12 @@ class Acceptor:
         self, connection: Connection, arrived: socket.socket, tls: ssl.SSLContext | None
     ) -> None:
         """Open a connection, and close it unless its first request comes in time."""
-        loop = asyncio.get_running_loop()
+        loop, protocol = asyncio.get_running_loop(), connection.gate or connection.protocol
         try:
             await self._turn(connection.address, arrived)
             with suppress(OSError):  # a TLS handshake that fails
                 async with asyncio.timeout(HANDSHAKE_S):
-                    await loop.connect_accepted_socket(connection.make, arrived, ssl=tls)
+                    await loop.connect_accepted_socket(lambda: protocol, arrived, ssl=tls)
                     if tls is not None and tls.verify_mode is ssl.CERT_REQUIRED:
                         self.admit(connection.protocol)
                     await connection.heard.wait()

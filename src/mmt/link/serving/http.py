@@ -30,10 +30,10 @@ CLOSE_TIMEOUT_S: Final = 1.0
 
 _KEEP_ALIVE_S: Final = 10.0
 """How long a connection without a request stays open."""
-_HEALTH_PATH: Final = "/health"
-"""Without the token this page reveals only whether all is well."""
 _MONITOR_PATH: Final = "/monitor"
 """This page's files are not secret, and its socket asks for the token itself."""
+_OPEN: Final = {LINK_PATH, "/health", _MONITOR_PATH}
+"""Pages that check the token themselves."""
 
 
 def guarded_application(access: Access) -> web.Application:
@@ -41,7 +41,8 @@ def guarded_application(access: Access) -> web.Application:
 
     @web.middleware
     async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
-        if _authorizes_itself(request.path):
+        path = request.path
+        if path in _OPEN or path.startswith(f"{_MONITOR_PATH}/"):
             return await handler(request)
         if not access.admits_header(request.headers.get("Authorization")):
             return web.Response(
@@ -98,11 +99,6 @@ def own_pages_only(
         )
 
     return check
-
-
-def _authorizes_itself(path: str) -> bool:
-    own = {LINK_PATH, _HEALTH_PATH, _MONITOR_PATH}
-    return path in own or path.startswith(f"{_MONITOR_PATH}/")
 
 
 class Listener:
