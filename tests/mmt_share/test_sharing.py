@@ -1,6 +1,7 @@
 """A shared model: what listeners get, when they are slow, late or strangers, or it is full."""
 
 import asyncio
+import json
 import re
 import subprocess
 import sys
@@ -97,6 +98,17 @@ async def test_states_are_waited_for_and_the_newest_is_given(monkeypatch):
         monkeypatch.undo()
         sharing.publish(15)
         assert (await waiting)[0] == about(15)
+
+
+async def test_listeners_that_come_and_go_for_ever_do_not_fill_log_and_recording():
+    said, output = [], asyncio.StreamReader()
+    left = {"kind": "listener left", "listeners": 3, "listener": {}}
+    output.feed_data(2000 * (json.dumps({"event": "one left", "details": left}).encode() + b"\n"))
+    output.feed_eof()
+    part = SharingPart(Session(Scene(), said.append), Sharing(most=200), None)
+    await part._read(SimpleNamespace(stdout=output))
+    assert 400 <= len(said) < 1000
+    assert part.status() == {"listeners": 3}
 
 
 @pytest.mark.parametrize("is_sent", [False, True])

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
 _MOST_LEFT: Final = 100
-"""Past listeners in the summary; the recording has all of them."""
+"""Past listeners in the summary; the recording has more."""
 _KINDS: Final = ("wholes", "changes", "states")
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from mmt.core.errors import MmtError
 from mmt.core.running.programs import python_command
 from mmt.leader.part import Part, Session, Tick
+from mmt.link.incoming import RateLimit
 from mmt.link.protocol import encode_event
 from mmt.texture.model.file import arrays_of
 from mmt.texture.model.file_arrays import pack_arrays
@@ -101,6 +102,8 @@ class SharingPart(Part):
         self.models = 0
         """States of the model that were passed on."""
         self.listeners = Listeners()
+        # all may come and go at once, but not for ever: each event is told, logged and recorded
+        self._told = RateLimit(max(1.0, table.most / 50), lambda _: None, lambda _: None)
         self._reading: asyncio.Task[None] | None = None
         self._publishing: asyncio.Future[PublishedModel] | None = None
         self.port: int | None = None
@@ -248,7 +251,8 @@ class SharingPart(Part):
                 self.listeners.take_figures(line["figures"], line.get("listened_s"))
             else:
                 self.listeners.record_event(line["details"])
-                self._session.journal.event(line["event"], **line["details"])
+                if self._told.passes(0, time.monotonic_ns()):
+                    self._session.journal.event(line["event"], **line["details"])
 
     async def _hand_on(self) -> None:
         time_s = self._session.time_s()
