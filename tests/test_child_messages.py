@@ -1,6 +1,7 @@
 """A child process and its parent: messages, how each learns that the other has ended."""
 
 import os
+import pickle
 import select
 import signal
 import subprocess
@@ -60,6 +61,7 @@ def test_messages_pass_and_printed_text_does_not_mix_with_them(child):
     process = child(ECHO)
     for message in (None, {"a": (1, 2.5)}, b"x" * 1_000_000):
         assert process.ask(message, LONGEST_S) == message
+    process.stdin.write(pickle.dumps(b"as by a parent that is killed")[:-9])
     process.end(LONGEST_S)
     assert process.returncode == 0
     assert process.close() == "the last words"

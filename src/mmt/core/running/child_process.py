@@ -71,10 +71,7 @@ class ChildProcess(subprocess.Popen[bytes]):
         """
         if longest_s is not None and not select.select([self.stdout], [], [], longest_s)[0]:
             raise EOFError
-        try:
-            return pickle.load(self.stdout)  # noqa: S301 - from our own child
-        except (OSError, pickle.UnpicklingError) as error:
-            raise EOFError from error
+        return _read(self.stdout)
 
     def ask(self, message: object, longest_s: float | None = None) -> Any:
         """Send a message and return the answer; raise an `EOFError` as `receive` does."""
@@ -126,13 +123,21 @@ class Parent:
 
     def receive(self) -> Any:
         """Return the next message; raise an `EOFError` if the parent has gone."""
-        return pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent
+        return _read(sys.stdin.buffer)
 
     def __iter__(self) -> Iterator[Any]:
         """Yield messages until the parent has gone."""
         with suppress(EOFError):
             while True:
                 yield self.receive()
+
+
+def _read(stream: IO[bytes]) -> Any:
+    """Return the next message; raise an `EOFError` if none comes, or only a part of one."""
+    try:
+        return pickle.load(stream)  # noqa: S301 - from our own child or parent
+    except (OSError, pickle.UnpicklingError) as error:
+        raise EOFError from error
 
 
 def _write(stream: IO[bytes], message: object) -> None:
