@@ -185,19 +185,14 @@ class ListenerFeed:
             return self._counted("wholes", relay.whole_model)
         if relay.states != self._states:
             skipped, self._states = relay.states - self._states - 1, relay.states
-            if self._wants_state():
+            first, thinning = self.sent["states"] < FIRST_ANSWERS, self._thinning
+            if first or thinning is None or thinning.passes(time.monotonic()):
                 self._count("skipped", skipped)
                 return self._counted("states", relay.state)
         if relay.end is not None and not self._ended:
             self._ended = True
             return relay.end
         return None
-
-    def _wants_state(self) -> bool:
-        """Whether a state is due at the listener's rate."""
-        if self._thinning is None or self.sent["states"] < FIRST_ANSWERS:
-            return True
-        return self._thinning.passes(time.monotonic())
 
     def _counted(self, kind: str, message: bytes | None) -> bytes | None:
         """Count one message given to the listener, and return it."""
