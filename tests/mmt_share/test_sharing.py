@@ -314,6 +314,10 @@ async def test_where_all_are_full_the_first_ones_refusal_is_told_at_once():
             await stack.enter_async_context(listening(one.url))
         async with asyncio.timeout(4.0):  # each is asked once
             await refused(f"{hubs[0].url} refused: 1 are listening already", hubs[0].url)
+            for hub in hubs:
+                new = SimpleNamespace(get=lambda _: [f"{hubs[1].url}?{time.monotonic_ns()}"])
+                hub.server._welcome = new  # names another one each time
+            await refused(f"{hubs[0].url} refused: 1 are listening already", hubs[0].url)
 
 
 async def test_a_listener_that_comes_back_to_a_full_hub_turns_to_another():

@@ -224,16 +224,15 @@ class LeaderConnection:
 
     async def _elsewhere(self, tried: set[str], *first: str) -> bool:
         """Try each known URL, and those that refusals name, once; return whether one works."""
-        while True:
-            known = (*first, *self._alternatives())
-            url = next((url for url in known if url not in tried), None)
-            if url is None:
-                return False
-            tried.add(url)
-            if await self._attempt(url, ATTEMPT_S) is None:
-                return True
-            if self._refusal is not None:
-                LOG.warning("refused by %s: %s", url, self._refusal)
+        for _ in range(2):  # not until none is new: a hostile server names new ones for ever
+            for url in (*first, *self._alternatives()):
+                if url not in tried:
+                    tried.add(url)
+                    if await self._attempt(url, ATTEMPT_S) is None:
+                        return True
+                    if self._refusal is not None:
+                        LOG.warning("refused by %s: %s", url, self._refusal)
+        return False
 
     def _on_connect(self) -> None:
         if self.line is not None:
