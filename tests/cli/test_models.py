@@ -16,6 +16,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import trials
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.segmentation.bottom_up import CELL
+from mmt.texture.settings import ModellingSettings
 
 DURATION_S = 12.0
 
@@ -88,15 +89,17 @@ def test_several_sessions_give_one_model(session_file, tmp_path):
 
 def test_no_segment_spans_two_sessions():
     frames, _ = simulate_session(Scene(), "wood", 3.0, 3)
-    blocks = trials([frames, frames[500:], frames])
+    wrapped = frames[500:2999].copy()
+    wrapped["sequence"] += 2**32 - 2000
+    blocks = trials([frames, wrapped, frames])
     joined = np.concatenate([block["sequence"] for block in blocks]).astype(np.int64)
     steps = np.diff(joined)
     assert all(block["sequence"][0] % CELL == 0 for block in blocks)
     edges = joined[:-1][steps > 1] + 1
     assert len(edges) == 2
-    modeller = OnlineModeller()
+    modeller = OnlineModeller(ModellingSettings(longest_bridged_samples=10))
     for block in blocks:
-        modeller.update(block)
+        assert modeller.update(block).faults.bridged_s == 0.0
     assert len(modeller.fits) > 6
     for start, stop in modeller.fits:
         assert not any(start <= edge < stop for edge in edges)

@@ -155,10 +155,10 @@ def trials(sessions: Sequence[RecordArray]) -> list[RecordArray]:
     """
     blocks, following = [], 0
     for frames in sessions:
-        block = frames.copy()
-        numbers = frames["sequence"].astype(np.int64)
+        block = StreamNumbering().number(frames).copy()  # a wrap would leave no room behind it
+        numbers = block["sequence"].astype(np.int64)
         block["sequence"] = numbers - int(numbers.min()) + following
-        following = (int(block["sequence"].max()) + 1 + CELL) // CELL * CELL
+        following = (int(block["sequence"].max()) + 1 + 2 * CELL) // CELL * CELL
         blocks.append(block)
     return blocks
 
