@@ -131,6 +131,9 @@ def test_a_rendered_sample_is_the_same_a_moment_later():
     assert both.sum() > 400
     assert np.abs(earlier[both]).max() > 0.1
     np.testing.assert_array_equal(earlier[both], later[both])
+    after_gap = (time_s < 1.0) | ((time_s >= 3.0) & (time_s < 3.005))
+    first = Window(time_s[after_gap], frames[after_gap])
+    assert np.isnan(traces.synthesized(first, 3.005, SETTINGS, model).vibration_m_s2).all()
 
 
 def test_what_was_played_before_and_after_a_hole_is_told_apart():

@@ -209,21 +209,20 @@ def synthesized(
     window: Window, end_s: float, settings: ModellingSettings, model: TextureModel
 ) -> Played:
     """Render the recorded motion from a model; the same moment gives the same samples."""
-    sequence = numbers(window.frames)
-    if len(sequence) == 0:
-        return Played(np.full(SHOWN, np.nan), np.ones(SHOWN))
     several = settings.samples_per_frame
-    begin = (int(sequence[-1]) - -(-SHOWN // several) - _SETTLING) // _BLOCK * _BLOCK
-    frames = window.frames[sequence >= begin - _SETTLING]
+    last = _last_number(window.frames, window.time_s, end_s)
+    begin = (last - -(-SHOWN // several) - _SETTLING) // _BLOCK * _BLOCK
+    frames = window.frames[numbers(window.frames) >= begin - _SETTLING]
     aligned = StreamFilter(settings).process(frames)
     aligned = aligned[int(np.searchsorted(aligned.index, begin)) :]
+    if len(aligned) == 0:  # no frames, or no more than the filter holds back after a gap
+        return Played(np.full(SHOWN, np.nan), np.ones(SHOWN))
     velocity = np.ascontiguousarray(aligned.velocity_mm_s.T)
     motion = (*velocity,) if model.space.directed else (aligned.speed_mm_s,)
     frame = np.arange(len(aligned.index))
     sample = np.arange(1 - several, several * (len(frame) - 1) + 1) / several
     inputs = [np.interp(sample, frame, one) for one in (*motion, aligned.normal_force_n)]
     rendered = Synthesizer(model, seed=begin % 2**31).render(*inputs)
-    last = _last_number(window.frames, window.time_s, end_s)
     return Played(_placed(rendered, aligned.index, last, several), np.ones(SHOWN))
 
 
