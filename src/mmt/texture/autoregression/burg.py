@@ -303,17 +303,18 @@ def reflection_of(density: FloatArray, order: int) -> tuple[FloatArray, FloatArr
 def levinson(autocorrelation: FloatArray) -> FloatArray:
     """Return the reflection coefficients (k, m) of autocorrelations (k, m + 1), O(k m^2).
 
-    The first column is positive. If rounding leaves nothing to predict, the coefficients stay
-    within `LARGEST_OF_SPECTRA`.
+    The first column is positive. Once no more than rounding is left to predict, the remaining
+    coefficients are zero; all stay within `LARGEST_OF_SPECTRA`.
     """
     count, order = autocorrelation.shape[0], autocorrelation.shape[1] - 1
     reflection, error = np.zeros((count, order)), autocorrelation[:, 0].copy()
     coefficients = np.zeros((count, order + 1))
     coefficients[:, 0] = 1.0
+    rounding = 1e-13 * error
     for stage in range(order):
         backwards = autocorrelation[:, stage + 1 : 0 : -1]
         k = -np.einsum("ij,ij->i", coefficients[:, : stage + 1], backwards) / error
-        k = np.clip(k, -LARGEST_OF_SPECTRA, LARGEST_OF_SPECTRA)
+        k = np.clip(k, -LARGEST_OF_SPECTRA, LARGEST_OF_SPECTRA) * (error > rounding)
         coefficients[:, 1 : stage + 2] += k[:, None] * coefficients[:, stage::-1][:, : stage + 1]
         reflection[:, stage] = k
         error *= 1.0 - np.square(k)
