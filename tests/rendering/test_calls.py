@@ -98,6 +98,9 @@ def test_textures_of_different_rates_are_one_output(tmp_path):
     assert render(textures, 40_000).std() == pytest.approx(
         expected_rms(model(), 150.0, 1.5), rel=0.1
     )
+    bounded = open_textures([model()], output_hz=8000, limit_m_s2=0.1)
+    touch(bounded, 0, 150.0, force_n=1.5)
+    assert np.abs(render(bounded, 8000)).max() == 0.1  # though the conversion overshoots
 
 
 def test_estimates_in_a_thread_follow_the_clock():

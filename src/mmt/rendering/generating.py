@@ -126,7 +126,7 @@ class OutputGenerator:
     seed
         Seed of the excitation.
     limit_m_s2
-        Bound of each rate's samples.
+        Bound of the output.
 
     Raises
     ------
@@ -137,6 +137,7 @@ class OutputGenerator:
     def __init__(
         self, rates_hz: Iterable[float], output_hz: float, *, seed: int, limit_m_s2: float
     ) -> None:
+        self._limit_m_s2 = limit_m_s2
         self._lanes = {
             rate_hz: (
                 Generator(seed=seed, rate_hz=rate_hz, limit_m_s2=limit_m_s2),
@@ -156,4 +157,5 @@ class OutputGenerator:
         output = np.zeros(count)
         for generator, converter in self._lanes.values():
             output += converter.convert(generator.generate(converter.needed(count)), count)
-        return output
+        # the converter overshoots, and two rates may sound at once
+        return np.clip(output, -self._limit_m_s2, self._limit_m_s2)
