@@ -9,10 +9,12 @@ from command_runs import run
 from library_samples import directed
 
 from mmt.core.errors import InputError
+from mmt.evaluation.truth import known_texture
 from mmt.scene import Scene
-from mmt.session.files import write_session
+from mmt.session.files import read_session, write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.settings import ModellingSettings
 from mmt_methods.selection import select
 from mmt_methods.selection.command import selection_plane
 from mmt_methods.selection.pooling import pool_models
@@ -55,14 +57,20 @@ def test_trials_become_a_thinner_model_without_the_knocks(trials, tmp_path):
     assert "before: spectral error" in result.output
     model = TextureModel.load(tmp_path / "thin.npz")
     assert len(model.samples) == figures["kept"] < figures["count"]
+    truth, _ = known_texture(read_session(trials[0]).annotations, ModellingSettings())
+    lowest_db = truth.plane.errors(model).bands_db[:, 0].mean()  # not those behind the high-pass
+    assert abs(lowest_db) < 1.0
     assert (tmp_path / "plane.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_models_are_pooled_and_the_published_algorithm_can_be_asked(trials, tmp_path):
     whole = tmp_path / "whole.npz"
     assert select_command(*trials, "--tau", 0, "--output", whole).exit_code == 0
-    result = select_command(whole, whole, "--json", tmp_path / "m.json")
+    twice = tmp_path / "twice.npz"
+    result = select_command(whole, whole, "--json", tmp_path / "m.json", "--output", twice)
     assert result.exit_code == 0, result.output
+    one, both = (TextureModel.load(path).samples for path in (whole, twice))
+    assert both.noise_power == one.noise_power > 0.0
     assert "a model has no segments" in result.output
     assert json.loads((tmp_path / "m.json").read_text())["compression"] >= 2.0
     published = select_command(*trials, "--method", "published", "--json", tmp_path / "p.json")

@@ -105,7 +105,7 @@ def test_sessions_are_pooled_one_after_the_other(sessions):
 
 
 def test_a_pools_samples_are_those_of_their_segments(sessions):
-    pool = pool_sessions(sessions, SETTINGS)
+    pool = pool_sessions(sessions, replace(SETTINGS, method="published"))
     assert pool.data.segments is not None
     samples = pool.samples
     assert len(samples) == len(pool.data.segments) > 10
@@ -116,7 +116,7 @@ def test_a_pools_samples_are_those_of_their_segments(sessions):
     np.testing.assert_allclose(pool.data.points, samples.inputs / (300.0, 3.0))
     kept = np.arange(len(samples)) % 2 == 0
     model = pool.model(kept)
-    assert (model.method, model.rate_hz) == ("field", 1000.0)
+    assert (model.method, model.rate_hz) == ("published", 1000.0)
     np.testing.assert_array_equal(model.samples.inputs, samples.inputs[kept])
     assert pool_sessions(sessions, ModellingSettings()).samples.lsf.shape[1] >= 2
 

@@ -1,9 +1,10 @@
 """Pool samples of several trials: from sessions, with their segments, or from saved models."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -13,9 +14,11 @@ from mmt.core.files.untrusted import load_arrays
 from mmt.session.data import RecordedSession
 from mmt.texture.autoregression.burg import burg_batch
 from mmt.texture.autoregression.forms import reflection_to_lsf
+from mmt.texture.model.fits import Fit, fit_segments, unpacked
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.segmentation.segmenter import Segment, segment
+from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.aligned import NoiseFloor
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.metrics import gfc_of_rows
 from mmt.texture.space import InputSpace, TextureSamples
@@ -38,51 +41,48 @@ class Pool:
 
     def model(self, kept: BoolArray) -> TextureModel:
         """Return the model of the samples in the mask `kept`, shape (n,)."""
-        samples = self.samples
-        return TextureModel(
-            TextureSamples(
-                samples.inputs[kept],
-                samples.lsf[kept],
-                samples.variance[kept],
-                samples.power[kept],
-                samples.space,
-            ),
-            method=self.settings.method,
-            rate_hz=self.settings.vibration_rate_hz,
-        )
+        chosen = {name: rows[kept] for name, rows in _rows_of([self.samples]).items()}
+        samples = replace(self.samples, **chosen)
+        settings = self.settings
+        return TextureModel(samples, method=settings.method, rate_hz=settings.vibration_rate_hz)
+
+
+def _rows_of(parts: Sequence[TextureSamples]) -> dict[str, Any]:
+    """Return the joined rows of samples by name, without those that a part does not know."""
+    names = ("inputs", "lsf", "variance", "power", "effective", "counts")
+    columns = {name: [getattr(part, name) for part in parts] for name in names}
+    known = {name: rows for name, rows in columns.items() if all(row is not None for row in rows)}
+    return {name: np.concatenate(rows) for name, rows in known.items()}
 
 
 def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettings) -> Pool:
     """Segment whole sessions, and fit all segments at one common order.
+
+    Samples are as the settings' method has them, points as the segments are, behind the high-pass.
 
     Raises
     ------
     MmtError
         There are no steady strokes.
     """
-    space = InputSpace(settings.inputs)
-    segments: list[Segment] = []
+    fitted: list[Fit] = []
     origin: list[str] = []
+    numbers, noise = count(), NoiseFloor()
     for session in sessions:
-        stream = StreamFilter(settings)
-        found = segment(stream.process(session.frames), settings)
-        found = [part for part in found if part.vibration_m_s2.any()]
-        segments += found
-        origin += [str(session.path)] * len(found)
-    if not segments:
+        aligned = StreamFilter(settings).process(session.frames)
+        noise.update(aligned)
+        found = [part for part in segment(aligned, settings) if part.vibration_m_s2.any()]
+        fits = fit_segments(found, numbers, settings)
+        fitted += fits
+        origin += [str(session.path)] * len(fits)
+    if not fitted:
         raise MmtError("too few steady strokes: there is no segment to select from")
-    vibration = [part.vibration_m_s2 for part in segments]
-    fits = burg_batch(vibration, settings.filter_order)
-    samples = TextureSamples(
-        np.array([part.inputs(space) for part in segments]),
-        reflection_to_lsf(fits.reflection),
-        fits.variances[:, -1],
-        fits.variances[:, 0],
-        space,
-    )
-    data = ModelPoints(
-        samples.points, samples.lsf, samples.variance, vibration, settings.vibration_rate_hz
-    )
+    samples = unpacked([fit.packed for fit in fitted], InputSpace(settings.inputs))
+    samples = replace(samples, noise_power=noise.power)
+    vibration = [fit.segment.vibration_m_s2 for fit in fitted]
+    reflection, variances = burg_batch(vibration, settings.filter_order)
+    lsf, rate_hz = reflection_to_lsf(reflection), settings.vibration_rate_hz
+    data = ModelPoints(samples.points, lsf, variances[:, -1], vibration, rate_hz)
     return Pool(samples, data, tuple(origin), settings)
 
 
@@ -107,11 +107,8 @@ def pool_models(models: Sequence[TextureModel], names: Sequence[str]) -> Pool:
                     "name models that agree, or the sessions that they were built from"
                 )
     parts = [model.samples for model in models]
-    inputs, lsf, variance, power = (
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ("inputs", "lsf", "variance", "power")
-    )
-    samples = TextureSamples(inputs, lsf, variance, power, first.space)
+    noise_power = min(part.noise_power for part in parts)
+    samples = TextureSamples(**_rows_of(parts), space=first.space, noise_power=noise_power)
     settings = ModellingSettings(
         method=first.method, inputs=first.space.name, rate_hz=first.rate_hz
     )
