@@ -253,7 +253,11 @@ def test_if_there_are_too_many_moments_they_are_made_longer(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("sums", np.nan), ("sums", 0.0), ("keys", -5), ("moment_blocks", 0)]
+    ("name", "value"),
+    [
+        *(("sums", np.nan), ("sums", 0.0), ("moment_blocks", 0), ("keys", -5)),
+        *(("keys", [0, 21, 0, 0]), ("keys", [0, 0, 1, 0])),  # as many cells as a file likes
+    ],
 )
 def test_sums_that_no_blocks_have_are_refused(name, value):
     cells = FieldCells.from_blocks(scattered(3), np.ones(3), in_turn(3))

@@ -117,9 +117,8 @@ class FieldCells:
     def check(self) -> None:
         """Raise `InputError` if the rows cannot have come from blocks."""
         counts, powers = self.sums[:, 0], self.sums[:, 1]
-        steps, sectors = self.keys[:, :2], self.keys[:, 2]
-        inside = (steps >= 0).all() and (steps <= 100).all()
-        inside &= bool((sectors >= 0).all() and (sectors < _SECTORS).all())
+        last = [6, 6, _SECTORS - 1] if self.directed else [20, 20, 0]  # at the space's limits
+        inside = bool(((self.keys[:, :3] >= 0) & (self.keys[:, :3] <= last)).all())
         if not (np.isfinite(self.sums).all() and (counts > 0).all() and (powers > 0).all()):
             raise InputError(
                 "the sums of a field's blocks must be finite, counts and powers positive"
