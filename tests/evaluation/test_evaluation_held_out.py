@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from mmt.core.errors import InputError
+from mmt.evaluation import held_out as of
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.held_out import HELD_OUT, HeldOutRecording, approximate, choose_held_out
+from mmt.evaluation.texts import DEFINITIONS
 from mmt.scene import Scene
 from mmt.session.data import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
@@ -68,6 +70,7 @@ def test_raw_amplitudes_of_a_right_model_score_a_quarter_of_pi():
     model = even_model(vibration, 8)
     results = [approximate(model, [recording], seed)[0] for seed in range(3)]
     assert len(recording.frequencies_hz) == 201
+    assert (of.REALISATIONS, "four realisations each" in DEFINITIONS["gfc"]) == (4, True)
     for scores in zip(*((one.gfc, one.gfc_ceiling) for one in results), strict=True):
         assert np.mean(scores) == pytest.approx(np.pi / 4, abs=0.03)
 

@@ -8,7 +8,7 @@ DEFINITIONS: Final[Mapping[str, str]] = {
         "Goodness-of-fit criterion (Awan et al., eq. 2) between the Welch amplitude spectra of "
         "the held-out segments and of vibration synthesized at their mean speed and force, "
         "for as many samples, by the model rebuilt without them; Hann windows of 64 ms, "
-        "half overlapping; the mean over the segments and eight realisations each."
+        "half overlapping; the mean over the segments and four realisations each."
     ),
     "gfc_ceiling": (
         "The same criterion between two realisations of the model itself: what a perfect "
