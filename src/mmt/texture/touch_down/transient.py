@@ -13,7 +13,7 @@ MOST_SHAPES: Final = 4
 STEEPEST: Final = 1.5
 """Largest exponent of the amplitude over the approach speed."""
 _LARGEST: Final = 1e6
-_LONGEST: Final = 1000
+_LONGEST: Final = 50_000  # samples of a window at the largest rate
 _REFERENCE_MM_S: Final = 100.0
 
 
