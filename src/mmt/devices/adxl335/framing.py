@@ -70,7 +70,6 @@ class BoardDecoder(FrameDecoder[BoardFrame]):
 _MASK: Final = 0xFFFFFFFF
 _LARGEST_GAP: Final = 1 << 20
 """Samples; if the counter moves by more, or backwards, the board has restarted."""
-_RESTART_GAP_US: Final = 1000
 
 
 class Timeline:
@@ -90,22 +89,19 @@ class Timeline:
     def place(self, frame: BoardFrame) -> Sequence[tuple[int, Counts]]:
         """Return the frame's samples as (time_ns, counts), oldest first.
 
-        Times begin with the board's first time stamp. They never go back, even if the board's
-        32-bit counter wraps (every 71.6 minutes) or the board restarts.
+        Times begin with the board's first time stamp. They go on if the board's 32-bit counter
+        wraps (every 71.6 minutes), and begin anew if the board restarts, after an unknown pause.
         """
         last, self._last = self._last, frame
-        if last is None:
+        step = 0 if last is None else (frame.sequence - last.sequence) & _MASK
+        if last is None or step > _LARGEST_GAP:
+            self.faults["restarts"] += last is not None
             self._time_us = frame.time_us
             return ((frame.time_us * 1000, frame.samples[-1]),)
-        step = (frame.sequence - last.sequence) & _MASK
         if step == 0:
             self._last = last
             self.faults["repeated frames"] += 1
             return ()
-        if step > _LARGEST_GAP:
-            self.faults["restarts"] += 1
-            self._time_us += _RESTART_GAP_US
-            return ((self._time_us * 1000, frame.samples[-1]),)
         elapsed_us = (frame.time_us - last.time_us) & _MASK
         self._time_us += elapsed_us
         end_ns = self._time_us * 1000
