@@ -44,7 +44,7 @@ class RunningSource:
             on_lost="hold",
             samples_per_frame=samples_per_frame,
         )
-        self.source.on_loss(lambda lost, sentence: self.told.append((lost, sentence)))
+        self.source.on_loss(lambda lost, sentence, _: self.told.append((lost, sentence)))
         self._last_ns = 0
 
     @property

@@ -130,7 +130,7 @@ class SteppedSource:
         self.told = []
         """Whether a device is lost now, and a sentence."""
         self.source = DeviceSource(*devices, channels, on_lost=on_lost, samples_per_frame=samples)
-        self.source.on_loss(lambda lost, sentence: self.told.append((lost, sentence)))
+        self.source.on_loss(lambda lost, sentence, _: self.told.append((lost, sentence)))
         self.source.start(0)
 
     def run(self, ticks, elapsed=1):

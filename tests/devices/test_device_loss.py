@@ -312,7 +312,7 @@ class Mute:
 def of_follower(device, told):
     """Return its owner, and a look at it."""
     source = DeviceSource(device, None, None, ("position",), on_lost="hold")
-    source.on_loss(lambda _, sentence: told.append(sentence))
+    source.on_loss(lambda _, sentence, __: told.append(sentence))
     source.start(0)
     return source, lambda: source.step(1, real_time.monotonic_ns(), None)
 

@@ -421,8 +421,8 @@ def test_a_command_that_is_not_finite_counts_as_none(broken):
     assert robot.guard.summary["silences"] == 1
 
 
-@pytest.mark.parametrize(("measures_position", "after"), [(True, None), (False, HOME)])
-def test_a_halt_holds_whatever_the_leader_commands_and_is_no_silence(measures_position, after):
+@pytest.mark.parametrize("measures_position", [True, False])
+def test_a_halt_holds_whatever_the_leader_commands_and_is_no_silence(measures_position):
     robot = Guarded(measures_position=measures_position)
     for halts in (1, 2):
         robot.positions.clear()
@@ -437,7 +437,7 @@ def test_a_halt_holds_whatever_the_leader_commands_and_is_no_silence(measures_po
         assert (summary["halts"], summary["halted_s"]) == (halts, pytest.approx(0.2 * halts))
         assert (summary["silences"], summary["silent_s"], robot.said) == (0, 0.0, [])
     robot.run(5)
-    assert robot.positions[-5:] == [after] * 5  # what was commanded meanwhile is forgotten
+    assert robot.positions[-5:] == [HOME] * 5  # what was commanded meanwhile is forgotten
     for k in range(100):  # the hand is followed at its own speed
         robot.guard.receive(*command(0.3 * k, 0.0, 5.0, time_ns=k * 1_000_000))
         robot.run(1)
@@ -466,12 +466,16 @@ def test_a_halt_retracts_along_the_normal_where_the_scene_says_so():
 
 
 @pytest.mark.parametrize("measured", [HOME, (3.0, 0.0, 5.0)])
-def test_after_a_halt_the_robot_begins_where_it_is(measured):
+def test_a_robot_that_was_lost_gets_no_position_and_then_begins_where_it_is(measured):
     robot = Guarded(recovery_mm_s=50.0)
     robot.run(20, HOME)
     robot.guard.halt("hold")
+    robot.guard.halt("hold", of_robot=True)  # while a sensor is still lost
+    robot.positions.clear()
     robot.run(100, (10.0, 0.0, 5.0))
     robot.guard.release()
+    robot.run(100)
+    assert set(robot.positions) == {None}
     robot.measured = measured
     robot.positions.clear()
     robot.run(1000, (10.0, 0.0, 5.0))

@@ -116,18 +116,18 @@ def test_while_a_device_is_lost_the_robot_takes_no_commands(on_lost, said):
     assert driven.command((5.0, 5.0, 5.0), 2) is None
     source.measures = (5.0, 5.0, 5.0)
     assert driven.command((5.0, 5.0, 5.0), 10) == (5.0, 5.0, 5.0)
-    source.lose(True, "it is lost")
+    source.lose(True, "it is lost", False)
     x, y, z = driven.command((20.0, 5.0, 5.0), 1000) or ()
     assert (x > 19.0, y > 6.0, z) == (said is None, on_lost == "retract", 5.0)
+    source.lose(True, "it too", True)
     source.measures = (-20.0, 5.0, 5.0)
-    driven.guarded.step(1)
-    source.lose(False, "it is back")
+    assert (driven.command((20.0, 5.0, 5.0)) is None) == (said is not None)
+    source.lose(False, "both are back", True)
     driven.command((20.0, 5.0, 5.0))
     place = driven.command((20.0, 5.0, 5.0)) or ()
     assert (place[0] < -19.0) == (said is not None)
-    assert driven.said == (
-        [f"it is lost: {said}", "it is back: taking commands again"] if said else []
-    )
+    told = [f"it is lost: {said}", f"it too: {said}", "both are back: taking commands again"]
+    assert driven.said == (told if said else [])
 
 
 @pytest.mark.parametrize("feedback", [None, Feedback()])
@@ -153,6 +153,6 @@ def test_a_recording_follows_no_commands():
     driven = Driven(replay={"file": "a.mcap"})
     driven.guarded.connect()
     assert driven.command((1.0, 2.0, 3.0), 50) is None
-    driven.source.lose(True, "it is lost")
+    driven.source.lose(True, "it is lost", True)
     assert driven.said == []
     assert driven.guarded.summary["commands"] == {}

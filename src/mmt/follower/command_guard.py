@@ -120,8 +120,13 @@ class CommandGuard:
     def _silence_ticks(self) -> int:
         return max(1, round(self._silence.limit_ns / self._period_ns))
 
-    def halt(self, does: Literal["hold", "retract"]) -> None:
-        """Hold or retract, because a device is lost, and take no commands until `release`."""
+    def halt(self, does: Literal["hold", "retract"], *, of_robot: bool = False) -> None:
+        """Hold or retract, because a device is lost, and take no commands until `release`.
+
+        If that is the robot, it gets no position until then, and begins where it is.
+        """
+        if of_robot and self._measures_position:
+            self._position, self._silent = None, False
         if self._halted:
             return  # the robot is at its target, or on the way
         self._halts += 1
@@ -130,10 +135,8 @@ class CommandGuard:
             self._let_be(self._position, does)
 
     def release(self) -> None:
-        """Take commands again, beginning where the robot is."""
+        """Take commands again; until one comes, the robot stays as it was halted."""
         self._halted = False
-        if self._measures_position:
-            self._position, self._silent = None, False
 
     def receive(self, commands: RecordArray, arrival_ns: int) -> None:
         """Take commands (n,), n >= 1, the newest last, with their arrival by this clock.

@@ -235,18 +235,18 @@ class GuardedSource:
         x, y, z = self._newest["position_mm"][-1].tolist()
         return (x, y, z) if math.isfinite(x + y + z) else None
 
-    def _on_device(self, lost: bool, sentence: str) -> None:
+    def _on_device(self, lost: bool, sentence: str, of_robot: bool) -> None:
         """Apply the scene's `on_lost` while a device is lost."""
         devices = self._devices
         if self.guard is None or devices is None or devices.on_lost == "stop":
             return
+        if of_robot and self._limit is not None:
+            self._limit.restart()
         if lost:
             self._newest = None
-            self.guard.halt(devices.on_lost)
+            self.guard.halt(devices.on_lost, of_robot=of_robot)
         else:
             self.guard.release()
-            if self._limit is not None:
-                self._limit.restart()
         does = "holding" if devices.on_lost == "hold" else "retracting"
         self._say(f"{sentence}{f': {does}' if lost else ': taking commands again'}")
 

@@ -52,8 +52,8 @@ _KEY_OF_CHANNEL: Final[dict[Channel, str]] = {
     "orientation": "robot",
 }
 
-LossWatcher = Callable[[bool, str], None]
-"""Called with whether a device is lost now, and a sentence."""
+LossWatcher = Callable[[bool, str, bool], None]
+"""Called with whether a device is lost now, a sentence, and whether that is about the robot."""
 FrameReceiver = Callable[[RecordArray], None]
 """Called between two ticks with frames (n,), n >= 1."""
 
@@ -114,7 +114,7 @@ class DeviceSource:
         self._turned = tuple(channel for channel in tool_axes if channel in self._channels)
         self._acceleration_hz = samples_per_frame * FRAMES_HZ
         self._on_lost = on_lost
-        self._watcher: LossWatcher = lambda _lost, _sentence: None
+        self._watcher: LossWatcher = lambda _lost, _sentence, _of_robot: None
         self._taker: FrameReceiver | None = None
         robot_slot = RobotSlot(
             "robot",
@@ -292,9 +292,10 @@ class DeviceSource:
                 if slot.lost_ns is None:
                     slot.step(now_ns, command_position_mm)
                 elif slot.reconnect(now_ns):
-                    self._regain(slot)
+                    self._lost.remove(slot)
+                    self._tell(slot, "is back")
                 elif reason := slot.new_reason():
-                    self._watcher(True, f"{slot.name} is not back yet: {reason}")
+                    self._tell(slot, f"is not back yet: {reason}")
             except DeviceLost as error:
                 self._lose(slot, error, now_ns)
             except Exception as error:
@@ -334,11 +335,10 @@ class DeviceSource:
             raise failure(slot, error) from error
         self._lost.append(slot)
         slot.lose(now_ns, str(error))
-        self._watcher(True, f"{slot.name} is lost: {error}")
+        self._tell(slot, f"is lost: {error}")
 
-    def _regain(self, slot: Slot) -> None:
-        self._lost.remove(slot)
-        self._watcher(bool(self._lost), f"{slot.name} is back")
+    def _tell(self, slot: Slot, what: str) -> None:
+        self._watcher(bool(self._lost), f"{slot.name} {what}", slot is self._all["robot"])
 
     @property
     def finished(self) -> bool:

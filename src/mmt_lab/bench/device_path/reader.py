@@ -114,7 +114,7 @@ class FrameReader:
             self._frames.append(frames)
             self._formed.append((time.monotonic_ns(), len(frames)))
 
-    def _note(self, lost: bool, sentence: str) -> None:
+    def _note(self, lost: bool, sentence: str, _of_robot: bool) -> None:
         self._pipe.send({"lost": lost, "at_ns": time.monotonic_ns(), "sentence": sentence})
 
     def _load(self, device: dict[str, Any]) -> Any:
