@@ -84,6 +84,8 @@ def test_late_samples_are_counted_and_a_card_that_is_unplugged_or_hangs_is_lost(
     card.unplug()
     with pytest.raises(DeviceLost, match="check its cable"):
         device.write([1.0])
+    with pytest.raises(MmtError, match="is plugged in"):  # the library still lists it
+        device.connect()
     with pytest.raises(InputError, match="no default output"):
         device.connect()
     with pytest.raises(DeviceLost, match="closed"):

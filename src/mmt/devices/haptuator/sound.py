@@ -246,9 +246,10 @@ class SoundHaptuator(HaptuatorDriver):
             self._called_ns = self._clock_ns()
         except library.PortAudioError as error:
             self._release()
+            _restart_library(library)  # it lists a card that was unplugged, perhaps plugged in anew
             raise MmtError(
                 f"{self.name} cannot be opened at {options.card_rate_hz} Hz ({error}): check that "
-                "no other program holds it, and 'card_rate_hz'"
+                "it is plugged in, that no other program holds it, and 'card_rate_hz'"
             ) from error
 
     def _check(self) -> None:

@@ -58,7 +58,7 @@ class EmulatedSoundCard:
         self._history_s = history_s
         self._speed = 1.0 + 1e-6 * clock_ppm
         self._plugged = True
-        self._known = True
+        self._known = self._found = True
         self._stalled = False
         self._underflow = False
         self._stream: EmulatedStream | None = None
@@ -99,14 +99,14 @@ class EmulatedSoundCard:
                 self._play(stream)
 
     def unplug(self) -> None:
-        """Take the card away: its stream ends, and it cannot be opened."""
+        """Take the card away: its stream ends, and it cannot be opened; the library lists it on."""
         with self._lock:
-            self._plugged = self._known = False
+            self._plugged = self._found = False
             if self._stream is not None:
                 self._stream.finish()
 
     def plug(self) -> None:
-        """Bring it back; the library sees it once it searches again."""
+        """Bring it back under another number, which the library finds once it searches again."""
         self._plugged = True
 
     def stall(self, stalled: bool = True) -> None:
@@ -163,11 +163,11 @@ class EmulatedSoundCard:
         self._known = False
 
     def _initialize(self) -> None:
-        self._known = self._plugged
+        self._known = self._found = self._plugged
 
     def OutputStream(self, **options: Any) -> "EmulatedStream":  # noqa: N802 - the library's name
         """Open the card."""
-        if not self._plugged:
+        if not self._found:
             raise PortAudioError("Error opening OutputStream: Device unavailable")
         return EmulatedStream(self, **options)
 
