@@ -140,8 +140,9 @@ def test_a_handle_that_is_shaken_too_hard_ends_the_sweep(time):
         (lambda v: math.nan if v else 0.0, RATE_HZ, MmtError, "handle is shaken by nan", 0.0625),
         (lambda v: 0.0, RATE_HZ, MmtError, "feels nothing of 2 V: check that it sits", 2.0),
         (lambda v: GAIN * v, 800, InputError, "800 readings a second, too few for 490", 0.0625),
+        (lambda v: GAIN * v, 0, MmtError, "no reading for 0.2 s", 0.0),
     ],
-    ids=["no numbers", "feels nothing", "too slow"],
+    ids=["no numbers", "feels nothing", "too slow", "silent"],
 )
 def test_an_accelerometer_that_is_of_no_use_ends_the_sweep(
     time, shape, rate_hz, kind, words, most_v

@@ -31,6 +31,7 @@ _BEYOND: Final = 1.6
 """A sweep is ended if the handle is shaken this many times harder than asked for."""
 _TRIES: Final = 3
 _PAUSE_S: Final = 0.0005
+_SILENT_NS: Final = 200_000_000
 _LEAST_READINGS_PER_HZ: Final = 2.2
 
 
@@ -207,17 +208,24 @@ class _AccelerationLog:
         self._lane = Lane(sensor.latency_ns) if sampled else None
         self._kept: list[SensorReading] = []
         self._rest: FloatArray | None = None
+        self._heard_ns = time.monotonic_ns()
         self.beyond = 0.0
         """Largest magnitude (m/s2) of the newest readings, less the value at rest."""
 
     def listen(self) -> None:
-        """Take the new readings."""
+        """Take the new readings; raise if none has come for long, since a sweep needs its limit."""
         if self._lane is None:
             fresh = [SensorReading(time.monotonic_ns(), self._sensor.read())]
         else:
             fresh = list(self._sensor.read())
             self._lane.add(fresh, time.monotonic_ns())
         self._kept += fresh
+        if fresh:
+            self._heard_ns = time.monotonic_ns()
+        elif time.monotonic_ns() - self._heard_ns > _SILENT_NS:
+            raise MmtError(
+                "ended: the accelerometer gives no reading for 0.2 s; test it by 'mmt device test'"
+            )
         if fresh and self._rest is not None:
             values = np.array([reading.value for reading in fresh]) - self._rest
             self.beyond = float(np.sqrt((values**2).sum(axis=1)).max())
@@ -232,10 +240,6 @@ class _AccelerationLog:
         from scipy.interpolate import CubicSpline
 
         times = np.array([reading.time_ns for reading in self._kept], dtype=np.int64)
-        if len(times) < count // 4:
-            raise MmtError(
-                "the accelerometer gives too few readings: test it by 'mmt device test' first"
-            )
         if np.any(np.diff(times) <= 0):
             raise MmtError("the accelerometer's clock was set back while it was read: try again")
         rate_hz = 1e9 * (len(times) - 1) / float(times[-1] - times[0])
