@@ -218,7 +218,7 @@ def test_a_tool_that_moves_or_a_silent_sensor_is_no_pose():
     tool = Tool()
 
     def swung():
-        tool.acceleration = tool.acceleration + 0.05
+        tool.acceleration = tool.acceleration + 0.5
         return tool.proper()
 
     with pytest.raises(InputError, match=r"the tool moved .* by \d.* still and measure again$"):
@@ -230,11 +230,17 @@ def test_a_tool_that_moves_or_a_silent_sensor_is_no_pose():
     np.testing.assert_allclose(found.force_n, [0.5, -0.2, 3.0 - 0.12 * GRAVITY], atol=0.01)
     np.testing.assert_allclose(found.proper_acceleration_m_s2, still.proper(), atol=0.1)
     silent = Sensor(tool.proper)
-    silent.latency_ns, silent.read = 0, list
+    silent.latency_ns, silent.read = 0, lambda: None
     with pytest.raises(MmtError, match=r"^accelerometer: 0 readings came in 0\.1 s"):
         measure_pose(Sensor(tool.force), silent, 0.1)
     with pytest.raises(MmtError, match=r"^force sensor: 0 readings came"):
         measure_pose(silent, Sensor(tool.proper), 0.1)
+    del silent.read
+    silent._read = lambda: 1 / 0
+    remover = LoadRemover(identify(Tool().poses()))
+    source = DeviceSource(Sensor(still.force), Sensor(still.force), silent, CHANNELS, tool=remover)
+    with pytest.raises(MmtError, match=r"accelerometer \(Sensor\) failed: division"):
+        source.open()
 
 
 def test_a_tool_without_both_sensors_or_with_a_driver_is_refused():

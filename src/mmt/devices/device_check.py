@@ -228,7 +228,7 @@ class _Observation:
 def _reader(device: Any) -> Callable[[], list[SensorReading]]:
     """Return a function that reads any device as if it had a clock."""
     if hasattr(device, "latency_ns"):
-        return lambda: [SensorReading(*reading) for reading in device.read()]
+        return lambda: [SensorReading(*reading) for reading in device.read() or ()]
     if inspect.signature(device.read).parameters:  # a leader's interface takes the elapsed ticks
 
         def read() -> list[SensorReading]:

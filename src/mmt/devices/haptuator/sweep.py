@@ -217,7 +217,7 @@ class _AccelerationLog:
         if self._lane is None:
             fresh = [SensorReading(time.monotonic_ns(), self._sensor.read())]
         else:
-            fresh = list(self._sensor.read())
+            fresh = list(self._sensor.read() or ())
             self._lane.add(fresh, time.monotonic_ns())
         self._kept += fresh
         if fresh:

@@ -183,8 +183,9 @@ class DeviceSource:
                 opened.device.connect()
                 opened.device.calibrate()
         if self._tool is not None:
-            accelerometer: Any = self._all["accelerometer"].device
-            self._tool.learn_rest(accelerometer)
+            accelerometer: Any = self._all["accelerometer"]
+            with named(accelerometer):
+                self._tool.learn_rest(accelerometer.device)
         for slot in self._sampled:  # a driver may know it only now, from the device's filter
             with named(slot):
                 slot.lane.latency_ns = round(slot.device.latency_ns)

@@ -243,7 +243,7 @@ def readings_at_rest(sensors: Mapping[str, Sensor], duration_s: float) -> dict[s
         for name, sensor in sensors.items():
             read: Any = sensor.read()
             sampled = hasattr(sensor, "latency_ns")
-            values = [reading.value for reading in read] if sampled else [read]
+            values = [reading.value for reading in read or ()] if sampled else [read]
             found[name] += [value for value in values if measured(value) is not None]
         time.sleep(0.001)
     for name, values in found.items():
