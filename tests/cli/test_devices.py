@@ -89,6 +89,19 @@ def test_a_silent_a_stuck_and_a_bursting_sensor_are_told_apart():
     assert "come in bursts, up to" in problem or BUSY in problem
 
 
+def test_a_driver_that_raises_when_it_is_asked_about_itself_is_told_and_closed():
+    class Odd(device_drivers.Handle):
+        def remarks(self):
+            raise OSError("port closed")
+
+        faults = property(remarks)
+
+    problems = " ".join(check_device("handle", "a", handle := Odd(), duration_s=0.05).problems)
+    assert "it cannot be checked to the end: port closed" in problems
+    assert "counts that cannot be read (port closed)" in problems
+    assert handle.closed == 1
+
+
 def test_an_accelerometer_must_feel_gravity_and_pass_its_band():
     narrow = load_device("adxl335-serial", {"port": "/dev/none", "bandwidth_hz": 50})
     for device, words in (

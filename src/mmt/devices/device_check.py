@@ -13,7 +13,7 @@ import numpy as np
 from mmt.core.errors import MmtError, located
 from mmt.core.frames import missing_band
 from mmt.core.units import GRAVITY_M_S2
-from mmt.devices.protocols import SensorReading, SetupRemarks
+from mmt.devices.protocols import SensorReading, SetupRemarks, fault_table
 
 UNITS: Final = {
     "robot": "mm",
@@ -127,11 +127,11 @@ def check_device(
     except Exception as error:  # noqa: BLE001 - whatever a driver raises is what is wrong
         seen.problems.append(located(error))
     finally:
-        watching.finish()
-        try:
-            device.close()
-        except Exception as error:  # noqa: BLE001 - as above
-            seen.problems.append(f"it cannot be closed: {located(error)}")
+        for ends, failed in ((watching.finish, "checked to the end"), (device.close, "closed")):
+            try:
+                ends()
+            except Exception as error:  # noqa: BLE001 - as above
+                seen.problems.append(f"it cannot be {failed}: {located(error)}")
     seen.problems += _judge(seen, watching)
     return seen
 
@@ -203,7 +203,7 @@ class _Observation:
     def finish(self) -> None:
         """Compute the final figures."""
         seen = self.seen
-        seen.faults = dict(getattr(self._device, "faults", {}))
+        seen.faults = fault_table(self._device).get("faults", {})
         if isinstance(self._device, SetupRemarks):
             seen.problems += self._device.remarks()
         if self._waits_ms:

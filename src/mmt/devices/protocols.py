@@ -146,7 +146,10 @@ def fault_table(device: Device) -> dict[str, Any]:
 
     Counts are optional for drivers of polled sensors, robots and handles.
     """
-    faults = getattr(device, "faults", None)
+    try:
+        faults = getattr(device, "faults", None)
+    except Exception as error:  # noqa: BLE001 - a driver may ask its device, which is closed
+        faults = {f"counts that cannot be read ({error})": 1}
     return {"faults": dict(faults)} if faults and isinstance(faults, Mapping) else {}
 
 
