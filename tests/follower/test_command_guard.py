@@ -438,20 +438,11 @@ def test_a_halt_holds_whatever_the_leader_commands_and_is_no_silence(measures_po
         assert (summary["silences"], summary["silent_s"], robot.said) == (0, 0.0, [])
     robot.run(5)
     assert robot.positions[-5:] == [HOME] * 5  # what was commanded meanwhile is forgotten
+    assert robot.guard.summary["silent_s"] == pytest.approx(0.005)
     for k in range(100):  # the hand is followed at its own speed
         robot.guard.receive(*command(0.3 * k, 0.0, 5.0, time_ns=k * 1_000_000))
         robot.run(1)
     assert robot.newest == pytest.approx((29.7, 0.0, 5.0))
-
-
-def test_silence_after_a_halt_counts_from_its_end():
-    robot = Guarded(measures_position=False)
-    robot.run(20, HOME)
-    robot.guard.halt("hold")
-    robot.run(5)
-    robot.guard.release()
-    robot.run(7)
-    assert robot.guard.summary["silent_s"] == pytest.approx(0.007)
 
 
 def test_a_halt_retracts_along_the_normal_where_the_scene_says_so():

@@ -89,10 +89,6 @@ class Fade:
         self.share = max(self.share - change, 0.0)
         return self.share, begins
 
-    def mute(self) -> None:
-        """Take the force away at once."""
-        self.share = 0.0
-
 
 class Inverse3Servo(ABC):
     """Control of one device, in the process that talks to the service.
@@ -229,7 +225,7 @@ class ForceServo(Inverse3Servo):
     def next_message(self, now_ns: int) -> str:
         """Return the force command, scaled by the fade."""
         if self.implausible is not None:
-            self._fade.mute()
+            self._fade.share = 0.0
             return self.release()
         share, begins = self._fade.step(now_ns, self.command_ns)
         if begins:
