@@ -128,9 +128,9 @@ class SteppedSource:
     def __init__(self, time, *devices, channels, on_lost="hold", samples=1):
         self.time = time
         self.told = []
-        """Whether a device is lost now, and a sentence."""
+        """Whether a device is lost now, a sentence, and whether that is about the robot."""
         self.source = DeviceSource(*devices, channels, on_lost=on_lost, samples_per_frame=samples)
-        self.source.on_loss(lambda lost, sentence, _: self.told.append((lost, sentence)))
+        self.source.on_loss(lambda *told: self.told.append(told))
         self.source.start(0)
 
     def run(self, ticks, elapsed=1):

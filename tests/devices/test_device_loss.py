@@ -74,7 +74,7 @@ def test_a_sensor_that_stops_is_seen_within_20_ms_and_frames_cease(bench):
     assert len(bench.run(100)) >= 95
     bench.sensor.stalled = True
     bench.run(20)
-    assert [lost for lost, _ in bench.told] == [True]
+    assert [lost for lost, *_ in bench.told] == [True]
     assert "the force sensor (SyntheticSensor) is lost: no reading for 1" in bench.told[0][1]
     assert "cable" in bench.told[0][1]
     assert len(bench.run(50)) == 0
@@ -89,7 +89,7 @@ def test_a_sensor_with_a_slow_rate_is_lost_by_its_own_period(time, rate_hz):
     assert bench.told == []
     bench.sensor.stalled = True
     bench.run(3 * period_ms + 3)
-    assert [lost for lost, _ in bench.told] == [True]
+    assert [lost for lost, *_ in bench.told] == [True]
     bench.sensor.stalled = False
     bench.run(2 * period_ms)
     assert not bench.told[-1][0]
@@ -127,12 +127,12 @@ def test_an_unplugged_sensor_comes_back_when_it_can_be_connected(time):
     assert len(bench.run(100)) <= 1
     until(lambda: len(bench.told) > 1, lambda: bench.run(1))  # connecting takes real time
     assert bench.told == [
-        (True, "the force sensor (SyntheticSensor) is lost: unplugged"),
-        (True, "the force sensor (SyntheticSensor) is not back yet: no such slot"),
+        (True, "the force sensor (SyntheticSensor) is lost: unplugged", False),
+        (True, "the force sensor (SyntheticSensor) is not back yet: no such slot", False),
     ]
     bench.sensor.connect_error = None
     bench.run_until_back()
-    assert bench.told[-1] == (False, "the force sensor (SyntheticSensor) is back")
+    assert bench.told[-1] == (False, "the force sensor (SyntheticSensor) is back", False)
     assert len(bench.run(20)) >= 19
     bench.source.close()
 
@@ -152,7 +152,7 @@ def test_a_lost_robot_comes_back_too(bench):
     bench.run(50)
     bench.arm.lost = True
     assert len(bench.run(30)) == 0
-    assert bench.told[0] == (True, "the robot (Arm) is lost: the arm does not answer")
+    assert bench.told[0] == (True, "the robot (Arm) is lost: the arm does not answer", True)
     bench.arm.lost = False
     bench.run_until_back()
     assert len(bench.run(20)) >= 15
@@ -186,7 +186,7 @@ def test_what_a_probe_finds_is_told_by_the_next_tick_and_a_host_held_up_loses_no
     bench.sensor.error = None
     assert bench.told == []
     bench.run(1)
-    assert bench.told == [(True, "the force sensor (SyntheticSensor) is lost: unplugged")]
+    assert bench.told == [(True, "the force sensor (SyntheticSensor) is lost: unplugged", False)]
 
 
 def test_a_frame_whose_reading_just_missed_its_tick_comes_between_two_ticks(bench, monkeypatch):
@@ -223,8 +223,8 @@ def test_a_sensor_that_knows_when_its_readings_came_is_believed():
 
     sensor = Stamping(1000)
     slot = SampledSlot("force sensor", sensor)
-    assert slot.knows_arrivals
-    assert not SampledSlot("force sensor", SyntheticSensor(1000)).knows_arrivals
+    assert slot.stamping is not None
+    assert SampledSlot("force sensor", SyntheticSensor(1000)).stamping is None
     assert slot.poll()
     assert slot.lane.clock.sensor_time(sensor.arrival_ns) == 1000
 

@@ -137,10 +137,10 @@ def test_a_sensor_that_gives_nothing_but_nonsense_is_lost_and_comes_back(nonsens
     force = bench.devices["force"]
     vars(force).update(nonsense)
     assert not len(bench.run(60)[20:])
-    assert [lost for lost, _ in bench.told] == [True]
+    assert [lost for lost, *_ in bench.told] == [True]
     vars(force).update(dict.fromkeys(nonsense))
     bench.run(20)
-    assert bench.told[-1] == (False, "the force sensor (Sampled) is back")
+    assert bench.told[-1] == (False, "the force sensor (Sampled) is back", False)
     force.error = DeviceLost("gone")
     bench.run(2)
     assert bench.source.summary["force_sensor"]["losses"] == 2

@@ -219,15 +219,10 @@ class SampledSlot(Slot):
     def __init__(self, role: str, device: SampledSensor, lane: Lane | None = None) -> None:
         super().__init__(role, device, Lane() if lane is None else lane)
         self.lane.latency_ns = device.latency_ns
-        self._stamping = device if isinstance(device, ArrivalStamping) else None
+        self.stamping = device if isinstance(device, ArrivalStamping) else None
         self._last_ns = 0
         self._empty = 0
         self._begun = self._settles = False
-
-    @property
-    def knows_arrivals(self) -> bool:
-        """Whether the driver itself knows when a reading arrived."""
-        return self._stamping is not None
 
     def begin(self, now_ns: int) -> None:
         """Begin to wait for readings."""
@@ -271,7 +266,7 @@ class SampledSlot(Slot):
                 if not self.device.read():
                     break
         readings = self.device.read() or ()  # a stranger's driver may return None for nothing
-        stamping = self._stamping  # a time taken before the call might precede their arrival
+        stamping = self.stamping  # a time taken before the call might precede their arrival
         return self.lane.add(
             readings, time.monotonic_ns() if stamping is None else stamping.arrival_ns
         )

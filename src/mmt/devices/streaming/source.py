@@ -144,7 +144,7 @@ class DeviceSource:
             _check_sampled(acceleration, self._acceleration_hz)
         self._stepped = list(dict.fromkeys([robot_slot, *self._measuring.values()]))
         self._sampled = [slot for slot in self._stepped if isinstance(slot, SampledSlot)]
-        self._looked_at = [slot for slot in self._sampled if not slot.knows_arrivals]
+        self._looked_at = [slot for slot in self._sampled if slot.stamping is None]
         self._opened = False
         self._lost: list[Slot] = []
         self._probed: tuple[Slot, Exception] | None = None
