@@ -257,6 +257,7 @@ def test_overload_saturation_and_broken_voltages_are_counted(board, sensor):
     read_until_fault(sensor, "saturation", 5)
     board.truth = lambda _time_ns: (0.0, math.nan, 0.0)
     read_until_fault(sensor, "impossible value", 5)
+    assert "check the transducer's cable, and that calibration" in sensor.explain_fault()
 
 
 def test_silence_stuck_voltages_and_the_boards_own_faults_are_told(board, sensor):

@@ -163,7 +163,8 @@ class _Observation:
             self.seen.duration_s = passed_s
             if self._read is not None and not self.values and passed_s > _LONGEST_WAIT_S:
                 raise MmtError(
-                    "it is connected but gives no reading: check its cable, its power and the "
+                    getattr(self._device, "explain_fault", str)()
+                    or "it is connected but gives no reading: check its cable, its power and the "
                     "rate or baud rate that is set"
                 )
             if passed_s >= next_s:

@@ -38,7 +38,7 @@ Matrix = tuple[Six, Six, Six, Six, Six, Six]
 """Rows Fx, Fy, Fz (N), Tx, Ty, Tz (N mm) per unit of a raw value."""
 
 _ZERO: Final[Six] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-_IMPOSSIBLE: Final = 4.0
+IMPOSSIBLE: Final = 4.0
 """A record beyond this many times the calibrated range is broken: no gauge follows that far."""
 _UNREST: Final = 0.02
 """Share of the range; with a larger standard deviation the tool is not at rest for a bias."""
@@ -150,7 +150,7 @@ class WrenchConverter:
         for (a, b, c, d, e, f), limit in zip(self._matrix, self._limits, strict=True):
             size = abs(a * p + b * q + c * r + d * s + e * t + f * u)
             if not size <= limit:
-                if not size <= _IMPOSSIBLE * limit:
+                if not size <= IMPOSSIBLE * limit:
                     return None
                 beyond = True
         return beyond

@@ -12,7 +12,7 @@ from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.protocols import SensorReading
 from mmt.devices.reading_checks import RareWarning, StuckCheck
-from mmt.devices.wrench import Matrix, Six, WrenchConverter, WrenchOptions
+from mmt.devices.wrench import IMPOSSIBLE, Matrix, Six, WrenchConverter, WrenchOptions
 
 Stamped = tuple[int, Six]
 """The sensor's time of a record (ns), and its raw values."""
@@ -46,6 +46,7 @@ class WrenchSensor(ABC):
         self._overloads = 0
         self._impossible = 0
         self._notice = RareWarning()
+        self._all_impossible = False  # the newest records
         self._arrival_ns = 0
         self._useless_ns = 0  # when data came last that gave no record, noted by the subclass
         self._stuck = StuckCheck(1e6 * options.stuck_ms)
@@ -103,6 +104,7 @@ class WrenchSensor(ABC):
             value = force(raw)
             if value is not None:
                 readings.append(SensorReading(time_ns, value))
+        self._all_impossible = not readings
         if converter.overloads != overloads:
             self._tell_overload()
         return readings
@@ -149,7 +151,13 @@ class WrenchSensor(ABC):
 
     def explain_fault(self) -> str:
         """Return why the received data is unusable, empty if no data comes or all is well."""
-        return self._explain_unusable() if self._useless_ns > self._arrival_ns else ""
+        if self._useless_ns > self._arrival_ns:
+            return self._explain_unusable()
+        impossible = (
+            f"{self.name}: its values are no numbers, or over {IMPOSSIBLE:g} times its range: "
+            "check the transducer's cable, and that calibration and range are those of this sensor"
+        )
+        return impossible if self._all_impossible else ""
 
     def _explain_unusable(self) -> str:
         """Return why what comes gives no record."""

@@ -84,15 +84,11 @@ def explain(error: Exception) -> str:
         return text
     lowered = text.lower()
     meaning = next((means for word, means in _BY_TEXT if word in lowered), None)
-    if meaning is None and is_of_network(error):
+    of_network = type(error).__name__ == "NetworkException" or "Net Exception" in text
+    if meaning is None and of_network:  # some have no class of their own
         meaning = _UNREACHABLE
     message = short_message(text.removeprefix("libfranka: "))
     return f"the library reports: {message}" if meaning is None else f"{meaning} ({message})"
-
-
-def is_of_network(error: Exception) -> bool:
-    """Return whether an exception is about the connection; some have no class of their own."""
-    return type(error).__name__ == "NetworkException" or "Net Exception" in str(error)
 
 
 def is_of_arm(error: Exception) -> bool:

@@ -2,7 +2,7 @@
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
@@ -242,14 +242,15 @@ class SampledSlot(Slot):
         self._empty += 1
         silent_ns = now_ns - self._last_ns
         if self._empty >= _EMPTY_READS and silent_ns >= self._silence_ns(SILENT_NS):
-            complaint = (
-                self.device.explain_fault() if isinstance(self.device, FaultExplaining) else ""
-            )
             raise DeviceLost(
-                complaint
+                self.explain()
                 or f"no reading for {silent_ns / 1e6:.0f} ms; check its cable, its power, "
                 "and whether this machine has time for it"
             )
+
+    def explain(self) -> str:
+        """Return why it gives no readings, as far as its driver tells."""
+        return self.device.explain_fault() if isinstance(self.device, FaultExplaining) else ""
 
     def _silence_ns(self, least_ns: int) -> float:
         return max(least_ns, _SILENT_PERIODS * self.lane.period_ns)
@@ -340,8 +341,3 @@ def named(slot: Slot) -> Iterator[None]:
         yield
     except Exception as error:
         raise failure(slot, error) from error
-
-
-def summaries(slots: Mapping[str, Slot]) -> dict[str, Any]:
-    """Return every slot's summary by its key."""
-    return {key: slot.summary for key, slot in slots.items()}

@@ -32,7 +32,6 @@ from mmt.devices.streaming.slots import (
     failure,
     named,
     slot_of,
-    summaries,
 )
 from mmt.devices.streaming.vibration_lane import VibrationLane
 
@@ -233,7 +232,7 @@ class DeviceSource:
             time.sleep(5e-5)
         for slot in self._sampled:
             if not slot.lane.clock.known:
-                why = "it is connected but gives no reading; check its cable and settings"
+                why = slot.explain() or "no reading comes; check its cable and settings"
                 raise failure(slot, DeviceLost(why))
             slot.begin(time.monotonic_ns())
         return ages.hold_back_ns()
@@ -354,7 +353,7 @@ class DeviceSource:
     @property
     def summary(self) -> dict[str, Any]:
         """Summary of each device, for a program."""
-        return summaries(self._all)
+        return {key: slot.summary for key, slot in self._all.items()}
 
     def describe(self) -> str:
         """Return the names of the devices."""
