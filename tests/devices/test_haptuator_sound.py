@@ -84,10 +84,9 @@ def test_late_samples_are_counted_and_a_card_that_is_unplugged_or_hangs_is_lost(
     card.unplug()
     with pytest.raises(DeviceLost, match="check its cable"):
         device.write([1.0])
-    with pytest.raises(MmtError, match="is plugged in"):  # the library still lists it
-        device.connect()
-    with pytest.raises(InputError, match="no default output"):
-        device.connect()
+    for error, words in ((MmtError, "is plugged in"), (InputError, "no default output")):
+        with pytest.raises(error, match=words):  # the library lists it on until it searches again
+            device.connect()
     with pytest.raises(DeviceLost, match="closed"):
         device.write([1.0])
     card.plug()
