@@ -56,10 +56,10 @@ class Reconnection(threading.Thread):
         self._given_up.wait(_RETRY_S if self._waits else 0.0)
         while not self._given_up.is_set():
             try:
-                with suppress(Exception):
+                with suppress(BaseException):
                     self._device.close()
                 self._device.connect()
-            except Exception as error:  # noqa: BLE001 - whatever a driver raises, try again
+            except BaseException as error:  # noqa: BLE001 - SystemExit too would end the thread
                 self.reason = str(error) or type(error).__name__
                 self._given_up.wait(pause_s)
                 pause_s = min(_BACK_OFF * pause_s, _LONGEST_RETRY_S)
