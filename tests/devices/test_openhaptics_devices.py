@@ -209,6 +209,7 @@ def test_a_device_that_cannot_be_used_says_why(make, emulated, monkeypatch):
         with pytest.raises(kind, match=words):
             make()
     emulated.fail("absent")
+    monkeypatch.setitem(sys.modules, "serial", None)  # which this driver does not need
     with pytest.raises(MmtError, match=r"is not there.*its power, its cable"):
         make()
     found = [

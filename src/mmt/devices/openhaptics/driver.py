@@ -7,6 +7,7 @@ import time
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from typing import Final, Generic, TypeVar
 
@@ -302,4 +303,6 @@ def _closed_ports() -> str:
     """Return a text about serial ports that this user may not open, or ''."""
     from mmt.devices.discovery import find_serial_ports
 
-    return "".join(f"; {port.problem}" for port in find_serial_ports() if port.problem)
+    with suppress(MmtError):  # pyserial may be missing, which this driver does not need
+        return "".join(f"; {port.problem}" for port in find_serial_ports() if port.problem)
+    return ""
