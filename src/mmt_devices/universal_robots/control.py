@@ -137,8 +137,7 @@ class ArmControl(threading.Thread):
             self._lose(reason)
         elif self._receive.getRuntimeState() != PLAYING:
             self._explains = True  # in a thread: the dashboard server may be slow
-            explaining = threading.Thread(target=lambda: self._lose(self._why_not()), daemon=True)
-            explaining.start()
+            threading.Thread(target=lambda: self._lose(self._why_not()), daemon=True).start()
 
     def _lose(self, reason: str) -> None:
         self.lost = self.lost or reason

@@ -108,8 +108,7 @@ class SensorClock:
             No reading has arrived yet.
         """
         if self._origin is None:
-            message = "nothing has arrived from the sensor yet"
-            raise ValueError(message)
+            raise ValueError("nothing has arrived from the sensor yet")
         origin_ns, zero_ns = self._origin
         return host_ns - zero_ns - round(self._height + self._drift * (host_ns - origin_ns))
 
