@@ -233,7 +233,7 @@ def test_a_sensor_that_gives_nothing_at_the_start_is_explained(time):
     sensor = SyntheticSensor(1000, time=time)
     sensor.stalled = True
     source = DeviceSource(Arm(), sensor, None, ("force",))
-    with pytest.raises(MmtError, match=r"force sensor .* no reading comes; check its cable"):
+    with pytest.raises(MmtError, match=r"force sensor .* gives no reading; check its cable"):
         source.start(0)
 
 

@@ -232,7 +232,7 @@ class DeviceSource:
             time.sleep(5e-5)
         for slot in self._sampled:
             if not slot.lane.clock.known:
-                why = slot.explain() or "no reading comes; check its cable and settings"
+                why = slot.explain() or "it gives no reading; check its cable and settings"
                 raise failure(slot, DeviceLost(why))
             slot.begin(time.monotonic_ns())
         return ages.hold_back_ns()
