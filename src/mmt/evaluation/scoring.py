@@ -264,7 +264,8 @@ class Scorer:
             heading = np.arctan2(segment.velocity_mm_s[1], segment.velocity_mm_s[0])
             moment = segment.speed_mm_s, segment.force_n, heading
             stroke = Strokes(*(np.array([value]) for value in moment))
-            truth = np.sqrt(self._truth.spectrum(stroke, self._truth.frequencies_hz)[0])
+            every_hz = np.arange(0.5 * self._vibration_rate_hz + 1.0)
+            truth = np.sqrt(self._truth.spectrum(stroke, every_hz)[0])
         return HeldOutSegment(
             start_s=(segment.start - first_sample) / self._rate_hz,
             stop_s=(segment.stop - first_sample) / self._rate_hz,

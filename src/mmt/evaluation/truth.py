@@ -120,15 +120,12 @@ class KnownTexture:
 
     Attributes
     ----------
-    frequencies_hz
-        Frequencies of its spectra.
     plane
         The truth over the whole plane, and at all headings if the texture depends on them.
     """
 
     def __init__(self, surface: KnownSurface, share: float = 1.0) -> None:
         self.surface = surface
-        self.frequencies_hz = _density_hz(surface.rate_hz)
         self._share = share
         self.plane = self.at(over_plane() if surface.isotropic else all_headings())
 
