@@ -205,17 +205,17 @@ def worst_table(evaluation: Evaluation) -> ReportTable:
 
 _BY_HEADING = (
     f"Against the known texture by heading, in sectors of {SECTOR_DEG:g} degrees about the "
-    "heading given: GFC, log-spectral distance (dB) and power error (dB rms) of the model, and of "
-    "the texture's own mean over all headings, which a model that does not know the heading "
+    "heading given: GFC, log-spectral distance (LSD, dB) and power error (dB rms) of the model, "
+    "and of the texture's own mean over all headings, which a model that does not know the heading "
     "reaches at best."
 )
 
 
 def by_heading(evaluation: Evaluation) -> ReportTable:
     """Return one row for each sector and one over all, three columns for each model."""
-    columns = ["heading"]
+    columns = ["toward"]
     for errors in evaluation.by_heading:
-        columns += [f"{errors.model}: {what}" for what in ("GFC", "distance", "power")]
+        columns += [f"{errors.model} {what}" for what in ("GFC", "LSD", "power")]
     whole = [errors.overall for errors in evaluation.by_heading]
     sectors = zip(*(errors.sectors for errors in evaluation.by_heading), strict=True)
     rows = [_errors(f"{row[0].heading_deg:.0f}", row) for row in sectors]
