@@ -110,6 +110,7 @@ class ListenerClient:
             on_broken=self._on_broken,
             role="listener",
             tables="[sharing] there and [listening] here",
+            service="mmt-leader with --share",
             longest_message=LONGEST_MESSAGE,
             alternatives=self._other_hubs,
             on_refused=self._take_refusal,

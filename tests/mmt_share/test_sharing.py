@@ -242,7 +242,7 @@ async def test_who_cannot_listen_is_told_why():
     async with shared(most=1) as sharing, listening(sharing.url):
         await refused("1 are listening already: raise most", sharing.url)
     url = "http://127.0.0.1:9"
-    await refused(f"no leader answered at {url}", url, patience_s=0.5)
+    await refused(f"at {url} .*: start mmt-leader with --share there", url, patience_s=0.5)
     with pytest.raises(InputError, match=r"lets everyone .* be a listener: set a token"):
         async with shared(host="0.0.0.0"):
             pass

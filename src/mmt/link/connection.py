@@ -62,8 +62,8 @@ class LeaderConnection:
         Called with the function that sends a message, whenever the link is up.
     on_broken
         Called with the reason in plain words, whenever the link breaks.
-    role, tables
-        For errors: the role of this side, and the tables of its keys.
+    role, tables, service
+        For errors: the role of this side, the tables of its keys, and what it connects to.
     longest_message
         Longest message (bytes); a longer one closes the connection.
     alternatives
@@ -90,6 +90,7 @@ class LeaderConnection:
         on_broken: Callable[[str], None],
         role: str = "follower",
         tables: str = "[link] on both",
+        service: str = "mmt-leader",
         longest_message: int = MAX_MESSAGE_BYTES,
         alternatives: Callable[[], Sequence[str]] = tuple,
         on_refused: Callable[[object], None] = lambda _: None,
@@ -102,7 +103,7 @@ class LeaderConnection:
         self._rate_limit = rate_limit
         self._on_open = on_open
         self._on_broken = on_broken
-        self._role, self._tables = role, tables
+        self._role, self._tables, self._service = role, tables, service
         self._longest_message = longest_message
         self._alternatives = alternatives
         self._take_refusal = on_refused
@@ -156,7 +157,7 @@ class LeaderConnection:
                 advice = connection_advice(self._url, self._role)
                 raise MmtError(
                     f"no leader answered at {self._url} within {timeout_s:g} s ({problem}): "
-                    f"start mmt-leader there, wait until it says ready, and check {advice}"
+                    f"start {self._service} there, wait until it says ready, and check {advice}"
                 )
             await asyncio.sleep(min(pause_s, left_s))
 

@@ -73,7 +73,8 @@ class ListeningPart(Part):
         """Mark the session as failed if it has run its full time and never reached a leader."""
         ending = self._session.ending
         if ending.outcome == "completed" and not self.client.session:
-            ending.outcome = f"{FAILED}no leader was heard at {self._url}"
+            said = f"no leader was heard at {self._url}: start mmt-leader with --share there"
+            ending.outcome = f"{FAILED}{said}"
 
     async def stop(self) -> None:
         """Disconnect from the leader."""
