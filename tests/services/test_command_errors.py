@@ -88,7 +88,7 @@ CASES = [
     # the rest
     ("mmt evaluate none.mcap", "session none.mcap: No such file"),
     ("mmt evaluate whole.mcap --step 0", "step_s is 0.0"),
-    ("mmt model info whole.npz", "format version"),
+    ("mmt model info whole.npz", "not a texture model: the array 'format_version'"),
     ("mmt model build whole.mcap x.pdf", "the name of a model file must end in .npz"),
     ("mmt bench nothing", "bench nothing: allowed are burg, devices"),
     ("mmt burn", "No such command 'burn'"),

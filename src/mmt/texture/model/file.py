@@ -108,7 +108,7 @@ def contents_of(arrays: Arrays) -> ModelContents:
     except InputError:  # SettingError is a ValueError too
         raise
     except KeyError as error:
-        raise InputError(f"the array {error} is missing") from error
+        raise InputError(f"not a texture model: the array {error} is missing") from error
     except (ValueError, TypeError, IndexError, OverflowError) as error:
         raise InputError(f"its arrays do not fit together: {error}") from error
 
@@ -121,9 +121,9 @@ def _method(content: Arrays) -> tuple[Method, bool]:
     as published, anything else as the field. Blocks of a file with measured shapes are of the
     vibration behind the high-pass, and are not used.
     """
-    version = _number(content, "format_version", 0)
+    version = _number(content, "format_version")
     if version not in range(1, FORMAT_VERSION + 1):
-        raise InputError(f"format version is {version:g}, this program reads 1 to {FORMAT_VERSION}")
+        raise InputError(f"version is {version:g}, this mmt reads 1 to {FORMAT_VERSION}: update it")
     if version == FORMAT_VERSION:
         return cast(Method, str(content["method"])), "field_cells" in content
     if version == 1:
