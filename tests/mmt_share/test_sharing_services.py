@@ -134,7 +134,7 @@ def test_a_listener_whose_time_is_over_says_that_it_heard_nobody(tmp_path, optio
         assert "Traceback" not in listener.stderr
     if options:
         found = json.loads((tmp_path / "found.json").read_text())
-        assert found["outcome"].endswith(f"heard at {url}: start mmt-leader with --share there")
+        assert found["outcome"].endswith(f"heard at {url}: start one with --share")
         assert found["listening"]["session_id"] is None
 
 

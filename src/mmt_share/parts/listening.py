@@ -73,8 +73,7 @@ class ListeningPart(Part):
         """Mark the session as failed if it has run its full time and never reached a leader."""
         ending = self._session.ending
         if ending.outcome == "completed" and not self.client.session:
-            said = f"no leader was heard at {self._url}: start mmt-leader with --share there"
-            ending.outcome = f"{FAILED}{said}"
+            ending.outcome = f"{FAILED}no leader was heard at {self._url}: start one with --share"
 
     async def stop(self) -> None:
         """Disconnect from the leader."""

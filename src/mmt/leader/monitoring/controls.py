@@ -147,7 +147,7 @@ class Controls:
             surface = max(known) + 1
         elif surface not in known or not isinstance(surface, int):
             numbers = ", ".join(map(str, known))
-            raise InputError(f"surface is {surface!r}: known are {numbers}, null is another one")
+            raise InputError(f"surface is {surface!r}: known are {numbers}; null (new) is another")
         if surface == now:
             return f"surface {now} it is"
         self._modelled().state_surface(surface)
