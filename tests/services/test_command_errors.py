@@ -91,7 +91,7 @@ CASES = [
     ("mmt model info whole.npz", "not a texture model: the array 'format_version'"),
     ("mmt model build whole.mcap x.pdf", "the name of a model file must end in .npz"),
     ("mmt bench nothing", "bench nothing: allowed are burg, devices"),
-    ("mmt burn", "No such command 'burn'"),
+    ("mmt evaluat", "No such command 'evaluat'. Did you mean 'evaluate'?"),
     ("mmt", "Usage: mmt"),
 ]
 

@@ -31,6 +31,7 @@ class Commands(TyperGroup):
         """Return a command by its name, or None if there is none."""
         added = self._added()
         if cmd_name not in added:
+            self.commands.update(dict.fromkeys(added, self))  # so that Typer proposes similar ones
             own = super().get_command(ctx, cmd_name)
             return None if own is None else simplify_help(own)
         target = _load(added[cmd_name])
@@ -45,11 +46,10 @@ class Commands(TyperGroup):
         return command
 
     def _added(self) -> dict[str, EntryPoint]:
-        start = len(self.prefix)
         return {
-            name[start:]: entry
+            name.removeprefix(self.prefix): entry
             for name, entry in offered(GROUP).items()
-            if name.startswith(self.prefix) and "." not in name[start:]
+            if name.startswith(self.prefix) and "." not in name.removeprefix(self.prefix)
         }
 
 
