@@ -142,7 +142,8 @@ def test_columns_are_proposed_by_their_names(tmp_path, case):
 @pytest.mark.parametrize(
     ("name", "target"),
     [("Accelerometer", "acceleration_y"), ("force", "force_y"), ("a", "position_y"),
-     ("Gyroscope", None)],
+     ("Gyroscope", None), ("TotalAcceleration", "acceleration_y"), ("Gravity", None),
+     ("AccelerometerUncalibrated", "acceleration_y")],
 )  # fmt: skip
 def test_a_bare_axis_is_one_of_what_its_file_is_called_by(tmp_path, name, target):
     columns = propose(table(tmp_path, "t,y").rename(tmp_path / f"{name}.csv")).options.columns

@@ -20,8 +20,8 @@ _OF_TOOL: Final = "(?:(?:robot[0-9]?)?(?:cursor|eef?|tool|tip|tcp|probe|stylus|p
 _WORDS: Final = {
     "position": f"p|{_OF_TOOL}(?:pos|position)|tip|tcp|pen|stylus|tool",
     "force": f"f|{_OF_TOOL}forces?|load(?:cell)?|kraft|ati",
-    "acceleration": "(?:linear)?a(?:cc(?:el(?:eration)?)?)?|accelerometer|imu|adxl|vibration"
-    "|beschleunigung",
+    "acceleration": "(?:linear|total)?a(?:cc(?:el(?:eration)?)?)?|accelerometer(?:uncalibrated)?"
+    "|imu|adxl|vibration|beschleunigung",
     "speed": "v|vel|velocity|speed",
 }
 _TIME: Final = re.compile(
@@ -167,7 +167,7 @@ def is_commanded(name: str) -> bool:
 
 def of_file(name: str, stem: str) -> str:
     """Return a bare axis as one of what its file's name says that it holds, else the name."""
-    told = target_of(stem) in CHANNELS or re.match("gyro|magnetometer", stem.lower())
+    told = target_of(stem) in CHANNELS or re.match("gyro|magnetometer|gravity", stem.lower())
     return f"{stem}.{name}" if told and re.fullmatch("[xyz]", name, re.IGNORECASE) else name
 
 
