@@ -264,6 +264,15 @@ def trajectories_of_vicon_above_its_devices(path):
     lines(path, VICON, [*rows, *(line.split(",") for line in below)])
 
 
+@kind("devices.csv", channels=ONLY_FORCE, rate_hz=1000.0)
+def devices_of_vicon_above_trajectories_that_begin_hidden(path):
+    head = "Devices\n1000\n,,Plate,,,Plate,,\nFrame,Sub Frame,Fx,Fy,Fz,Mx,My,Mz\n"
+    rows = [(n, 0, *row[1:], 0, 0, 0) for n, row in enumerate(rows_of(force))]
+    below = [*VICON.splitlines(), "0,0,,,,1,2,3", *("1,0,1,2,3,1,2,3" for _ in TIME_S)]
+    units = ",,N,N,N,N.mm,N.mm,N.mm"
+    lines(path, head + units, [*rows, *(line.split(",") for line in below)])
+
+
 @kind("qualisys.tsv", channels=["position"])
 def markers_of_qualisys(path):
     head = "NO_OF_FRAMES\t2000\nTIME_STAMP\t2026-01-01, 10:00:00.000\t123.4\nMARKER_NAMES\ttip\n"

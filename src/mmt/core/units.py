@@ -67,7 +67,7 @@ _OTHERS: Final = {
 _RATE: Final = re.compile(r"(?P<length>.+?)(?P<per>[/_]?)(?P<time>s|sec|min|h)(?P<power>-?[12])?")
 """A length per time, once or twice."""
 _FOREIGN: Final = re.compile(
-    r"m?v|volts?|counts?|cnts?|lsb|adc|deg|degrees?|m?rad|[kmn]?nm|[kmhn]?pa|percent|n[ _*·.-]?m"
+    r"m?v|volts?|counts?|cnts?|lsb|adc|deg|degrees?|m?rad|[kmhn]?pa|percent|[kmn]?n[_.-]?m?m"
 )
 """Endings of names that are units of other quantities."""
 _LONGEST: Final = 100

@@ -243,7 +243,8 @@ def _note(row: Sequence[Cell]) -> str:
 def names_in(row: Sequence[Cell]) -> list[str]:
     """Return the texts of a row of text that may be names for rows below, or none."""
     texts = list(filter(None, map(text_of, row)))
-    return texts if 1 < len(texts) == len(set(texts)) and not _is_units(row) else []
+    are_several = len(set(texts)) >= min(3, len(texts)) > 1  # X, Y, Z may be of several markers
+    return texts if are_several and not _is_units(row) else []
 
 
 def title_in(row: Sequence[Cell]) -> str:

@@ -138,7 +138,7 @@ def _read_rows(
             ) from error
         if not row:
             continue
-        if (names and widths and len(names) == count_filled(row)) and (
+        if (names and widths and len(names) in (count_filled(row), len(row))) and (
             title not in ("", *header.titles) or names != header.own[: widths[-1]]
         ):
             notes.append(f"another table begins above line {line}: it was left out, as all below")
