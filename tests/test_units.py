@@ -16,6 +16,7 @@ from mmt.core.units import _table, is_unit, unit_factor, unit_in_name
             for unit in ("V", "mV", "m_s")
         ),
         *(("position", name, "mm") for name in ("x (mm)", "a[0] [mm]", "x.mm", f"{'a' * 999}-mm")),
+        ("position", "x {mm}", "{mm}"),
         *(
             ("force", name, unit)
             for unit in ("N", "g", "mN")

@@ -688,7 +688,7 @@ def test_the_unit_of_a_group_is_that_of_its_columns(tmp_path, name, unit):
     "head",
     ["Units: mN", "# Units: mN", "Unit,mN", "Date,2024-01-01\nForce Units,mN,Length Units,m",
      "force unit = mN\nrate,1000", "Sensor: ATI,,,\nUnits,mN,,", "# Forces in mN, all of them",
-     "# tip,force in [mN]."],
+     "# tip,force in [mN].", "s,mN,mN,mN"],
 )  # fmt: skip
 def test_a_line_above_a_table_tells_its_unit(tmp_path, head):
     rows = ((t, *fs) for t, fs in zip(TIME_S, (1e3 * force(TIME_S)).tolist(), strict=True))

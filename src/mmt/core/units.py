@@ -117,7 +117,7 @@ def _plain(text: str) -> str:
         text = text.replace(sign, plain)
     text = re.sub(r"\s+since\b.*", "", text)  # times in netCDF
     text = re.sub(r"\s*\bper\b\s*", "/", text)
-    return re.sub(r"[\s·⋅*^()\[\]]|\.\s*$", "", text)
+    return re.sub(r"[\s·⋅*^()\[\]{}<>]|\.\s*$", "", text)
 
 
 def _exact(quantity: str, unit: str) -> float | None:

@@ -69,8 +69,8 @@ def read_header(
     bare, bracketed = zip(*map(_name_and_unit, found.names), strict=True)
     names, doubled = distinct(_grouped(bare, found.over))
     above = [row for row in rows[: found.begin] if row is not found.units]
-    labelled = (["", *row[1:]] for row in above if _are_labelled_units(row, len(names)))
-    told = [text_of(unit) for unit in (found.units or next(labelled, ()))[: len(names)]]
+    in_rows = [_units_above(row, len(names)) for row in above]
+    told = [text_of(unit) for unit in found.units or next(filter(None, in_rows), ())]
     units: dict[str, str] = {}
     places: dict[str, int] = {}
     for called in (distinct(bare)[0], names):
@@ -88,7 +88,7 @@ def read_header(
         names,
         places,
         units,
-        _stated_units(above),
+        _stated_units([row for row, used in zip(above, in_rows, strict=True) if not used]),
         found.begin,
         own=own,
         titles=[title_in(row) for row in rows[: found.begin]],
@@ -259,11 +259,12 @@ def _is_units(row: Sequence[Cell]) -> bool:
     return 2 * sum(text in ("-", "") or is_unit(text) for text in texts) > len(texts)
 
 
-def _are_labelled_units(row: Sequence[Cell], width: int) -> bool:
-    """Return whether a row above the names has units behind a word, as LabVIEW writes them."""
-    texts = list(filter(None, map(text_of, row)))
-    all_units = len(texts) > 1 and "unit" in texts[0].lower() and all(map(is_unit, texts[1:]))
-    return all_units and width - 1 <= len(texts) <= width
+def _units_above(row: Sequence[Cell], width: int) -> list[str]:
+    """Return the units in a row above the names, perhaps behind a word as in LabVIEW, else []."""
+    first, *others = [*map(text_of, row), ""]
+    texts = ["" if "unit" in first.lower() else first, *others]
+    fits = max(2, width - 1) <= count_filled(row) <= width
+    return texts[:width] if fits and all(map(is_unit, filter(None, texts))) else []
 
 
 def _is_settings(row: Sequence[Cell]) -> bool:
