@@ -232,10 +232,11 @@ def with_settings_of_the_columns(path, keys):
 @kind("blanks of r.txt", " ", '"', channels=ONLY_FORCE)
 @kind("tabs of r.txt", "\t", "", channels=ONLY_FORCE)
 @kind("commas of r.csv", ",", '"', channels=ONLY_FORCE)
-def with_row_numbers_that_have_no_name(path, sign, quote):
+@kind("from zero.csv", ",", "", 0, channels=ONLY_FORCE)
+def with_row_numbers_that_have_no_name(path, sign, quote, begin=1):
     """As ``write.table`` of R writes them."""
     names = [f"{quote}{name}{quote}" for name in ("t", "Fx", "Fy", "Fz")]
-    rows = enumerate(rows_of(force), start=1)
+    rows = enumerate(rows_of(force), start=begin)
     lines(path, sign.join(names), ([f"{quote}{n}{quote}", *row] for n, row in rows), sign)
 
 
@@ -802,9 +803,12 @@ def test_numbers_that_pandas_pickled_are_read_right_or_refused(tmp_path, protoco
     np.testing.assert_allclose(found, made[rows], atol=1e-5)
 
 
-def test_axes_without_a_name_are_told(tmp_path):
-    lines(tmp_path / "a.csv", "time,x,y,z", ((t, t, t, t) for t in TIME_S))
-    assert "nothing says that it is one" in str(propose(tmp_path / "a.csv").columns.notes)
+@pytest.mark.parametrize(
+    ("names", "told"), [("time,x,y,z", "nothing says that it is one"), ("fx,fy,fz", "than there")]
+)
+def test_axes_without_a_name_are_told(tmp_path, names, told):
+    lines(tmp_path / "a.csv", names, ((t, t, t, t) for t in TIME_S))
+    assert told in str(propose(tmp_path / "a.csv").columns.notes)
 
 
 def test_a_labview_file_without_times_needs_a_rate(tmp_path):

@@ -20,6 +20,10 @@ _NAMES_NEAR: Final = 6
 _FEWEST_NAMES = 3
 """Least number of columns for which a first row 0, 1, ... or 1, 2, ... is taken for names."""
 _UNIT_LINE: Final = re.compile(r"(.*units?)\s*(?:[:=]\s*(.*))?", re.IGNORECASE)
+_SHIFTED: Final = (
+    "line {} has {} cells, more than there are names: if the first has none, each name stands a "
+    "cell too far to the left; then write one before them"
+)
 _LONGEST_NOTE: Final = 1000
 """Most characters of a line above a table in which units and factors are looked for."""
 _UNIT_IN_NOTE: Final = re.compile(
@@ -154,7 +158,9 @@ def _header_rows(
         names = [_named(*texts) for texts in each]
         if len(above[-1]) == width - 1 and _are_counted(rows[first:]):
             return _Rows(["", *names[:-1]], first, units=units)
-        return _Rows(names, first, over, units)
+        few = text_of(rows[first][-1]) and not any(each[width - 1][:-1])
+        notes = (_SHIFTED.format(first + 1, width),) if few else ()
+        return _Rows(names, first, over, units, notes)
     texts = list(map(text_of, rows[first]))
     counted = [[str(start + place) for place in range(width)] for start in (0, 1)]
     if width >= _FEWEST_NAMES and texts in counted and len(rows) > first + 1:
@@ -180,10 +186,11 @@ def _grouped(names: Sequence[str], over: Sequence[Cell]) -> list[str]:
 
 
 def _are_counted(rows: Sequence[Sequence[Cell]]) -> bool:
-    """Return whether rows begin with their number, which has no name, as R writes them."""
+    """Return whether rows begin with their number from 0 or 1, which has no name, as R writes."""
     filled = [list(map(text_of, row)) for row in rows if count_filled(row)]
+    begin = int(filled[0][0] != "0")
     return len(filled) > 1 and all(
-        row[0] == str(number) and row[-1] for number, row in enumerate(filled, start=1)
+        row[0] == str(number) and row[-1] for number, row in enumerate(filled, start=begin)
     )
 
 
