@@ -225,13 +225,23 @@ def test_waveforms_of_tdms_have_their_own_times(tmp_path):
     with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
         writer.write_segment([wave("ni", "z", np.sin(0.1 * np.arange(2 * ROWS)), 2000, 0)])
         writer.write_segment([wave("arm", "z", FORCE_N[:, 2], 1000, 50)])
+        writer.write_segment([wave("arm", "a", np.sin(0.1 * np.arange(2 * ROWS)), 2000, 70)])
         writer.write_segment([nptdms.ChannelObject("arm", "note", ["a", "b"])])
+    with nptdms.TdmsWriter(tmp_path / "b.tdms") as writer:
+        writer.write_segment([wave("arm", "z", FORCE_N[:, 2], 1000, 50)])
     columns = {"acceleration": "ni.z", "force": "arm.z"}
     session = import_session(tmp_path / "a.tdms", columns=columns)
-    assert session.began_utc_ns == (begin + np.timedelta64(50, "ms")).astype("M8[ns]").astype(int)
+    began_ns = (begin + np.timedelta64(50, "ms")).astype("M8[ns]").astype(int)
+    assert session.began_utc_ns == began_ns
+    alone = import_session(tmp_path / "a.tdms", columns={"acceleration": "arm.a"})
+    assert alone.began_utc_ns == began_ns + 20_000_000
+    columns_of_two = {"acceleration": "a.tdms:ni.z", "force": "b.tdms:z"}
+    of_two = import_session([tmp_path / "a.tdms", tmp_path / "b.tdms"], columns=columns_of_two)
+    assert of_two.began_utc_ns == began_ns
+    np.testing.assert_array_equal(of_two.frames, session.frames)
     force = session.frames["force_n"][:, 2]
     np.testing.assert_allclose(force, FORCE_N[: len(force), 2], rtol=1e-6)
-    assert propose(tmp_path / "a.tdms").names == ["ni.z", "arm.z", "arm.note"]
+    assert propose(tmp_path / "a.tdms").names == ["ni.z", "arm.z", "arm.a", "arm.note"]
     (tmp_path / "a.tdms").write_bytes(b"TDSm" + bytes(24) + b"x" * 40)
     with pytest.raises(InputError, match="not a TDMS file"):
         import_session(tmp_path / "a.tdms", columns=columns)

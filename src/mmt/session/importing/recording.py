@@ -16,7 +16,7 @@ from mmt.core.rotations import turn_into_scene
 from mmt.session.data import RecordedSession
 from mmt.session.formats import find_format, suffixes
 from mmt.session.importing.checks import ImportReport, assess
-from mmt.session.importing.columns import SourceColumns, reading, wanted_names
+from mmt.session.importing.columns import STANDARD_NAMES, SourceColumns, reading, wanted_names
 from mmt.session.importing.framing import on_the_grid, to_frames
 from mmt.session.importing.mapping import to_samples
 from mmt.session.importing.options import MATCHED, ImportOptions, quantity_of
@@ -209,13 +209,26 @@ def import_columns(
             parts = [part.without_repeats() for part in parts]
         for part in parts:
             part.check()
-        samples = joined(parts, [file.name for file in files], options)
+        first_ns, *others_ns = map(_date_ns, read, each)
+        apart = {
+            file.name: f"{(date_ns - first_ns) / 1e9:.9f}"
+            for file, date_ns in zip(files[1:], others_ns, strict=True)
+            if first_ns is not None and date_ns is not None and file.name not in options.offsets
+        }
+        offset = replace(options, offsets={**apart, **options.offsets})
+        samples = joined(parts, [file.name for file in files], offset)
         frames, stamps, resampled = to_frames(
             samples, options.longest_gap_s, options.stamps, options.acceleration_rate_hz
         )
-        turned = _turn(frames, options)
-        samples = replace(samples, notes=(*samples.notes, *turned))
-        later_ns = int(frames["time_ns"][0]) if resampled else _first_ns(frames, stamps)
+        notes = [
+            f"{name}: {offset_s} s were added to its times, by the dates in both files (--offset "
+            f"{name}=S adds others)"
+            for name, offset_s in apart.items()
+        ]
+        samples = replace(samples, notes=(*samples.notes, *notes, *_turn(frames, options)))
+        later_ns = int(frames["time_ns"][0])
+        if first_ns is not None:
+            later_ns += _first_ns(frames, stamps, resampled=resampled)
     began_ns = columns.began_utc_ns
     session = RecordedSession(
         frames=frames,
@@ -228,6 +241,13 @@ def import_columns(
     report = assess(frames, samples, stamps, options, resampled=resampled)
     notes = [note for part in read for note in part.notes]
     return session, replace(report, warnings=(*notes, *samples.notes, *report.warnings))
+
+
+def _date_ns(columns: SourceColumns, options: ImportOptions) -> int | None:
+    """Return the date from which a file's times count, if these are not those of a column."""
+    own = set(STANDARD_NAMES.values())
+    mapped = any(t.endswith("time") and name not in own for t, name in options.columns.items())
+    return None if mapped else columns.began_utc_ns
 
 
 def _turn(frames: RecordArray, options: ImportOptions) -> list[str]:
@@ -245,8 +265,10 @@ def _turn(frames: RecordArray, options: ImportOptions) -> list[str]:
     return [f"{' and '.join(channels)} were turned from the tool's axes"]
 
 
-def _first_ns(frames: RecordArray, stamps: Mapping[Channel, Stamps]) -> int:
-    """Return the time of the first frame in the file; its first samples may be earlier."""
+def _first_ns(frames: RecordArray, stamps: Mapping[Channel, Stamps], *, resampled: bool) -> int:
+    """Return the time in the file that is zero in frames; its first samples may be earlier."""
+    if resampled:
+        return round(1e9 * min(float(each.time_s[0]) for each in stamps.values()))
     channel, found = next(iter(stamps.items()))
     last = samples_per_frame(frames.dtype) - 1 if channel == "acceleration" else 0
     return round(float(found.time_s[last]) * 1e9)
