@@ -6,10 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.files.existing import replacing_folder
-from mmt.session.data import RecordedSession, event_time_s, to_json
+from mmt.session.data import FRAME_PERIOD_NS, RecordedSession, event_time_s, to_json
 from mmt_bridges.ros.messages import SCENE, Message, Messages
 
 _BAG_SUFFIXES: Final = {".yaml", ".mcap", ".db3"}
@@ -64,8 +66,15 @@ def _messages(session: RecordedSession, messages: Messages) -> Iterator[Message]
 
 
 def _frames(session: RecordedSession, messages: Messages, began_ns: int) -> Iterator[Message]:
-    """Yield the messages of the frames, made in blocks: Python numbers take ten times the room."""
-    frames = session.frames
+    """Yield the messages of the frames, made in blocks: Python numbers take ten times the room.
+
+    Where their time falls, as of a follower's machine that restarted, it goes on by their numbers.
+    """
+    frames = session.frames.copy()
+    numbers, times_ns = frames["sequence"].astype(np.int64), frames["time_ns"]
+    for fall in np.flatnonzero(np.diff(times_ns) < 0).tolist():
+        step_ns = max(1, numbers[fall + 1] - numbers[fall]) * FRAME_PERIOD_NS
+        times_ns[fall + 1 :] += times_ns[fall] + step_ns - times_ns[fall + 1]
     since_ns = began_ns - int(frames["time_ns"][0]) if len(frames) else 0
     for first in range(0, len(frames), _FRAMES_PER_BLOCK):
         block = frames[first : first + _FRAMES_PER_BLOCK]
