@@ -409,9 +409,10 @@ def test_what_is_no_parquet_file_of_a_session_is_said(tmp_path):
         read_session(tmp_path / "mine.parquet")
     with pytest.raises(InputError, match="No such file"):
         read_session(tmp_path / "none.parquet")
-    export_session(session_of(0), tmp_path / "empty.parquet")
-    with pytest.raises(InputError, match="it holds no frame"):
-        read_session(tmp_path / "empty.parquet")
+    for count in range(2):
+        export_session(session_of(count), tmp_path / "few.parquet")
+        with pytest.raises(InputError, match=f"it holds {count} frames, at least 2 are needed"):
+            read_session(tmp_path / "few.parquet")
 
 
 def test_a_table_with_a_sessions_columns_and_a_text_is_read(tmp_path):

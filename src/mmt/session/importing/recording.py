@@ -276,8 +276,8 @@ def _first_ns(frames: RecordArray, stamps: Mapping[Channel, Stamps], *, resample
 
 def _of_frames(origin: str, frames: RecordArray) -> tuple[Samples, dict[Channel, Stamps]]:
     """Return the samples and stamps of frames (n,) that are imported unchanged."""
-    if len(frames) == 0:
-        raise InputError(f"{origin}: it holds no frame")
+    if len(frames) < 2:
+        raise InputError(f"{origin}: it holds {len(frames)} frames, at least 2 are needed")
     whole = RecordedSession(frames)
     vectors, numbers = whole.vectors(), frames["sequence"].astype(np.int64)
     values = {c: vectors[FIELD_OF_CHANNEL[c]].astype(np.float64) for c in whole.channels}
