@@ -17,10 +17,6 @@ from mmt.core.frames import Channel
 from mmt.session.data import JsonObject, OutputBlock, RecordedSession, duration_s, event_time_s
 
 
-def _no_arrivals() -> IntArray:
-    return np.zeros((0, 2), np.int64)
-
-
 @dataclass(frozen=True, eq=False)
 class Window:
     """The content of a recording between two times.
@@ -34,7 +30,7 @@ class Window:
     time_s: FloatArray
     frames: RecordArray
     outputs: Sequence[OutputBlock] = ()
-    arrivals: IntArray = field(default_factory=_no_arrivals)
+    arrivals: IntArray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
 
 
 class SessionWindows(Protocol):

@@ -66,7 +66,9 @@ def all_pole(ar: FloatArray, ma: FloatArray, variance: FloatArray) -> AllPole:
     for order in range(ar.shape[1], LARGEST_ORDER + 1):
         poles = reflection_to_ar(reflection[:, :order])
         found = left[:, order - 1 : order] / _square(np.insert(poles, 0, 1.0, axis=1))
-        error_db = _difference_db(found, wanted)
+        floor = wanted.max(axis=1, keepdims=True) * 10.0 ** (-_FLOOR_DB / 10.0)
+        ratio = np.maximum(found, floor) / np.maximum(wanted, floor)
+        error_db = np.sqrt(np.mean(np.square(10.0 * np.log10(ratio)), axis=1))
         if error_db.max() <= _CLOSE_DB:
             break
     return AllPole(reflection[:, :order], left[:, order - 1] * variance, error_db)
@@ -75,12 +77,6 @@ def all_pole(ar: FloatArray, ma: FloatArray, variance: FloatArray) -> AllPole:
 def _square(coefficients: FloatArray) -> FloatArray:
     """Return squared magnitudes (n, f) at even angles from 0 to pi."""
     return np.asarray(np.square(np.abs(np.fft.rfft(coefficients, _TRANSFORM, axis=1))))
-
-
-def _difference_db(found: FloatArray, wanted: FloatArray) -> FloatArray:
-    floor = wanted.max(axis=1, keepdims=True) * 10.0 ** (-_FLOOR_DB / 10.0)
-    ratio = np.maximum(found, floor) / np.maximum(wanted, floor)
-    return np.asarray(np.sqrt(np.mean(np.square(10.0 * np.log10(ratio)), axis=1)))
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 import heapq
 import time
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
@@ -60,7 +61,10 @@ def _messages(session: RecordedSession, messages: Messages) -> Iterator[Message]
         yield began_ns, SCENE, messages.text(to_json(dict(session.scene)))
     yield from heapq.merge(
         _frames(session, messages, began_ns),
-        _events(session, messages, began_ns),
+        chain.from_iterable(
+            messages.event(began_ns + round(event_time_s(event) * 1e9), event)
+            for event in session.events
+        ),
         key=lambda written: written[0],
     )
 
@@ -79,11 +83,6 @@ def _frames(session: RecordedSession, messages: Messages, began_ns: int) -> Iter
     for first in range(0, len(frames), _FRAMES_PER_BLOCK):
         block = frames[first : first + _FRAMES_PER_BLOCK]
         yield from messages.frames(block, session.channels, since_ns)
-
-
-def _events(session: RecordedSession, messages: Messages, began_ns: int) -> Iterator[Message]:
-    for event in session.events:
-        yield from messages.event(began_ns + round(event_time_s(event) * 1e9), event)
 
 
 def _require_replaceable(path: Path) -> None:

@@ -130,7 +130,8 @@ class _Gathered:
                 if (tells_apart(field) or gives_unit(field)) and self._keeps(source, field):
                     source.texts.setdefault(field, {})[row] = value
                 continue
-            if labels != source.labels and field.count(".") == 1 and _is_list(value, len(labels)):
+            each_label = isinstance(value, np.ndarray) and len(value) == len(labels)
+            if labels != source.labels and field.count(".") == 1 and each_label:
                 if sorted(labels) != sorted(source.labels):
                     continue  # each label has its own field
                 value = value[[labels.index(label) for label in source.labels]]  # noqa: PLW2901
@@ -296,7 +297,3 @@ def _labels_in(members: Mapping[str, Any]) -> list[str]:
     if not isinstance(labels, list) or not all(isinstance(label, str) for label in labels):
         return []
     return labels
-
-
-def _is_list(value: Any, length: int) -> bool:
-    return isinstance(value, np.ndarray) and len(value) == length

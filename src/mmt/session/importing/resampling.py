@@ -64,15 +64,15 @@ def resample(
     numbers: IntArray | None = None
     resampled: dict[Channel, FloatArray] = {}
     for channel, values in samples.values.items():
-        time_s = stamps[channel].time_s - origin_s
+        own = stamps[channel]
         vibrates = channel == "acceleration"
         several = samples_per_frame if vibrates else 1
         fine, rows = _resample_channel(
-            time_s,
+            own.time_s - origin_s,
             without_flips(values) if channel == "orientation" else values,
             longest_gap_s,
             RATE_HZ * several,
-            even=_is_even(stamps[channel]),
+            even=own.regular or own.largest_s <= _EVEN * own.period_s,
             vibrates=vibrates,
         )
         present, first, counts = np.unique(
@@ -93,10 +93,6 @@ def resample(
             rows = rows[new]
         resampled[channel] = rows
     return (np.zeros(0, dtype=np.int64) if numbers is None else numbers), resampled
-
-
-def _is_even(stamps: Stamps) -> bool:
-    return stamps.regular or stamps.largest_s <= _EVEN * stamps.period_s
 
 
 def _resample_channel(

@@ -277,7 +277,8 @@ def _keys(table: SourceColumns) -> Mapping[str, list[str]]:
     keys = {
         name: [text.strip("/") for text in texts.tolist()]
         for name, texts in table.labels.items()
-        if tells_apart(name) or (name.isdecimal() and _of_channels(texts))
+        if tells_apart(name)
+        or (name.isdecimal() and any(_channel_of(each) in CHANNELS for each in {*texts.tolist()}))
     }
     for name, cells in _numbers(table, partial(tells_apart, by_number=True)).items():
         each = [f"{last_part(name)}_{text}" if text else "" for text in cells]
@@ -325,10 +326,6 @@ def _ascend(times: Iterable[FloatArray]) -> bool:
 
 def _channel_of(name: str) -> str:
     return quantity_of(target_of(name) or "")
-
-
-def _of_channels(texts: Any) -> bool:
-    return any(_channel_of(text) in CHANNELS for text in set(texts.tolist()))
 
 
 def _is_one_stream(table: SourceColumns, labels: npt.NDArray[np.str_]) -> bool:

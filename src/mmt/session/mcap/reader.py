@@ -138,8 +138,9 @@ def _began_utc_ns(
 
 def _outputs(scan: Scan, start_ns: int) -> list[OutputBlock]:
     messages = scan.on_topic(OUTPUT_TOPIC)
-    schema = scan.schema_of(OUTPUT_TOPIC)
-    if schema is None or not messages:
+    used = (scan.channels[message.channel_id].schema_id for message in messages)
+    schema = scan.schemas.get(next(used, 0))
+    if schema is None:
         return []
     codec = OutputCodec(schema.data)
     return [

@@ -93,13 +93,6 @@ class Scan:
         ids = {channel.id for channel in self.channels.values() if channel.topic == topic}
         return [message for message in self.messages if message.channel_id in ids]
 
-    def schema_of(self, topic: str) -> Schema | None:
-        """Return the schema of a topic, or None if the file has no such topic."""
-        for channel in self.channels.values():
-            if channel.topic == topic:
-                return self.schemas.get(channel.schema_id)
-        return None
-
     def metadata_of(self, name: str) -> dict[str, str]:
         """Return the last metadata record of a name, or {} if there is none."""
         found: dict[str, str] = {}

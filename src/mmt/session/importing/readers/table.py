@@ -75,7 +75,11 @@ def read_table(
     number.check(origin)
     in_cells = {n: number.unit_in(n, np.asarray(values), origin) for n, values in columns.items()}
     told = {name: unit for name, unit in in_cells.items() if unit}
-    dated = [n for n, p in places.items() if any(_is_date(row, p) for row in below)]
+    dated = [
+        n
+        for n, p in places.items()
+        if any(p < len(row) and seconds_of(row[p]) is not None for row in below)
+    ]
     return SourceColumns(
         origin=origin,
         values={name: values for name, values in columns.items() if name != BEGAN},
@@ -187,7 +191,3 @@ def _damaged(widths: IntArray) -> IntArray:
     if len(others) == 1 and others[0] == len(widths) - 1 and widths[-1] < usual:
         return others
     return inside if len(inside) <= _FEW * len(widths) else inside[:0]
-
-
-def _is_date(row: Sequence[Cell], place: int) -> bool:
-    return place < len(row) and seconds_of(row[place]) is not None
