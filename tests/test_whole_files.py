@@ -93,6 +93,9 @@ def test_a_link_and_a_device_stay_what_they_are(tmp_path):
     assert (kept.read_text(), kept.stat().st_mode & 0o777) == ("after", 0o640)
     write_json(Path("/dev/null"), {})
     assert Path("/dev/null").is_char_device()
+    if Path("/dev/full").exists():
+        with pytest.raises(MmtError, match="writing /dev/full failed: No space left"):
+            write_json(Path("/dev/full"), {})
     with pytest.raises(InputError, match="cannot write"):
         model_of(10).save(tmp_path / "nowhere" / "oak.npz")
 

@@ -85,7 +85,10 @@ def replacing(path: Path) -> Iterator[Path]:
         Writing failed, for instance because the disk is full; nothing is left behind.
     """
     if path.exists() and (path.parent == _DEVICES or not (path.is_file() or path.is_dir())):
-        yield path
+        try:
+            yield path
+        except OSError as error:
+            raise _failed(path, error) from error
         return
     whole = Path(os.path.realpath(path))
     part = whole.with_name(whole.name + ".part")
@@ -101,7 +104,7 @@ def replacing(path: Path) -> Iterator[Path]:
             shutil.copymode(whole, part)
         part.replace(whole)
     except OSError as error:
-        raise MmtError(f"writing {path} failed: {error.strerror or error}") from error
+        raise _failed(path, error) from error
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
@@ -169,6 +172,10 @@ def write_error(path: Path, error: OSError) -> MmtError:
     return kind(f"cannot write {path}: {error.strerror or error}")
 
 
+def _failed(path: Path, error: OSError) -> MmtError:
+    return MmtError(f"writing {path} failed: {error.strerror or error}")
+
+
 def size_bytes(path: Path) -> int:
     """Return the size of a file, or of all files in a folder; 0 if there is none."""
     files = [path, *(path.rglob("*") if path.is_dir() else ())]
@@ -205,6 +212,6 @@ def replacing_folder(path: Path) -> Iterator[Path]:
                 before.rename(path)
             raise
     except OSError as error:
-        raise MmtError(f"writing {path} failed: {error.strerror or error}") from error
+        raise _failed(path, error) from error
     finally:
         shutil.rmtree(beside, ignore_errors=True)
