@@ -15,7 +15,7 @@ from mmt.devices.labjack import packets, usb_link
 from mmt.devices.labjack.board import U6Voltages
 from mmt.devices.labjack.packets import AnalogInput, plan
 from mmt.devices.labjack.scans import CentredLines, nominal_lines, read_lines, write_lines
-from mmt.testing.emulated.labjack_u6 import EmulatedU6
+from mmt.testing.emulated.labjack_u6 import ENDPOINTS, EmulatedU6
 from mmt.testing.emulated.remote_u6 import RemoteU6, U6Server
 
 
@@ -93,6 +93,16 @@ def test_a_stream_that_a_program_left_behind_is_ended(closing):
     source.connect()
     for _, volts in read_some(source, 20):
         assert volts == pytest.approx([0.5], abs=0.0025)
+
+
+def test_a_box_that_goes_on_sending_is_opened_all_the_same(closing):
+    class Deaf(EmulatedU6):
+        def bulk_read(self, handle, endpoint, interface, buffer, timeout):
+            if endpoint == ENDPOINTS[2] and not self.streaming:
+                return len(buffer)
+            return super().bulk_read(handle, endpoint, interface, buffer, timeout)
+
+    closing(U6Voltages([AnalogInput(0)], backend=Deaf(level))).connect()
 
 
 def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch):

@@ -188,7 +188,7 @@ class U6Link:
             self._device.write(_OUT, STOP_STREAM, _REPLY_MS)
             for endpoint in (_REPLIES, _STREAM):
                 with contextlib.suppress(usb.core.USBTimeoutError):
-                    while True:
+                    for _ in range(_MOST_WAITING):  # it may go on sending
                         self._device.read(endpoint, _PACKET, _DRAIN_MS)
             reply = self.ask(CONFIG_U6, bytes(20))
         except usb.core.USBError as error:
