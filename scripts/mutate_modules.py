@@ -76,7 +76,10 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     ),
     "session/importing/columns": ("session/test_import_names.py",),
     "session/importing/framing": ("session/test_import_framing.py",),
-    "session/importing/mapping": ("session/test_import_mapping.py",),
+    "session/importing/mapping": (
+        "session/test_import_mapping.py",
+        "session/test_import_orientation.py",
+    ),
     "session/importing/options": ("session/test_import_options.py",),
     "session/importing/proposal": ("session/test_import_proposal.py",),
     "session/importing/samples": ("session/test_import_times.py",),
