@@ -20,12 +20,14 @@ def strokes(seconds, deepest_m, surface_m=0.0):
     return surface_m + deepest_m * (0.3 + 0.7 * swing)
 
 
-def learn(model, depth_m, noise_n=0.0, settings=None):
+def learn(model, depth_m, noise_n=0.0, settings=None, lost=range(0)):
     rng = np.random.default_rng(0)
     estimator = ContactEstimator(settings)
     speed = np.gradient(depth_m, settings.tick_s if settings else TICK_S)
-    for depth, rate in zip(depth_m.tolist(), speed.tolist(), strict=True):
-        estimator.update(depth, model.force_n(depth, rate) + noise_n * rng.normal())
+    for tick, (depth, rate) in enumerate(zip(depth_m.tolist(), speed.tolist(), strict=True)):
+        if tick not in lost:
+            ticks = 1 + len(lost) * (tick == lost.stop)
+            estimator.update(depth, model.force_n(depth, rate) + noise_n * rng.normal(), ticks)
     return estimator
 
 
@@ -38,6 +40,16 @@ def test_kelvin_voigt_is_found_from_foam_to_rigid(stiffness, surface):
     assert found.surface_m == pytest.approx(surface, abs=0.5 / stiffness)
     near = 0.03 if stiffness < 1e5 else 0.25  # moved by 0.05 mm, damping hardly shows
     assert found.damping_n_s_m == pytest.approx(truth.damping_n_s_m, rel=near)
+
+
+@pytest.mark.parametrize("lost", [range(2020, 2080), range(2100, 2200), range(2050, 2505)])
+@pytest.mark.parametrize(
+    "truth", [ContactModel(0.0, 1000.0, 1.0, 5.0), ContactModel(0.0, 6e4, 1.5)]
+)
+def test_lost_samples_change_no_model_whether_the_tool_stays_or_touches_meanwhile(truth, lost):
+    found = learn(truth, strokes(lost.stop * TICK_S + 0.3, 5e-3), 0.01, lost=lost).best()
+    for place in ((1e-3, 0.0), (3e-3, 0.2), (3e-3, -0.2)):
+        assert found.force_n(*place) == pytest.approx(truth.force_n(*place), rel=0.08)
 
 
 def test_a_surface_that_changes_is_followed():

@@ -42,6 +42,7 @@ def pushing(force_n):
 
 def samples(depth_mm, stiffness_n_mm):
     records = np.zeros(len(depth_mm), dtype=CONTACT_DTYPE)
+    records["sequence"] = np.arange(len(depth_mm))
     records["command_mm"][:, 2] = -depth_mm
     records["position_mm"][:, 2] = -0.5 * depth_mm
     records["force_n"][:, 2] = stiffness_n_mm * np.maximum(0.0, depth_mm)
@@ -115,9 +116,9 @@ def test_the_model_shows_the_force_of_the_hands_own_place():
         streamed.tick(1, at(0.0))
     assert handle.force_n[2] == pytest.approx(1.0)  # that of the stream, until there is a model
     assert streamed.summary["surface"] == {}
-    depth = 2.0 * np.sin(np.arange(2000) / 60)
+    records = samples(2.0 * np.sin(np.arange(2000) / 60), 1.5)
     for start in range(0, 2000, CONTACT_GATHERED):
-        feedback.on_records(samples(depth[start : start + CONTACT_GATHERED], 1.5))
+        feedback.on_records(records[start : start + CONTACT_GATHERED])
     for tick in range(300):  # down onto the surface, slowly
         feedback.on_frames(pushing(0.0))
         feedback.tick(1, at(1.0 - 0.01 * tick))
@@ -178,10 +179,10 @@ def test_contact_samples_go_out_gathered_with_the_command_that_they_followed():
     blocks = []
     for tick in range(2 * CONTACT_GATHERED):
         reporter.command((0.0, 0.0, -float(tick)))
-        frames["force_n"][0, 2] = tick
+        frames["sequence"], frames["force_n"][0, 2] = 7 * tick, tick
         blocks.append(reporter.measured(frames.copy()))
     sent = [block for block in blocks if block is not None]
     assert [len(block) for block in sent] == [CONTACT_GATHERED] * 2
     together = np.concatenate(sent)
-    assert together["sequence"].tolist() == list(range(2 * CONTACT_GATHERED))
+    assert together["sequence"].tolist() == list(range(0, 14 * CONTACT_GATHERED, 7))
     assert (together["command_mm"][:, 2] == -together["force_n"][:, 2]).all()

@@ -47,6 +47,7 @@ def test_the_followers_force_is_the_hands_until_the_contact_is_learned():
     assert contact.summary == {}
     assert told == []
     records = np.zeros(2000, CONTACT_DTYPE)
+    records["sequence"] = np.arange(2000)
     depth_mm = 3.0 * np.sin(np.arange(2000) / 60.0)
     records["command_mm"][:, 1] = -1.0 - depth_mm
     records["position_mm"][:, 1] = -1.0 - 0.5 * depth_mm

@@ -133,13 +133,12 @@ class EstimationSettings:
 
 
 class ContactEstimator:
-    """Estimate the contact from samples of depth and force, one tick after another."""
+    """Estimate the contact from samples of depth and force, in the order of their ticks."""
 
     def __init__(self, settings: EstimationSettings | None = None) -> None:
         self._settings = settings or EstimationSettings()
         tick_s = self._settings.tick_s
         forgetting = math.exp(-tick_s / self._settings.forgetting_s)
-        self._share = -math.expm1(-tick_s / _FILTER_S)
         self._error_keep = math.exp(-tick_s / _ERROR_MEMORY_S)
         self._linear = RecursiveLeastSquares(
             (2500.0, 100.0, 400.0), noise_variance=_NOISE_N**2, forgetting=forgetting
@@ -166,7 +165,7 @@ class ContactEstimator:
         self.largest_n = 0.0
         """Largest force so far, filtered."""
 
-    def update(self, depth_m: float, force_n: float) -> None:
+    def update(self, depth_m: float, force_n: float, ticks: int = 1) -> None:
         """Update the models with a sample; one that is not finite is ignored.
 
         Parameters
@@ -175,15 +174,21 @@ class ContactEstimator:
             Place along the axis into the surface, from any origin.
         force_n
             Force of the surface on the tool, against that axis.
+        ticks
+            Ticks since the sample before, at least 1.
         """
         if not math.isfinite(depth_m + force_n):
             return
         if math.isnan(self._depth_m):
             self._depth_m, self._force_n, self._free_m = depth_m, force_n, depth_m
-        self._force_n += self._share * (force_n - self._force_n)
-        moved_m = self._share * (depth_m - self._depth_m)
+        if ticks > 1 and self.contacts:
+            self._free_m = self._onset_m  # a touch in the gap was not at the last free place
+        period_s = ticks * self._settings.tick_s
+        share = -math.expm1(-period_s / _FILTER_S)
+        self._force_n += share * (force_n - self._force_n)
+        moved_m = share * (depth_m - self._depth_m)
         self._depth_m += moved_m
-        speed_m_s = moved_m / self._settings.tick_s
+        speed_m_s = moved_m / period_s
         self.largest_n = max(self.largest_n, self._force_n)
         self._detect(speed_m_s)
         if self.contacts and not self._stray:

@@ -28,6 +28,7 @@ Cost: about 12 us a sample, and under 1 us a tick, in plain Python.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated, Final
 
@@ -35,7 +36,9 @@ from annotated_types import Ge, Gt
 
 from mmt.contact.estimation import ContactEstimator, ContactModel, EstimationSettings
 from mmt.contact.force_map import SmoothSpeed
+from mmt.core.arrays import RecordArray
 from mmt.core.bounds import check_fields
+from mmt.core.sequence_numbers import SEQUENCES
 
 _FILTER_S: Final = 3e-3
 """Time constant of the speed filter of the rendered damper: positions are quantised."""
@@ -161,6 +164,28 @@ _LEAST_M2: Final = 1e-8
 _REGULARISER: Final = 1e-12
 
 
+class ContactSamples:
+    """Reads the follower's samples along the normal, which is the axis of number `normal`."""
+
+    def __init__(self, normal: int) -> None:
+        self._normal = normal
+        self._newest = -1
+
+    def read(self, records: RecordArray) -> Iterator[tuple[float, float, float, int]]:
+        """Yield command (m), place (m), force (N), and ticks since the last, of records (n,)."""
+        axis = self._normal
+        for command, place, force, number in zip(
+            records["command_mm"][:, axis].tolist(),
+            records["position_mm"][:, axis].tolist(),
+            records["force_n"][:, axis].tolist(),
+            records["sequence"].tolist(),
+            strict=True,
+        ):
+            ticks = (number - self._newest) % SEQUENCES or SEQUENCES  # a long time if it restarted
+            self._newest = number
+            yield -1e-3 * command, -1e-3 * place, force, ticks
+
+
 class HandContact:
     """Learn the contact from the follower's samples; return the force at the hand's position.
 
@@ -182,7 +207,7 @@ class HandContact:
         self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)  # of x x, x x', x' x', x F, x' F
         self._samples = 0
 
-    def update(self, command_m: float, place_m: float, force_n: float) -> None:
+    def update(self, command_m: float, place_m: float, force_n: float, ticks: int = 1) -> None:
         """Learn from one sample of the follower; one that is not finite is ignored.
 
         Parameters
@@ -191,11 +216,13 @@ class HandContact:
             Commanded and measured position of the tool along the axis into the surface.
         force_n
             Force of the surface on the tool.
+        ticks
+            Ticks since the sample before, at least 1.
         """
         if not math.isfinite(command_m + place_m + force_n):
             return
-        self.surface.update(place_m, force_n)
-        speed_m_s = self._speed.step(command_m, self._tick_s)
+        self.surface.update(place_m, force_n, ticks)
+        speed_m_s = self._speed.step(command_m, ticks * self._tick_s)
         self._samples += 1
         if self._samples % _RENEWAL == 0:
             model = self.surface.best()
@@ -203,14 +230,8 @@ class HandContact:
         if self.surface_m is not None and self.surface.contact and command_m > self.surface_m:
             self._fit(command_m - self.surface_m, speed_m_s, force_n)
 
-    def _fit(self, depth_m: float, speed_m_s: float, force_n: float) -> None:
-        new = (
-            depth_m * depth_m,
-            depth_m * speed_m_s,
-            speed_m_s * speed_m_s,
-            depth_m * force_n,
-            speed_m_s * force_n,
-        )
+    def _fit(self, x_m: float, v_m_s: float, force_n: float) -> None:
+        new = x_m * x_m, x_m * v_m_s, v_m_s * v_m_s, x_m * force_n, v_m_s * force_n
         keep = self._keep
         a, b, c, d, e = (keep * old + now for old, now in zip(self._sums, new, strict=True))
         self._sums = (a, b, c, d, e)

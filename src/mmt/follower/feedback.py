@@ -104,8 +104,7 @@ class ContactReporter:
     def __init__(self) -> None:
         self._command: Vector | None = None
         self._gathered: list[RecordArray] = []
-        self._waiting = 0
-        self._sequence = 0
+        self._samples = 0
 
     def command(self, position_mm: Vector | None) -> Vector | None:
         """Note the command, and return it unchanged."""
@@ -117,19 +116,15 @@ class ContactReporter:
         if self._command is None:
             return None
         records = np.zeros(len(frames), dtype=CONTACT_DTYPE)
-        records["sequence"] = self._sequence + np.arange(len(frames))
-        records["time_ns"] = frames["time_ns"]
+        for name in ("sequence", "time_ns", "position_mm", "force_n"):
+            records[name] = frames[name]
         records["command_mm"] = self._command
-        records["position_mm"] = frames["position_mm"]
-        records["force_n"] = frames["force_n"]
-        self._sequence += len(frames)
-        self._waiting += len(frames)
+        self._samples += len(frames)
         self._gathered.append(records)
-        if self._waiting < CONTACT_GATHERED:
+        if sum(map(len, self._gathered)) < CONTACT_GATHERED:
             return None
         block = np.concatenate(self._gathered)
         self._gathered.clear()
-        self._waiting = 0
         return block
 
     def on_records(self, records: RecordArray) -> None:
@@ -141,7 +136,7 @@ class ContactReporter:
     @property
     def summary(self) -> Mapping[str, Any]:
         """How many samples were made."""
-        return {"method": "model", "samples": self._sequence}
+        return {"method": "model", "samples": self._samples}
 
 
 def build_feedback(scene: Scene) -> FollowerFeedback | None:

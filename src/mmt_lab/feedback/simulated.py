@@ -166,6 +166,7 @@ def _run(
             command = sides.follower.command(wanted)
         tip = robot.advance(START_MM if command is None else command)
         frame = empty_frames(1, ("position", "force"))
+        frame["sequence"] = tick
         frame["position_mm"], frame["force_n"] = tip.position_mm, tip.force_n
         frames.push(tick, frame)
         reply = sides.follower.measured(frame) if sides.follower is not None else None

@@ -99,7 +99,7 @@ class StreamedForce:
         state: InterfaceState | None,  # noqa: ARG002 - the force does not depend on it
     ) -> RecordArray | None:
         """Display the force for the elapsed ticks; nothing is sent."""
-        self._show(self._streamed(elapsed))
+        self._show(self._ramp.shape(self._force, elapsed))
         return None
 
     def pause(self, elapsed: int) -> None:
@@ -116,10 +116,6 @@ class StreamedForce:
     def summary(self) -> Mapping[str, Any]:
         """Name of the method, and the largest force displayed (N)."""
         return {"method": "streamed", "largest_n": round(self._largest_n, 3)}
-
-    def _streamed(self, elapsed: int) -> Vector:
-        """Return the newest force (N), faded if its source is silent."""
-        return self._ramp.shape(self._force, elapsed)
 
     def _show(self, force_n: Vector) -> None:
         self._largest_n = max(self._largest_n, hypot(*force_n))

@@ -10,7 +10,12 @@ import numpy as np
 from mmt.contact.estimation import ContactEstimator, ContactModel, EstimationSettings
 from mmt.contact.force_map import ForceMap, SmoothSpeed
 from mmt.contact.passivity import PassivitySettings
-from mmt.contact.rendering import HandContact, LocalContact, RenderingSettings
+from mmt.contact.rendering import (
+    ContactSamples,
+    HandContact,
+    LocalContact,
+    RenderingSettings,
+)
 from mmt.core.arrays import RecordArray, Vector, bounded
 from mmt.core.frames import CONTACT, CONTACT_DTYPE
 from mmt.core.guards import SILENCE_TICKS, ForceDisplay
@@ -25,7 +30,6 @@ _RENEWAL: Final = 10
 """Samples after which the rendered model is updated."""
 _BEYOND: Final = 1.25
 """The model displays at most this times the largest force that was measured."""
-_AXES: Final = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,8 @@ class ModelForce(StreamedForce):
         self._contact = LocalContact(settings.rendering)
         self._memory = ForceMap()
         self._command_speed, self._hand_speed = SmoothSpeed(), SmoothSpeed()
-        self._normal = _AXES.index(settings.normal)
+        self._normal = "xyz".index(settings.normal)
+        self._reader = ContactSamples(self._normal)
         self._tick_s = settings.passivity.tick_s
         self._share = 0.0
         self._samples = 0
@@ -91,17 +96,11 @@ class ModelForce(StreamedForce):
 
     def on_records(self, records: RecordArray) -> None:
         """Learn from the follower's samples."""
-        axis = self._normal
-        for command, place, force in zip(
-            records["command_mm"][:, axis].tolist(),
-            records["position_mm"][:, axis].tolist(),
-            records["force_n"][:, axis].tolist(),
-            strict=True,
-        ):
-            self._felt.update(-_M * command, force)
-            speed_m_s = self._command_speed.step(-_M * command, self._tick_s)
-            self._memory.add(-_M * command, speed_m_s, force)
-            self._hand.update(-_M * command, -_M * place, force)
+        for command_m, place_m, force_n, ticks in self._reader.read(records):
+            self._felt.update(command_m, force_n, ticks)
+            speed_m_s = self._command_speed.step(command_m, ticks * self._tick_s)
+            self._memory.add(command_m, speed_m_s, force_n)
+            self._hand.update(command_m, place_m, force_n, ticks)
             self._samples += 1
             if self._samples % _RENEWAL == 0:
                 self._contact.set_target(self._felt.best())

@@ -58,7 +58,7 @@ class PassiveForce(StreamedForce):
 
     def tick(self, elapsed: int, state: InterfaceState | None) -> RecordArray | None:
         """Display the force for the elapsed ticks; return a report of energy, if one is due."""
-        wanted = self._streamed(elapsed)
+        wanted = self._ramp.shape(self._force, elapsed)
         self._show(self._ports.step(wanted, state, elapsed, self._given.energy_j))
         return self._report.make(self._ports.in_j, elapsed)
 

@@ -5,7 +5,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.contact.estimation import ContactModel, EstimationSettings
-from mmt.contact.rendering import HandContact
+from mmt.contact.rendering import ContactSamples, HandContact
 from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import CONTACT, CONTACT_DTYPE
 from mmt.devices.leader_reports import InterfaceState
@@ -13,7 +13,6 @@ from mmt.leader.part import Session
 from mmt.scene import Texture
 
 _M: Final = 1e-3
-_AXES: Final = ("x", "y", "z")
 _LEAST_N: Final = 0.05
 """The follower's force, which has noise, counts as contact above this."""
 
@@ -39,7 +38,8 @@ class FollowerContact:
     def __init__(self, session: Session, stiffness_n_mm: float) -> None:
         scene = session.scene
         self._session = session
-        self._normal = _AXES.index((scene.texture or Texture()).normal)
+        self._normal = "xyz".index((scene.texture or Texture()).normal)
+        self._reader = ContactSamples(self._normal)
         feedback = scene.force_feedback
         given = {} if feedback is None else {"contact_n": feedback.contact_n}
         self.model: Final = HandContact(
@@ -53,17 +53,11 @@ class FollowerContact:
 
     def on_records(self, records: RecordArray) -> None:
         """Learn from the follower's samples (n,) of `CONTACT_DTYPE`."""
-        axis = self._normal
-        for command, place, force in zip(
-            records["command_mm"][:, axis].tolist(),
-            records["position_mm"][:, axis].tolist(),
-            records["force_n"][:, axis].tolist(),
-            strict=True,
-        ):
-            self.model.update(-_M * command, -_M * place, force)
+        for sample in self._reader.read(records):
+            self.model.update(*sample)
 
     def restart(self) -> None:
-        """Do nothing: samples do not depend on earlier ones."""
+        """Do nothing: the samples' numbers show a follower that was restarted."""
 
     def on_frames(self, frames: RecordArray) -> None:
         """Note the newest force of frames (n,), which is used until the contact is known."""
