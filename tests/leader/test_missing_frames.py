@@ -122,13 +122,18 @@ def test_at_the_end_what_still_waits_is_noted_as_lost():
     assert len(account.notes) == 2
 
 
-def test_a_bad_link_cannot_fill_the_memory():
-    account = Account(most=10**6, keeps=10**6)
+def test_a_bad_link_cannot_fill_the_memory_and_what_it_brings_late_is_taken():
+    account = Account(most=10**6, keeps=9000)
     numbers = numbered(*range(0, 20_000, 2))
     account.missing.jumped(-1, numbers)
     account.wait(50)
     assert len(account.asked[0]) == backfill.MOST_RANGES
     assert account.missing.summary["lost"] == 10_000 - 1 - backfill.MOST_RANGES
+    taken = account.missing.take_missing(numbered(*range(20_000)))
+    assert taken["sequence"].tolist() == list(range(19_999 - 2 * (9000 + 200), 19_999, 2))
+    account.wait(50)
+    assert account.notes[-2]["sentence"] == "9000 frames that were given up have come"
+    assert account.missing.summary["lost"] == sum(n.get("lost", 0) for n in account.notes) == 799
 
 
 @settings(max_examples=150)
@@ -177,6 +182,7 @@ def test_frames_that_no_follower_sent_are_counted_as_missing_and_lost():
     account.missing.jumped(9, numbered(12))
     account.missing.give_up_all()
     account.missing.add_unsent(4338)
+    assert not len(account.missing.take_missing(numbered(10, 11)))
     assert account.missing.summary["missing"] == account.missing.summary["lost"] == 4340
     account.wait(200)
     assert account.asked == []

@@ -137,9 +137,12 @@ async def test_what_is_promised_is_not_sent_twice_and_a_flood_of_requests_is_ref
     for _ in range(20):
         backfiller.request([[0, 100]])
         await asyncio.sleep(0.001)
+    kept.put(frames(1000, 1000).tobytes())
+    backfiller.request([[1000, 2000]])
+    await until(lambda: backfiller.gone == 100)  # no more wait than are buffered
     link.takes.set()
     await backfiller.finish(5.0)
-    assert backfiller.sent == 100
+    assert backfiller.sent == 1000
     backfiller.request("nonsense")
     for first in range(0, 4 * MAX_RANGES, 2):
         backfiller.request([[first, first + 1]])

@@ -100,7 +100,7 @@ async def test_metrics_are_what_the_summary_counts(tmp_path, http, unused_tcp_po
     assert up["mmt_rejected_total", (("reason", "not finite"),)] == 1
     missing = up["mmt_missing_frames_total", ()]
     assert missing == 8
-    assert up["mmt_unfilled_frames_total", ()] + up["mmt_awaited_frames", ()] == missing
+    assert up["mmt_unfilled_frames", ()] + up["mmt_awaited_frames", ()] == missing
     assert up["mmt_filled_frames_total", ()] == 0
     assert down["mmt_backfilled_frames_total", ()] <= 1  # the broken one, broken again
     assert down["mmt_implausible_commands_total", ()] == 0

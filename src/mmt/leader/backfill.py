@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 
-from mmt.core.arrays import BoolArray, RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.core.sequence_numbers import SEQUENCES, Range, RangeSet
 from mmt.leader.numbering import SessionNumbering
 
@@ -57,8 +57,8 @@ class MissingFrames:
 
     A jump in the numbers of the live frames is a gap. A gap is recorded first, then requested.
     Each frame is accepted once. Frames that the follower no longer keeps, or does not send in
-    time, count as lost. Time is counted in the leader's ticks while the follower is connected;
-    no clock is read.
+    time, count as lost, unless they come after all. Time is counted in the leader's ticks while
+    the follower is connected; no clock is read.
 
     Parameters
     ----------
@@ -75,14 +75,14 @@ class MissingFrames:
         self._ask = ask
         self._note = note
         self._keeps = 0  # frames that the connected follower buffers
-        self._missing = RangeSet()
+        self._missing, self._given_up = RangeSet(), RangeSet()
         self._unasked = RangeSet()
         self._asked: deque[tuple[int, list[Range]]] = deque()  # with the time, oldest first
         self._unnoted: list[Range] = []
         self._gaps: list[_Gap] = []
         self._idle_ticks = self._ticks = self._now_ticks = 0
         self._resolved = False
-        self._seen = self._filled = self._lost = self._unwanted = 0
+        self._seen = self._filled = self._lost = self._late = self._unwanted = 0
 
     @property
     def first(self) -> int | None:
@@ -112,7 +112,8 @@ class MissingFrames:
         self._lose(list(self._missing))
 
     def add_unsent(self, frames: int) -> None:
-        """Count frames as missing and lost that were never sent, because no follower ran."""
+        """Count frames as lost that were never sent: no follower ran, and none may still come."""
+        self._given_up.clear()
         self._seen += frames
         self._lost += frames
 
@@ -137,10 +138,12 @@ class MissingFrames:
             self._lose([next(iter(self._missing))])
 
     def take_missing(self, frames: RecordArray) -> RecordArray:
-        """Return those of the frames (n,) that were missing, ascending; count them as filled in."""
+        """Return the frames (n,) that are missing or given up, ascending; they are filled in."""
         numbers = frames["sequence"].tolist()
-        wanted: BoolArray = np.array([self._missing.remove(n, n + 1) == 1 for n in numbers])
-        taken = frames[wanted]
+        late = np.array([self._given_up.remove(n, n + 1) for n in numbers])
+        taken = frames[late + [self._missing.remove(n, n + 1) for n in numbers] > 0]
+        self._late += int(late.sum())
+        self._lost -= int(late.sum())
         self._unwanted += len(frames) - len(taken)
         if len(taken):
             self._filled += len(taken)
@@ -201,8 +204,11 @@ class MissingFrames:
         for first, stop in ranges:
             for low, high in self._missing.within(first, stop):
                 self._lose_of_gaps(low, high)
+                self._given_up.add(low, high)
             self._lost += self._missing.remove(first, stop)
             self._unasked.remove(first, stop)
+        while len(self._given_up) > self._keeps:  # the follower does not keep more
+            self._given_up.remove(*next(iter(self._given_up)))
         self._resolved = True
 
     def _lose_of_gaps(self, low: int, high: int) -> None:
@@ -225,7 +231,16 @@ class MissingFrames:
         )
 
     def _note_closed(self) -> None:
-        """Record the gaps of which no frame is awaited any more."""
+        """Record the gaps of which no frame is awaited any more, and frames that came later."""
+        late, self._late = self._late, 0
+        if late:
+            self._note(
+                f"{late} frames that were given up have come",
+                announce=late >= WORTH_SAYING,
+                kind="filled",
+                frames=0,
+                lost=-late,
+            )
         closed: list[_Gap] = []
         open_still: list[_Gap] = []
         for gap in self._gaps:

@@ -74,5 +74,5 @@ def _backfill(backfill: "Backfill") -> Iterator["Metric"]:
     frames = backfill.missing.summary
     yield counter("missing_frames", "Frames that were missing at their turn.", frames["missing"])
     yield counter("filled_frames", "Missing frames that were filled in.", frames["filled"])
-    yield counter("unfilled_frames", "Missing frames that were given up.", frames["lost"])
+    yield gauge("unfilled_frames", "Missing frames that were given up.", frames["lost"])
     yield gauge("awaited_frames", "Missing frames that may still come.", frames["waiting"])

@@ -73,18 +73,15 @@ class BackfillReceiver:
     def _on_backfill(self, sid: str, *arguments: object) -> None:
         if not self._expects(sid):
             return
-        data = argument_of(arguments)
-        if not isinstance(data, bytes):
-            self._reject("malformed back-fill")
-            return
-        count, rest = divmod(len(data), self._dtype.itemsize)
-        if rest or not 0 < count <= MAX_RECORDS_PER_MESSAGE:
+        data, size = argument_of(arguments), self._dtype.itemsize
+        longest = MAX_RECORDS_PER_MESSAGE * size
+        if not isinstance(data, bytes) or len(data) % size or not 0 < len(data) <= longest:
             self._reject("malformed back-fill")
             return
         frames = np.frombuffer(data, dtype=self._dtype)
         good = (frames["time_ns"] >= 0) & (frames["time_ns"] < LATEST_NS)
         for channel in channels_of(self._dtype):
-            values = frames[FIELD_OF_CHANNEL[channel]].reshape(count, -1)
+            values = frames[FIELD_OF_CHANNEL[channel]].reshape(len(frames), -1)
             good &= (np.abs(values) <= LARGEST_QUANTITY).all(axis=1)  # false if not finite
         if not good.all():
             self._reject("unusable back-fill")

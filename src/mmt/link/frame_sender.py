@@ -99,8 +99,8 @@ _FINISH_PERIOD_S: Final = 0.001
 class BackfillSender:
     """Answer requests for missing frames from the buffer.
 
-    Requested frames are copied at once, so that they are not overwritten while they wait. They are
-    sent a few at a time, and only when no live frame is queued.
+    Requested frames are copied at once, so that they are not overwritten while they wait; no more
+    than are buffered. They are sent a few at a time, and only when no live frame is queued.
 
     Parameters
     ----------
@@ -163,7 +163,9 @@ class BackfillSender:
                 if self._asked:
                     self._collect()
                 if self._waiting and self._outbox.idle:
-                    self._send_some(self._waiting)
+                    frames = self._take()
+                    self._outbox.put(0, encode_event(BACKFILL, frames.tobytes()))
+                    self.sent += len(frames)
                 await asyncio.sleep(_FINISH_PERIOD_S if self._finishing_fast else PERIOD_S)
 
     def _collect(self) -> None:
@@ -178,17 +180,20 @@ class BackfillSender:
             found[start : start + FRAMES_PER_MESSAGE]
             for start in range(0, len(found), FRAMES_PER_MESSAGE)
         )
+        while self._scheduled.count > len(self.buffer):
+            for first, stop in ranges_of(self._take()["sequence"]):
+                self._asked.add(first, stop)
         self.gone += self._asked.count
         gone = list(self._asked)
         for start in range(0, len(gone), MAX_RANGES):
             self._outbox.put(0, encode_event(GONE, gone[start : start + MAX_RANGES]))
         self._asked.clear()
 
-    def _send_some(self, waiting: deque[RecordArray]) -> None:
-        frames = waiting.popleft()
-        self._scheduled.remove(int(frames["sequence"][0]), int(frames["sequence"][-1]) + 1)
-        self._outbox.put(0, encode_event(BACKFILL, frames.tobytes()))
-        self.sent += len(frames)
+    def _take(self) -> RecordArray:
+        frames = self._waiting.popleft()
+        for first, stop in ranges_of(frames["sequence"]):
+            self._scheduled.remove(first, stop)
+        return frames
 
 
 class FrameSender:
