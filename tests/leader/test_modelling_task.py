@@ -155,6 +155,7 @@ async def test_a_reset_throws_away_what_is_under_way_and_what_waits_and_ends_a_p
         made.task.on_frames(made_frames(100, 100))
         made.task.reset()
         old.leave.set()
+        made.task.on_backfill(made_frames(150, 20))  # of the old surface
         made.task.on_frames(made_frames(200, 100))
         await made.settle(1)
         second = made.modeller
@@ -170,8 +171,9 @@ async def test_a_reset_throws_away_what_is_under_way_and_what_waits_and_ends_a_p
         await asyncio.sleep(0.02)
         assert len(second.updates) == 2
         made.task.reset()
-        made.task.on_frames(made_frames(500, 100))
+        made.task.on_frames(made_frames(700, 100))  # after a silence
         await made.settle(3)
+        assert made.task.since_s == 0.7
         assert not made.task.finished
 
 
@@ -224,6 +226,7 @@ async def test_a_frozen_model_takes_no_frames_until_it_may_grow(monkeypatch):
         made.task.on_frames(made_frames(50, 100))
         made.task.on_backfill(made_frames(150, 100))
         made.task.freeze(False)
+        made.task.on_backfill(made_frames(50, 20))
         made.task.on_frames(made_frames(500, 100))
         await made.settle(1)
         np.testing.assert_array_equal(made.modeller.updates[0]["sequence"], np.arange(500, 600))

@@ -74,7 +74,9 @@ class Leader:
         self.sounding, self.recorder = Sounding(), Recorder()
         sounding = self.sounding
         self.known = {}
-        modelling = SimpleNamespace(models=lambda: self.known, reset=self.known.clear)
+        self.modelling = modelling = SimpleNamespace(
+            models=lambda: self.known, reset=self.known.clear, since_s=0.0
+        )
         self.session = Session(Scene())
         self.session.journal.event = self._say
         self.log = self.session.log
@@ -164,13 +166,15 @@ def test_every_part_gets_each_update_with_its_session_time_also_after_a_reset(le
     leader.session.parts.add(part)
     leader.update(13.3, 2, 21.0, started=True)
     leader.use.played_share = 0.4
-    leader.use.reset(15.0)  # which forgets all
+    leader.use.reset()  # which forgets all
+    leader.modelling.since_s = 15.0
     assert leader.use.played_share is None
     assert leader.log.surfaces is None
     assert leader.heard() == -1.0
     leader.update(1.0, 1, 10.0)
     assert got == [(13.3, 0.01), (16.0, 0.01)]
     assert leader.log.surfaces.known == 1
+    assert leader.log.surfaces.entry.stays == [(15.0, None)]
     assert leader.log.update.time_s == 16.0
 
 

@@ -150,7 +150,7 @@ class Leader:
 
     def reset_model(self) -> None:
         """Forget the model and return to streamed vibration, for a new surface."""
-        self.parts.completing.reset(self.time_s)
+        self.parts.completing.reset()
 
     def status(self) -> LeaderStatus:
         """Return the live status."""

@@ -70,12 +70,13 @@ class SurfaceEntry:
 
 
 class SurfaceLog:
-    """Log the updates of the model for each surface."""
+    """Log the updates of the model for each surface, from session time `since_s` on."""
 
-    def __init__(self) -> None:
+    def __init__(self, since_s: float = 0.0) -> None:
+        self._since_s = since_s
         self.current = 1
         """The number of the surface that the tool is assumed to be on."""
-        self.entries: dict[int, SurfaceEntry] = {1: SurfaceEntry(stays=[(0.0, None)])}
+        self.entries: dict[int, SurfaceEntry] = {1: SurfaceEntry(stays=[(since_s, None)])}
         """Entries by number, including surfaces that the leader has forgotten."""
         self.changes: list[dict[str, Any]] = []
 
@@ -89,15 +90,10 @@ class SurfaceLog:
         """Entry of the surface that the tool is on."""
         return self.entries[self.current]
 
-    def record(self, update: ModelUpdate, since_s: float) -> list[tuple[str, dict[str, Any]]]:
-        """Record an update; return a sentence and details for each change of surface.
+    def record(self, update: ModelUpdate) -> list[tuple[str, dict[str, Any]]]:
+        """Record an update, with ``time_s`` in session time.
 
-        Parameters
-        ----------
-        update
-            Update of the model, with ``time_s`` in session time.
-        since_s
-            Session time at which the modelling began.
+        Return a sentence and details for each change of surface.
         """
         left = iter(update.left)
         told = []
@@ -106,7 +102,7 @@ class SurfaceLog:
                 from_s = self._identify(change)
             else:
                 state = next(left)
-                from_s = since_s + state.time_s
+                from_s = self._since_s + state.time_s
                 self._go(change, state, from_s)
             found = {"found_s": round(update.time_s, 3), "kind": change.kind}
             found |= {"surface": change.surface, "from_s": round(from_s, 3)}

@@ -80,7 +80,7 @@ class Modelling(Part):
         capacity = max(2, round(LONGEST_QUEUE_S * settings.rate_hz / frames))
         self._make_tasks(settings.rate_hz, keep_frames, capacity)
         self._models: Models = {}
-        self._newest_sample = -1
+        self._first_sample, self._newest_sample = 0, -1  # of the session
         self.fault: str | None = None
         """Why modelling has ended before the session, or None."""
         self.finished = False
@@ -162,6 +162,8 @@ class Modelling(Part):
     def on_frames(self, frames: RecordArray, arrival_ns: int = 0) -> None:
         """Queue frames (n,); never blocks."""
         _ = arrival_ns
+        if self._newest_sample < 0:
+            self._first_sample = int(frames["sequence"][0])
         self._newest_sample = int(frames["sequence"][-1])
         if self._grows:
             self.segmenting.put(frames)
@@ -179,8 +181,7 @@ class Modelling(Part):
     def freeze(self, frozen: bool) -> None:
         """Freeze the model, or let it grow again; an update under way still counts."""
         self.frozen = frozen
-        if frozen:
-            self.segmenting.clear()
+        self.segmenting.clear(self._newest_sample)
 
     def state_surface(self, surface: int) -> None:
         """Set the surface under the tool from the next frame on, as stated by a person.
@@ -198,7 +199,14 @@ class Modelling(Part):
         """Start a new model; discard updates under way."""
         self._clear()
         self._models = {}
+        self.segmenting.first = None
         self.finished = self.frozen = False
+
+    @property
+    def since_s(self) -> float:
+        """Session time of the model's first frame."""
+        first = self.segmenting.first
+        return 0.0 if first is None else (first - self._first_sample) / self._session.rate_hz
 
     async def finish(self, timeout_s: float = _LAST_UPDATES_S) -> None:
         """Wait until all whole periods in the queue are modelled, for at most `timeout_s`."""
@@ -288,7 +296,7 @@ class Modelling(Part):
         except MmtError as error:
             if self.fault is None:
                 self.fault = f"modelling has ended: {error}"
-                self.segmenting.clear()
+                self.segmenting.clear(self._newest_sample)
                 self._behind_segmenting.clear()
                 self._session.journal.event(self.fault)
 
@@ -308,7 +316,8 @@ class Modelling(Part):
         """Discard everything that waits or is under way."""
         for task in (self.fitting, self.synthesizing, self.completing):
             task.clear()
-        self.segmenting.start_model()
+        self.segmenting.discard_work()
+        self.segmenting.clear(self._newest_sample)
         self._process.notify("begin")
         self._behind_segmenting.clear()
 

@@ -171,7 +171,9 @@ class SegmentingTask:
         self._deliver = deliver
         self._due = asyncio.Event()
         self._generation = 0
-        self._newest = -1  # number of the newest frame in an update
+        self._newest = -1  # number of the newest frame in an update, or discarded
+        self.first: int | None = None
+        """Number of the model's first frame, or None before its first update."""
         self.figures = Figures(lambda: len(self._queue))
         self.first_missing: Callable[[], int | None] = lambda: None
         """Returns the smallest number that may still be filled in, or None."""
@@ -201,14 +203,14 @@ class SegmentingTask:
         """Check for a due update: some missing frames have come, or will not come."""
         self._due.set()
 
-    def clear(self) -> None:
-        """Discard the frames that wait."""
+    def clear(self, newest: int) -> None:
+        """Discard the frames up to number `newest`: those that wait, and those filled in later."""
         self._queue.pop_all()
+        self._newest = newest
 
-    def start_model(self) -> None:
-        """Segment for a new model from now on; discard work under way."""
+    def discard_work(self) -> None:
+        """Discard the work under way."""
         self._generation += 1
-        self.clear()
 
     async def run(self) -> None:
         """Segment until cancelled."""
@@ -243,4 +245,6 @@ class SegmentingTask:
             frames = self._queue.pop_period(self._period_frames, self.first_missing())
         if frames is not None:
             self._newest = int(frames["sequence"][-1])
+            if self.first is None:
+                self.first = int(frames["sequence"][0])
         return frames

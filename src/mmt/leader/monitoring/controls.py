@@ -128,7 +128,7 @@ class Controls:
 
     async def _reset(self, _: dict[str, Any]) -> str:
         self._modelled()
-        self._completing.reset(self._session.time_s())
+        self._completing.reset()
         return "the model begins anew"
 
     async def _freeze(self, order: dict[str, Any]) -> str:

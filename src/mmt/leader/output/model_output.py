@@ -64,7 +64,6 @@ class ModelOutput(Part):
         self._session = session
         self._log = session.log
         self._event = session.journal.event
-        self._since_s = 0.0
         self._said = SignalFaults()
         self._new_faults = SignalFaults()  # of the newest update
         self._reported_rate = ""  # of the newest shared model
@@ -129,7 +128,8 @@ class ModelOutput(Part):
         from the saved model, if the scene names one.
         """
         log = self._log
-        update = replace(update, time_s=self._since_s + update.time_s)
+        since_s = 0.0 if self._modelling is None else self._modelling.since_s
+        update = replace(update, time_s=since_s + update.time_s)
         before = log.update
         self._new_faults = update.faults.since(before.faults if before else SignalFaults())
         self._say_fall(update, before)
@@ -140,7 +140,7 @@ class ModelOutput(Part):
             self._event(f"not measured: {update.faults.sentence()}", faults=update.faults.as_dict())
         usable = update.started and update.model is not None
         if update.surface is not None:
-            self._follow_surface(update, usable=usable)
+            self._follow_surface(update, since_s, usable=usable)
         if update.model is not None and (usable or self.forced == "synthesized"):
             self._render(update.model, update.surface)
         if usable and self._generating is not None:
@@ -181,16 +181,16 @@ class ModelOutput(Part):
         self._event(sentence, actuator_plays=round(share, 4))
         self._session.journal.record({"event": "actuator response", **response.as_dict()})
 
-    def _follow_surface(self, update: "ModelUpdate", *, usable: bool) -> None:
+    def _follow_surface(self, update: "ModelUpdate", since_s: float, *, usable: bool) -> None:
         """Change to the model of another surface, if the tool has moved onto one."""
         from mmt.leader.surface_log import SurfaceLog
 
         log = self._log
-        surfaces = log.surfaces = log.surfaces or SurfaceLog()
-        for sentence, details in surfaces.record(update, self._since_s):
+        surfaces = log.surfaces = log.surfaces or SurfaceLog(since_s)
+        for sentence, details in surfaces.record(update):
             self._event(sentence, **details)
         for left in update.left:
-            self._record(replace(left, time_s=self._since_s + left.time_s))
+            self._record(replace(left, time_s=since_s + left.time_s))
         if not update.changes:
             return
         entry, now_s = surfaces.entry, update.time_s
@@ -229,8 +229,8 @@ class ModelOutput(Part):
         self.takes_over = False
         self._choose()
 
-    def reset(self, time_s: float) -> None:
-        """Forget the model at a session time, and return to streamed vibration."""
+    def reset(self) -> None:
+        """Forget the model, and return to streamed vibration."""
         if self._modelling is None:
             return
         self.record_last()
@@ -239,7 +239,7 @@ class ModelOutput(Part):
             self._generating.reset()
         self._log.surfaces = None
         self._recorded.clear()
-        self._since_s, self._said, self._new_faults = time_s, SignalFaults(), SignalFaults()
+        self._said, self._new_faults = SignalFaults(), SignalFaults()
         self._log.update = self._log.start_s = self._log.stop_s = None
         self.takes_over = False
         self.forced, self.fell, self.played_share = None, "", None
