@@ -254,3 +254,9 @@ def test_model_files_stand_beside_the_recording_and_older_ones_go(tmp_path):
     assert (tmp_path / "session-surface-2.npz").read_bytes() == b"21.0"
     (problem, _) = write_surface_models(tmp_path / "gone" / "session.mcap", models)
     assert "model of surface 1" in problem
+
+
+def test_a_reset_of_a_scene_without_a_texture_says_so():
+    told = []
+    ModelOutput(Session(Scene(), told.append)).reset()
+    assert told == ["no model is reset: this scene has no [texture]"]

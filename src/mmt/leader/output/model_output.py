@@ -232,6 +232,7 @@ class ModelOutput(Part):
     def reset(self) -> None:
         """Forget the model, and return to streamed vibration."""
         if self._modelling is None:
+            self._session.journal.say("no model is reset: this scene has no [texture]")
             return
         self.record_last()
         self._modelling.reset()
