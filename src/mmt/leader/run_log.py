@@ -73,7 +73,7 @@ class RunLog:
     session_id: str = field(default_factory=lambda: uuid.uuid4().hex[:12])
     meter: ProcessMeter = field(default_factory=ProcessMeter)
     update: "ModelUpdate | None" = None
-    update_seconds: list[float] = field(default_factory=list)
+    update_times: TimeHistogram = field(default_factory=TimeHistogram)
     switches: list[dict[str, Any]] = field(default_factory=list)
     late_while_modelling: TimeHistogram = field(default_factory=TimeHistogram)
     late_otherwise: TimeHistogram = field(default_factory=TimeHistogram)

@@ -8,7 +8,6 @@ newest model stay as they are.
 """
 
 import asyncio
-import statistics
 from collections.abc import Callable, Coroutine, Iterable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
@@ -250,7 +249,7 @@ class Modelling(Part):
     def summary(self, duration_s: float) -> dict[str, Any]:
         """Return the model, how complete it is, and the figures of each task."""
         log = self._session.log
-        update, seconds, cost = log.update, log.update_seconds, self._process.cost
+        update, times, cost = log.update, log.update_times, self._process.cost
         table = {
             "samples": update.samples if update else 0,
             "order": update.order if update else None,
@@ -260,9 +259,9 @@ class Modelling(Part):
             "start_s": log.start_s,
             "stop_s": log.stop_s,
             **({"surfaces": log.surfaces.as_dict(duration_s)} if log.surfaces is not None else {}),
-            "updates": len(seconds),
-            "update_median_ms": round(1e3 * statistics.median(seconds), 2) if seconds else None,
-            "update_longest_ms": round(1e3 * max(seconds), 2) if seconds else None,
+            "updates": times.count,
+            "update_median_ms": round(times.quantile_ms(0.5) or 0.0, 2) if times.count else None,
+            "update_longest_ms": round(times.quantile_ms(1.0) or 0.0, 2) if times.count else None,
             "dropped_frames": self.segmenting.figures.drops,
             "late_frames": self.segmenting.late_frames,
             "fault": self.fault,

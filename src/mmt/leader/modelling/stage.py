@@ -230,9 +230,9 @@ def modelling_metrics(tasks: "dict[str, Figures]", log: "RunLog") -> Iterator["M
     """Yield the figures of the model, and of each task that makes it."""
     from mmt.core.output.exposition import counter, gauge, labelled
 
-    seconds = list(log.update_seconds)
-    yield counter("model_updates", "Updates of the model.", len(seconds))
-    yield counter("model_update_seconds", "Time spent on updates.", sum(seconds))
+    times = log.update_times
+    yield counter("model_updates", "Updates of the model.", times.count)
+    yield counter("model_update_seconds", "Time spent on updates.", times.cumulative([])[1] / _S)
     yield gauge("model_samples", "Samples in the model.", log.update.samples if log.update else 0)
     if log.update is not None:
         yield gauge("model_distance", "Completion distance.", log.update.distance)

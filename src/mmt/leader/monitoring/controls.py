@@ -61,7 +61,7 @@ class Controls:
         log = self._session.log
         if log.update is not None:
             return log.update.model
-        return None if log.update_seconds else self._completing.rendered
+        return None if log.update_times.count else self._completing.rendered
 
     @property
     def surfaces(self) -> tuple[int, list[int]] | None:

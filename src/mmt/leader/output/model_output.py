@@ -134,7 +134,7 @@ class ModelOutput(Part):
         self._new_faults = update.faults.since(before.faults if before else SignalFaults())
         self._say_fall(update, before)
         log.update = update
-        log.update_seconds.append(seconds)
+        log.update_times.add(round(1e9 * seconds))
         if update.faults.should_report(self._said):
             self._said = update.faults
             self._event(f"not measured: {update.faults.sentence()}", faults=update.faults.as_dict())
