@@ -29,8 +29,8 @@ def test_what_is_known_never_falls(news):
 
 def test_one_who_began_anew_is_counted_on_from_what_was_known():
     counts = EnergyCounts()
-    counts.receive(record(2.0))
-    counts.receive(record(1.0))  # late
+    for energy in (5.0, 7.0, 6.0):  # before this side began, after it, and late
+        counts.receive(record(energy))
     assert counts.energy_j[0] == 2.0
     counts.restart()
     counts.receive(record(0.5))

@@ -17,8 +17,9 @@ _REPEAT_TICKS: Final = 100
 class EnergyCounts:
     """Energies that the other side reports for each axis of its port; they never decrease.
 
-    A late report is smaller than the newest and is ignored. After `restart` a smaller one means
-    that the other side started counting from zero; it is added to the earlier total.
+    The first report counts as zero: an earlier process of this side had that energy. A late report
+    is smaller than the newest and is ignored. After `restart` a smaller one means that the other
+    side started counting from zero; it is added to the earlier total.
 
     Parameters
     ----------
@@ -29,7 +30,7 @@ class EnergyCounts:
     def __init__(self, opening_j: float = 0.0) -> None:
         self._base: Energies = (opening_j,) * 3
         self._newest: Energies = (0.0, 0.0, 0.0)
-        self._restarted = False
+        self._begun = self._restarted = False
 
     @property
     def energy_j(self) -> Energies:
@@ -42,6 +43,10 @@ class EnergyCounts:
         x, y, z = records["energy_j"][-1].tolist()
         newest: Energies = (max(0.0, x), max(0.0, y), max(0.0, z))
         old = self._newest
+        if not self._begun:
+            a, b, c = self._base
+            self._base = (a - newest[0], b - newest[1], c - newest[2])
+        self._begun = True
         if self._restarted and sum(newest) < sum(old):
             self._base = self.energy_j
             old = (0.0, 0.0, 0.0)
