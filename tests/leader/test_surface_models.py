@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from mmt.core.errors import InputError
 from mmt.core.files.existing import replacing
 from mmt.leader.output.model_output import ModelOutput
 from mmt.leader.output.synthesis import SynthesizingPart
@@ -171,6 +172,8 @@ def test_every_part_gets_each_update_with_its_session_time_also_after_a_reset(le
     assert leader.use.played_share is None
     assert leader.log.surfaces is None
     assert leader.heard() == -1.0
+    with pytest.raises(InputError, match="no model yet"):
+        leader.use.force("synthesized")
     leader.update(1.0, 1, 10.0)
     assert got == [(13.3, 0.01), (16.0, 0.01)]
     assert leader.log.surfaces.known == 1

@@ -265,7 +265,7 @@ class ModelOutput(Part):
                 raise InputError("this scene renders from no model: it has no [rendering]")
             if update is not None and update.model is not None:
                 self._render(update.model, update.surface)
-            if synthesizing.synthesizer.model is None:
+            elif not self.takes_over:  # a model that is rendered may be of before a reset
                 raise InputError("there is no model yet: stroke the surface first")
         self.forced = mode
         self._choose()
