@@ -88,5 +88,5 @@ def test_what_is_not_finite_changes_nothing(phi, value):
     estimate = RecursiveLeastSquares((1.0, 1.0, 1.0), noise_variance=0.1, forgetting=0.99)
     estimate.update((1.0, 2.0, 3.0), 4.0)
     before = estimate.parameters, estimate.variances()
-    assert estimate.update(phi, value) == 0.0
+    estimate.update(phi, value)
     assert (estimate.parameters, estimate.variances()) == before

@@ -251,19 +251,13 @@ class ContactEstimator:
             outward = speed_m_s < (_STILL_M_S if self._stray else -_STILL_M_S)
             self._stray = not self.contact and outward
             if not (self.contact or self._stray):
-                self._begin()
+                self._onset_m, self.contact = self._free_m, True
+                self._origin_m = self._origin_m if self.contacts else self._depth_m
+                self.contacts += 1
             return
         self.contact = self._stray = False
         if self._force_n < _FREE * threshold_n or not self.contacts:
             self._free_m = self._depth_m
-
-    def _begin(self) -> None:
-        """Begin a contact."""
-        if not self.contacts:
-            self._origin_m = self._depth_m
-        self._onset_m = self._free_m
-        self.contacts += 1
-        self.contact = True
 
     def _learn(self, speed: float) -> None:
         """Update with a sample of force, or of no force when a force was expected."""

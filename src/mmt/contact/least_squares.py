@@ -59,8 +59,8 @@ class RecursiveLeastSquares:
         a, b, c = self.parameters
         return a * phi[0] + b * phi[1] + c * phi[2]
 
-    def update(self, phi: Triple, value: float) -> float:
-        """Update with a sample, return its error before; one that is not finite is ignored."""
+    def update(self, phi: Triple, value: float) -> None:
+        """Update with a sample; one that is not finite is ignored."""
         error = value - self.predict(phi)
         u01, u02, u12 = self._u
         d0, d1, d2 = self._d
@@ -72,7 +72,7 @@ class RecursiveLeastSquares:
         second = first + f1 * g1
         third = second + f2 * g2
         if not math.isfinite(error * third):
-            return 0.0
+            return
         slope = f2 / second
         gain0 = g0 + g1 * u01
         self._u = (u01 - f1 / first * g0, u02 - slope * gain0, u12 - slope * g1)
@@ -85,7 +85,6 @@ class RecursiveLeastSquares:
             c + share * g2,
         )
         self._forget()
-        return error
 
     def variances(self) -> Triple:
         """Return the variance of each parameter."""

@@ -92,8 +92,10 @@ class LocalContact:
 
     def set_target(self, model: ContactModel | None) -> None:
         """Set the model that the rendered one approaches; None keeps the present target."""
-        if model is not None:
-            self._target = self._no_stiffer(model)
+        most = self._settings.stiffness_n_m
+        if model is not None and model.stiffness_at(_REFERENCE_N) > most:
+            model = replace(model, stiffness_n_m=most, exponent=1.0)
+        self._target = model or self._target
 
     def reset_position(self) -> None:
         """Reset the position of the hand; the model is kept."""
@@ -129,13 +131,6 @@ class LocalContact:
             self.rendered = target
         else:
             self.rendered = _between(now, target, -math.expm1(-period_s / smoothing_s))
-
-    def _no_stiffer(self, model: ContactModel) -> ContactModel:
-        """Return the model, or a spring of the largest stiffness if the model is too stiff."""
-        most = self._settings.stiffness_n_m
-        if model.stiffness_at(_REFERENCE_N) <= most:
-            return model
-        return replace(model, stiffness_n_m=most, exponent=1.0)
 
 
 def _between(now: ContactModel, target: ContactModel, share: float) -> ContactModel:

@@ -293,8 +293,7 @@ class Backfill:
     ) -> None:
         self._numbering = numbering
         self._call = call
-        self._request = request
-        self.missing = MissingFrames(keep_frames, self._ask, note)
+        self.missing = MissingFrames(keep_frames, lambda ranges: request(self._own(ranges)), note)
         self.settled = False
         """Whether the follower is about to end, so that no frame is live any more."""
 
@@ -314,7 +313,7 @@ class Backfill:
         """Give up frames that the earlier follower had buffered, and those between the two."""
         self.missing.give_up_all()
         self.missing.add_unsent(skipped)
-        self._report_settled()
+        self._call("on_settled")
 
     def receive(self, frames: RecordArray) -> None:
         """Handle frames (n,) that were sent again, in the follower's numbers."""
@@ -329,7 +328,7 @@ class Backfill:
     def give_up(self, ranges: list[Range]) -> None:
         """Give up ranges of frames, in the follower's numbers."""
         self.missing.give_up([self._of_session(first, stop) for first, stop in ranges])
-        self._report_settled()
+        self._call("on_settled")
 
     def missing_ranges(self, sent: int) -> list[Range]:
         """Return the missing ranges of the numbers below `sent`, both in the follower's numbers."""
@@ -344,15 +343,12 @@ class Backfill:
     def tick(self, elapsed: int) -> None:
         """Request and give up frames if it is time; call this while the follower is connected."""
         if self.missing.tick(elapsed):
-            self._report_settled()
+            self._call("on_settled")
 
     def close(self) -> None:
         """Stop waiting for frames: the session is over."""
         self.missing.close()
-        self._report_settled()
-
-    def _ask(self, ranges: list[Range]) -> None:
-        self._request(self._own(ranges))
+        self._call("on_settled")
 
     def _own(self, ranges: list[Range]) -> list[Range]:
         """Return ranges in the follower's numbers, without frames from before its start."""
@@ -370,6 +366,3 @@ class Backfill:
         start = self._numbering.of_session(first)
         start -= SEQUENCES * (start > self._numbering.newest)
         return start, start + stop - first
-
-    def _report_settled(self) -> None:
-        self._call("on_settled")

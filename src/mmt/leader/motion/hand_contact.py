@@ -87,17 +87,14 @@ class FollowerContact:
             late_n = max(self._streamed_n, 0.0)
             return state._replace(force_n=late_n, contact=late_n > _LEAST_N)
         if not self._told:
-            self._tell()
+            self._told, table = True, self.summary
+            self._session.journal.event(
+                "the hand's contact is known without delay from now on: the surface is at "
+                f"{table['surface_mm']:g} mm, the robot on it gives "
+                f"{table['stiffness_n_mm']:g} N/mm",
+                **table,
+            )
         return state._replace(force_n=known_n, contact=known_n > 0.0)
-
-    def _tell(self) -> None:
-        self._told = True
-        table = self.summary
-        self._session.journal.event(
-            "the hand's contact is known without delay from now on: the surface is at "
-            f"{table['surface_mm']:g} mm, the robot on it gives {table['stiffness_n_mm']:g} N/mm",
-            **table,
-        )
 
     @property
     def summary(self) -> dict[str, Any]:
