@@ -129,6 +129,10 @@ def test_a_bad_link_cannot_fill_the_memory_and_what_it_brings_late_is_taken():
     account.wait(50)
     assert len(account.asked[0]) == backfill.MOST_RANGES
     assert account.missing.summary["lost"] == 10_000 - 1 - backfill.MOST_RANGES
+    account.missing.connect(9000)  # which asks again for all, some at a time
+    account.wait(50 * 46)
+    assert [len(ranges) for ranges in account.asked[1:]] == [backfill.MOST_RANGES] * 46
+    account.missing.give_up([(0, 1599)])
     taken = account.missing.take_missing(numbered(*range(20_000)))
     assert taken["sequence"].tolist() == list(range(19_999 - 2 * (9000 + 200), 19_999, 2))
     account.wait(50)

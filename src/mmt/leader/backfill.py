@@ -31,8 +31,8 @@ A link that is stalled, or that has time for live frames only, does not answer e
 """
 
 MOST_RANGES: Final = 200
-"""Largest number of ranges; beyond it the oldest are given up, so that a bad link cannot fill
-the memory."""
+"""Most ranges that are waited for; beyond it the oldest are given up, so that a bad link cannot
+hold the modelling up. No more are requested at a time."""
 
 WORTH_SAYING: Final = 100
 """Gaps of fewer frames are recorded but not announced."""
@@ -101,9 +101,9 @@ class MissingFrames:
         }
 
     def connect(self, keep_frames: int) -> None:
-        """Note a follower that buffers this many frames; request all missing frames from it."""
+        """Note a follower that buffers this many frames; request all that did not come."""
         self._keeps = min(keep_frames, self._most)
-        self._unasked = RangeSet(self._missing)
+        self._unasked = RangeSet(self.outstanding())
         self._asked.clear()
         self._idle_ticks = 0
 
@@ -156,6 +156,8 @@ class MissingFrames:
         """Give up ranges that the follower does not have."""
         self._idle_ticks = 0
         self._lose(ranges)
+        for first, stop in ranges:
+            self._given_up.remove(first, stop)
 
     def tick(self, elapsed: int) -> bool:
         """Record, request and give up what is due; return whether frames came or were given up."""
@@ -170,8 +172,7 @@ class MissingFrames:
             self._idle_ticks += PERIOD_TICKS
             if self._idle_ticks >= max(self._keeps, LEAST_PATIENCE_TICKS):
                 self.give_up_all()
-            else:
-                self._ask_for_missing()
+        self._ask_for_missing()
         closed, self._resolved = self._resolved, False
         if closed:
             self._note_closed()
@@ -185,9 +186,9 @@ class MissingFrames:
         self._note_closed()
 
     def outstanding(self) -> list[Range]:
-        """Return the missing ranges, to be requested at the end of a session."""
+        """Return the ranges that did not come, to be requested at the end of a session."""
         self._unasked.clear()
-        return list(self._missing)
+        return [*self._missing, *self._given_up]
 
     def _ask_for_missing(self) -> None:
         """Request ranges that were not requested yet, or so long ago that the answer is lost."""
@@ -196,9 +197,11 @@ class MissingFrames:
                 for first, stop in self._missing.within(*asked):
                     self._unasked.add(first, stop)
         if self._unasked:
-            self._asked.append((self._now_ticks, list(self._unasked)))
-            self._ask(list(self._unasked))
-            self._unasked.clear()
+            ranges = list(self._unasked)[:MOST_RANGES]
+            self._asked.append((self._now_ticks, ranges))
+            self._ask(ranges)
+            for first, stop in ranges:
+                self._unasked.remove(first, stop)
 
     def _lose(self, ranges: list[Range]) -> None:
         for first, stop in ranges:
