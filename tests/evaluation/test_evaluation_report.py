@@ -97,6 +97,8 @@ def test_html_is_well_formed_and_needs_nothing_else(report):
     assert all(source.startswith("data:image/png;base64,") for source in page.sources)
     for said in ("A <run> & more", "wo|od <1>", "time s", "playout, delay ms", "just noticeable"):
         assert said in page.text
+    for reference in ("held-out segments", "known texture"):
+        assert page.text.count(f"Against the {reference} the level is right") == 1
 
 
 def test_markdown_refers_to_the_figures_that_were_written(report):

@@ -129,21 +129,23 @@ def _at_a_glance(
 
 
 def _on_level(evaluations: Sequence[Evaluation]) -> str:
-    is_known = evaluations[0].basis == "truth"
-    reference = "known texture" if is_known else "held-out segments"
-    right = median_of_known(each.final.within_jnd for each in evaluations)
-    if right is None:
-        return f"There is no model to compare with the {reference}."
-    sentence = (
-        f"Against the {reference} the level is right, within one just noticeable difference, on "
-        f"{share(right)} of {'the strokes that were made' if is_known else 'their strokes'}"
-    )
-    plane = median_of_known(each.final.plane_within_jnd for each in evaluations)
-    return (
-        f"{sentence}."
-        if plane is None
-        else f"{sentence}, and on {share(plane)} of the whole plane."
-    )
+    """Return a sentence on the sessions with a known texture, and one on those without."""
+    sentences = []
+    for basis in dict.fromkeys(evaluation.basis for evaluation in evaluations):
+        finals = [evaluation.final for evaluation in evaluations if evaluation.basis == basis]
+        known = basis == "truth"
+        reference = "known texture" if known else "held-out segments"
+        right = median_of_known(final.within_jnd for final in finals)
+        if right is None:
+            sentences.append(f"There is no model to compare with the {reference}.")
+            continue
+        plane = median_of_known(final.plane_within_jnd for final in finals)
+        sentences.append(
+            f"Against the {reference} the level is right, within one just noticeable difference, "
+            f"on {share(right)} of {'the strokes that were made' if known else 'their strokes'}"
+            + (f", and on {share(plane)} of the whole plane." if known else ".")
+        )
+    return " ".join(sentences)
 
 
 def environment() -> dict[str, str]:
