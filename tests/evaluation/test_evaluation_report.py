@@ -155,6 +155,9 @@ def test_tables_cut_no_figure_off_where_the_terminal_is_narrow(evaluations):
         console.print(as_rich(tables.overview(evaluations), tables.steps(evaluations[0])))
     found = [set(re.findall(r"\d+\.\d+", each.file.getvalue())) for each in (whole, narrow)]
     assert found[0] == found[1] != set()
+    tall = Terminal(width=16, file=io.StringIO())
+    tall.print(as_rich(ReportTable(("figure", "B is"), [("a long name", "1.07")])))
+    assert re.search(r"figure +is *\n.*\n *a long +1.07 *\n *name", tall.file.getvalue())
 
 
 def test_numbers_stand_to_the_right():

@@ -196,6 +196,7 @@ def as_rich(*tables: ReportTable) -> "Group":
     The words of a heading are on lines of their own. Words of headings and numbers are not broken,
     texts are.
     """
+    from rich.align import Align, AlignMethod
     from rich.console import Group
 
     from mmt.core.output.tables import plain_table
@@ -205,14 +206,14 @@ def as_rich(*tables: ReportTable) -> "Group":
         result = plain_table(padding=0)
         for place, numeric in enumerate(numeric_columns(table)):
             name = table.columns[place]
+            side: AlignMethod = "right" if numeric else "left"
             whole = [*name.split(), *(row[place] for row in table.rows if numeric)]
             result.add_column(
-                name.replace(" ", "\n"),
-                justify="right" if numeric else "left",
+                Align(name.replace(" ", "\n"), side, vertical="bottom"),
+                justify=side,
                 no_wrap=numeric,
                 min_width=max(map(len, whole), default=1),
                 overflow="fold",
-                vertical="bottom",
             )
         for row in table.rows:
             result.add_row(*row)
