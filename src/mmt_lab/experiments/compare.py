@@ -134,7 +134,7 @@ def targets(comparison: MethodComparison) -> list[Target]:
             bound = LARGEST_FALLS.get(fall.spoil.removesuffix("-in-threes"), LARGEST_FALL)
             found.append(Target(f"{what}mean", fall.mean, "at most", bound))
     for method in certain(comparison):
-        sure = [one for one in comparison.certainties if one.method == method]
+        sure = [c for c in comparison.certainties if (c.method, c.spoil) == (method, "")]
         off = largest_miscalibration(sure)
         what = f"{method}: expected less true share, largest in a tenth of the expected share"
         found.append(Target(what, off, "at most", 0.05))
