@@ -57,7 +57,10 @@ def test_a_stage_has_panels_that_can_be_drawn_and_written(results, name):
                 assert point.x.median > 0
                 assert point.y.median >= 0
     assert json.loads(json.dumps(result.as_dict(), allow_nan=False))["title"] == result.title
-    assert to_png(panels_figure(result)).startswith(b"\x89PNG")
+    figure = panels_figure(result)
+    assert to_png(figure).startswith(b"\x89PNG")
+    for axis in figure.axes:
+        assert axis.title.get_window_extent().x1 <= figure.bbox.x1
 
 
 def test_burg_is_exact_and_holds_where_it_is_stiff(results):

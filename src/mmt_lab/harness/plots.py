@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from textwrap import fill
 from typing import Final
 
 import numpy as np
@@ -18,6 +19,7 @@ from mmt_lab.harness.findings import Curve, Findings, Panel, Point
 
 _LEGEND_COLUMNS: Final = 3
 _OURS: Final = "mmt"
+_TITLE_LETTERS: Final = 44  # as wide as a panel on a telephone
 _LINEAR_SPAN: Final = 2.5
 _PLAIN_SPAN: Final = 100.0
 _LABEL_PIXELS: Final = (36.0, 14.0)
@@ -70,7 +72,7 @@ def _draw(axis: Axes, panel: Panel, methods: Sequence[str]) -> None:
         axis.set_ylim(bottom=0.0)
     if not all(curve.over_knob for curve in panel.curves):
         _name_knob(axis, panel, floor)
-    axis.set_title(panel.title, fontsize=10)
+    axis.set_title(fill(panel.title, _TITLE_LETTERS), fontsize=10)
     axis.set_xlabel(panel.x.label)
     axis.set_ylabel(panel.y.label)
     style_axes(axis)

@@ -55,7 +55,7 @@ def contact_map(figures: Mapping[str, Any]) -> Figure:
     axes[0].set_ylabel("stiffness (N/m)")
     if image is not None:
         bar = figure.colorbar(image, ax=axes, extend="both", pad=0.02)
-        bar.set_label("growth of energy in an impact, as a share of it")
+        bar.set_label("growth of energy in an impact,\nas a share of it")
     return figure
 
 
