@@ -1,7 +1,7 @@
 """Plots of models, histories, evaluations and sessions, on given axes or on new ones.
 
 =================== ==========================================================================
-`TextureModel`      level over speed (or velocity x, with y = 0) and force, and its samples
+`TextureModel`      level over speed (along x, if by velocity) and force, and its samples
 `ModelHistory`      completeness of the model after each update, and times of start and stop
 `Evaluation`        power error at each step, beside the just noticeable difference
 `RecordedSession`   acceleration without its mean, along the axis with most of its power
@@ -53,7 +53,7 @@ def _(model: TextureModel, axes: Axes) -> None:
     axes.scatter(
         samples.speed_mm_s, samples.force_n, s=9, c=LIGHT["panel"], ec=LIGHT["ink"], lw=0.5
     )
-    axes.set_xlabel("velocity along x (mm/s)" if space.directed else "speed (mm/s)")
+    axes.set_xlabel("speed (mm/s), level along x" if space.directed else "speed (mm/s)")
     axes.set_ylabel("normal force (N)")
 
 

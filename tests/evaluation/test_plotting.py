@@ -56,9 +56,11 @@ def test_a_session_shows_its_largest_and_least_sample(drawn):
     np.testing.assert_allclose([heights.min(), heights.max()], [normal.min(), normal.max()])
 
 
-def test_a_model_shows_its_samples_where_they_are(drawn):
-    samples = drawn["model"].samples
-    _, points = shown(drawn["model"]).collections
+@pytest.mark.parametrize("name", ["model", "directed"])
+def test_a_model_shows_its_samples_where_they_are(drawn, name):
+    samples, axes = drawn[name].samples, shown(drawn[name])
+    assert axes.get_xlabel().startswith("speed (mm/s)")
+    _, points = axes.collections
     np.testing.assert_allclose(
         points.get_offsets(), np.column_stack([samples.speed_mm_s, samples.force_n])
     )
