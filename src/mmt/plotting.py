@@ -60,7 +60,7 @@ def _(model: TextureModel, axes: Axes) -> None:
 @_draw.register
 def _(history: ModelHistory, axes: Axes) -> None:
     course = np.array([(update.time_s, update.progress.value) for update in history.updates])
-    draw_course(axes, [("", course)], history.updates[-1].progress.scale)
+    draw_course(axes, {0: ("", course)}, history.updates[-1].progress.scale)
     lay_out_time(axes)
     for time_s, name in ((history.start_s, "start"), (history.stop_s, "stop")):
         if time_s is not None:
@@ -77,6 +77,7 @@ def _(history: ModelHistory, axes: Axes) -> None:
 @_draw.register
 def _(evaluation: Evaluation, axes: Axes) -> None:
     draw_power_error(axes, [evaluation])
+    axes.legend(frameon=False, fontsize=9)
     lay_out_time(axes)
 
 

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -185,6 +186,19 @@ def test_no_name_becomes_html_or_a_link():
     assert text.count("](") == text.count(r"\[a](") + 1  # the picture's own
     assert "\n# c" not in text
     assert listing == "````\nas it is: <b>\n```\n<script>\n````\n"
+
+
+def test_each_criterion_has_a_panel_with_its_thresholds_beside_the_curves(evaluations):
+    by_distance = replace(evaluations[0], settings=ModellingSettings(method="published"))
+    figure = figures.completion_over_time([by_distance, evaluations[1]])
+    figure.draw_without_rendering()
+    for axis, of, thresholds in zip(
+        figure.axes, ("distance", "share"), ({7.5, 4.243}, {0.65, 0.86}), strict=True
+    ):
+        assert of in axis.get_ylabel()
+        assert {float(text.get_text().split()[1]) for text in axis.texts} == thresholds
+        right = axis.get_window_extent().x1
+        assert all(text.get_window_extent().x0 > right for text in axis.texts)
 
 
 def test_map_needs_a_known_texture(evaluations):

@@ -1,7 +1,7 @@
 """The figures of a report; every function returns a figure that is bound to no window."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -70,40 +70,46 @@ def readiness() -> LinearSegmentedColormap:
 
 
 def completion_over_time(evaluations: Sequence[Evaluation]) -> Figure:
-    """Draw the value of the completion criterion after every update, with both thresholds."""
-    figure, axis = _time_axes(evaluations)
-    courses = [(evaluation.name, evaluation.course) for evaluation in evaluations]
-    draw_course(axis, courses, evaluations[0].settings.scale)
-    _legend(axis, evaluations)
+    """Draw the criterion's value after every update, a panel for each criterion with thresholds."""
+    scales = list(dict.fromkeys(evaluation.settings.scale for evaluation in evaluations))
+    figure, axes = _time_axes(evaluations, len(scales))
+    for axis, scale in zip(axes, scales, strict=True):
+        courses = {
+            number: (evaluation.name, evaluation.course)
+            for number, evaluation in enumerate(evaluations)
+            if evaluation.settings.scale == scale
+        }
+        draw_course(axis, courses, scale)
+    _legend(figure, evaluations)
     return figure
 
 
 def draw_course(
-    axis: Axes, courses: Sequence[tuple[str, FloatArray]], scale: CriterionScale
+    axis: Axes, courses: Mapping[int, tuple[str, FloatArray]], scale: CriterionScale
 ) -> None:
-    """Draw time and value of a criterion (k, 2), each with its name, and both thresholds."""
-    for number, (name, course) in enumerate(courses):
+    """Draw name, time and value of a criterion (k, 2) by curve number, and both thresholds."""
+    for number, (name, course) in courses.items():
         axis.plot(*course.T, label=name, **line_style(number))
     for value, text in ((scale.start, "start"), (scale.stop, "stop")):
         axis.axhline(value, color=_GREY, linestyle="--", linewidth=1.0)
         axis.annotate(
-            f"{text} {value:.4g}",
-            (0.0 if scale.rises else 1.0, value),  # away from the curve
+            f"{text}\n{value:.4g}",
+            (1.0, value),  # outside, where no curve is
             xycoords=("axes fraction", "data"),
-            xytext=(4 if scale.rises else -4, 3),
+            xytext=(4, 0),
             textcoords="offset points",
-            ha="left" if scale.rises else "right",
+            va="center",
             color=_GREY,
             fontsize=9,
         )
-    largest = max(float(course[:, 1].max()) for _, course in courses)
+    largest = max(scale.start, *(float(course[:, 1].max()) for _, course in courses.values()))
     axis.set_ylim(0, 1.02 if scale.rises else min(1.05 * largest, 2.2 * scale.start))
     axis.set_ylabel("expected share" if scale.rises else "distance (sum over cells)")
 
 
 def gfc_over_time(evaluations: Sequence[Evaluation]) -> Figure:
     """Draw the held-out GFC at every step, its ceiling, and 0.9, as paper A's Fig. 4 does."""
-    figure, axis = _time_axes(evaluations)
+    figure, (axis,) = _time_axes(evaluations)
     for number, evaluation in enumerate(evaluations):
         time_s = [step.time_s for step in evaluation.steps]
         style = line_style(number)
@@ -122,14 +128,15 @@ def gfc_over_time(evaluations: Sequence[Evaluation]) -> Figure:
     )
     axis.set_ylim(min(0.8, np.floor(lowest * 20) / 20), 1.0)
     axis.set_ylabel("GFC of held-out segments")
-    _legend(axis, evaluations)
+    _legend(figure, evaluations)
     return figure
 
 
 def power_error_over_time(evaluations: Sequence[Evaluation]) -> Figure:
     """Draw the power error at every step beside the just noticeable difference."""
-    figure, axis = _time_axes(evaluations)
+    figure, (axis,) = _time_axes(evaluations)
     draw_power_error(axis, evaluations)
+    _legend(figure, evaluations)
     return figure
 
 
@@ -145,7 +152,6 @@ def draw_power_error(axis: Axes, evaluations: Sequence[Evaluation]) -> None:
     axis.axhline(JND_DB, color=_GREY, linestyle="--", linewidth=1.0, label="just noticeable")
     axis.set_ylim(bottom=0)
     axis.set_ylabel("power error (dB rms)")
-    _legend(axis, evaluations)
 
 
 def held_out_spectra(evaluation: Evaluation) -> Figure:
@@ -216,12 +222,13 @@ def _draw_spectra(axis: Axes, segment: HeldOutSegment) -> None:
     style_axes(axis)
 
 
-def _time_axes(evaluations: Sequence[Evaluation]) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(8.4, 3.8), layout="constrained")
-    axis = figure.subplots()
-    axis.set_xlim(0, 1.02 * max(evaluation.duration_s for evaluation in evaluations))
-    lay_out_time(axis)
-    return figure, axis
+def _time_axes(evaluations: Sequence[Evaluation], rows: int = 1) -> tuple[Figure, list[Axes]]:
+    figure = Figure(figsize=(8.4, 3.8 * rows), layout="constrained")
+    axes = figure.subplots(rows, 1, squeeze=False).ravel().tolist()
+    for axis in axes:
+        axis.set_xlim(0, 1.02 * max(evaluation.duration_s for evaluation in evaluations))
+        lay_out_time(axis)
+    return figure, axes
 
 
 def lay_out_time(axis: Axes) -> None:
@@ -247,14 +254,12 @@ def _column(steps: Sequence[Score], name: str) -> list[float]:
     return [np.nan if value is None else value for value in values]
 
 
-def _legend(axis: Axes, evaluations: Sequence[Evaluation]) -> None:
-    beside = len(evaluations) > 4
-    axis.legend(
-        loc="upper left" if beside else "best",
-        bbox_to_anchor=(1.01, 1.0) if beside else None,
-        frameon=False,
-        fontsize=9,
-    )
+def _legend(figure: Figure, evaluations: Sequence[Evaluation]) -> None:
+    if len(evaluations) > 4:
+        figure.legend(loc="outside right upper", frameon=False, fontsize=9)
+        return
+    for axis in figure.axes:
+        axis.legend(frameon=False, fontsize=9)
 
 
 def errors_by_heading(evaluation: Evaluation) -> Figure:

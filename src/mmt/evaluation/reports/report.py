@@ -183,11 +183,12 @@ def _course(evaluations: Sequence[Evaluation]) -> list[Block]:
     """Return blocks with the figures of all sessions, and their course over time."""
     from mmt.evaluation.reports import figures
 
-    criterion = evaluations[0].settings.scale.criterion
     by_time = [tables.by_time(evaluations, "distance", 2, "Distance sum (paper A, Table I)")]
-    if criterion != "distance":
-        by_time.append(tables.by_time(evaluations, "completion", 2, "Expected share"))
-    drawn = [picture("distance", _COMPLETION[criterion], figures.completion_over_time(evaluations))]
+    if expects := [e for e in evaluations if e.settings.scale.rises]:
+        by_time.append(tables.by_time(expects, "completion", 2, "Expected share"))
+    criteria = dict.fromkeys(e.settings.scale.criterion for e in evaluations)
+    caption = " ".join(_COMPLETION[criterion] for criterion in criteria)
+    drawn = [picture("distance", caption, figures.completion_over_time(evaluations))]
     if any(step.power_error_db is not None for e in evaluations for step in e.steps):
         drawn.append(
             picture(
