@@ -41,7 +41,8 @@ class SurfaceParts:
     ``stays`` in order. ``sessions``: by number, the frames of all stays on a surface as one
     session, without the time in between; with the surface's truth if it is known.
     ``missing``: by number, frames that are missing within its stays. ``course``: surfaces that the
-    tool really went over, ``truth``: which of them in each frame (n,); both None if unknown.
+    tool really went over, ``truth``: which of them in each tick from the first frame to the last,
+    (m,); both None if unknown.
     """
 
     stays: tuple[SurfaceStay, ...]
@@ -66,6 +67,7 @@ def part_by_surface(session: RecordedSession, settings: ModellingSettings) -> Su
     course = _course(session)
     truth = _truth(course, frames)
     sequence = frames["sequence"].astype(np.int64)
+    under = None if truth is None else truth[sequence - sequence[0]]
     stays, masks = [], dict[int, list[BoolArray]]()
 
     def at_s(sample: int) -> float:
@@ -75,7 +77,7 @@ def part_by_surface(session: RecordedSession, settings: ModellingSettings) -> Su
         inside: BoolArray = (sequence >= start) & (sequence < stop)
         if inside.any():
             masks.setdefault(surface, []).append(inside)
-        known = _surface_under(course, truth, inside)
+        known = _surface_under(course, under, inside)
         stays.append(
             SurfaceStay(
                 surface=surface,
@@ -89,7 +91,7 @@ def part_by_surface(session: RecordedSession, settings: ModellingSettings) -> Su
     parts = {n: [frames[inside] for inside in each] for n, each in sorted(masks.items())}
     sessions = {}
     for number, own in parts.items():
-        known = _surface_under(course, truth, np.any(masks[number], axis=0))
+        known = _surface_under(course, under, np.any(masks[number], axis=0))
         told = session.annotations if known is None else known.annotations()
         frames_there = np.concatenate(trials(own))
         sessions[number] = replace(alone, frames=frames_there, annotations=told)
@@ -125,22 +127,22 @@ def _course(session: RecordedSession) -> SurfaceCourse | None:
 
 
 def _truth(course: SurfaceCourse | None, frames: RecordArray) -> IntArray | None:
-    """Return which of the course's surfaces was under the tool in each frame, (n,).
+    """Return which of the course's surfaces was under the tool, from the first frame on, (m,).
 
-    The course counts every frame: one that is missing counts as the one before it.
+    The course counts every tick: a frame that is missing counts as the one before it.
     """
     if course is None:
         return None
     sequence = frames["sequence"].astype(np.int64)
     last_known = np.searchsorted(sequence, np.arange(int(sequence.max()) + 1), side="right") - 1
     force_n = frames["force_n"][:, 2].astype(np.float64)[np.maximum(last_known, 0)]
-    return course.places_by_frame(force_n)[sequence]
+    return course.places_by_frame(force_n)[sequence[0] :]
 
 
 def _surface_under(
-    course: SurfaceCourse | None, truth: IntArray | None, inside: BoolArray
+    course: SurfaceCourse | None, under: IntArray | None, inside: BoolArray
 ) -> KnownSurface | None:
     """Return the surface that was under the tool for most of some frames, None if unknown."""
-    if course is None or truth is None or not inside.any():
+    if course is None or under is None or not inside.any():
         return None
-    return course.surfaces[int(np.bincount(truth[inside]).argmax())]
+    return course.surfaces[int(np.bincount(under[inside]).argmax())]
