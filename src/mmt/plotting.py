@@ -20,7 +20,7 @@ from mmt.core.frames import acceleration_samples
 from mmt.core.output.palette import GRADED, LIGHT
 from mmt.evaluation.reports.figures import draw_course, draw_power_error, lay_out_time
 from mmt.evaluation.results import Evaluation
-from mmt.session.data import RecordedSession
+from mmt.session.data import FRAME_PERIOD_S, RecordedSession, sample_times
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory
 
@@ -88,8 +88,11 @@ def _(session: RecordedSession, axes: Axes) -> None:
     vibration = acceleration_samples(session.frames).astype(np.float64)
     vibration -= vibration.mean(axis=0)
     axis = int(np.argmax(np.square(vibration).mean(axis=0)))
-    rows = np.array_split(vibration[:, axis], min(_COLUMNS, len(vibration)))
-    time_s = np.linspace(0.0, session.duration_s, len(rows))
+    frame_s = 1e-9 * (session.frames["time_ns"] - session.frames["time_ns"][0])
+    sample_s = sample_times(frame_s, len(vibration) // len(frame_s), FRAME_PERIOD_S)
+    columns = min(_COLUMNS, len(vibration))
+    rows = np.array_split(vibration[:, axis], columns)
+    time_s = [part.mean() for part in np.array_split(sample_s, columns)]
     low, high = [row.min() for row in rows], [row.max() for row in rows]
     axes.fill_between(time_s, low, high, color=LIGHT["measured"], lw=0.5, ec=LIGHT["measured"])
     axes.set_ylabel(f"acceleration {'xyz'[axis]} without its mean (m/s²)")

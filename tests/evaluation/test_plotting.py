@@ -48,12 +48,16 @@ def test_what_the_library_returns_is_plotted_on_axes_with_units(drawn, name):
     plt.close(own.figure)
 
 
-def test_a_session_shows_its_largest_and_least_sample(drawn):
-    normal = drawn["session"].frames["acceleration_m_s2"][:, 2].astype(float)
+def test_a_session_shows_its_largest_and_least_sample_when_they_were(drawn):
+    frames = np.delete(drawn["session"].frames, slice(500, 3500))
+    normal = frames["acceleration_m_s2"][:, 2].astype(float)
     normal -= normal.mean()
-    (area,) = shown(drawn["session"]).collections
-    heights = area.get_paths()[0].vertices[:, 1]
-    np.testing.assert_allclose([heights.min(), heights.max()], [normal.min(), normal.max()])
+    (area,) = shown(mmt.RecordedSession(frames)).collections
+    times_s, heights = area.get_paths()[0].vertices.T
+    for extreme in ("argmin", "argmax"):
+        drawn_at, at = getattr(heights, extreme)(), getattr(normal, extreme)()
+        assert heights[drawn_at] == pytest.approx(normal[at])
+        assert times_s[drawn_at] == pytest.approx(1e-9 * frames["time_ns"][at], abs=0.01)
 
 
 @pytest.mark.parametrize("name", ["model", "directed"])
