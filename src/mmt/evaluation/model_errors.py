@@ -210,8 +210,8 @@ def all_headings() -> Strokes:
 class GridErrors:
     """Errors at k strokes, each of shape (k,).
 
-    ``gfc`` compares the spectra at the resolution of every measured GFC (Welch, 64 samples);
-    ``power_error_db`` and ``log_spectral_db`` are in dB, and so is ``bands_db``, shape (k, 9), of
+    ``gfc`` compares the spectra at the resolution of every measured GFC (Welch, 64 ms);
+    ``power_error_db`` and ``log_spectral_db`` are in dB, and so is ``bands_db``, shape (k, b), of
     `band_errors_db`.
     """
 

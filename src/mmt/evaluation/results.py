@@ -157,9 +157,9 @@ class HeldOutSegment:
 class AtSkin:
     """Vibration that reaches the skin through the actuator of the session.
 
-    ``played_share`` is the share of the texture's power that the actuator plays, over the strokes
-    made. ``power_error_db`` is the root mean square of the level error, the model's own included,
-    against the known texture, or against the model if there is none.
+    From 10 to 500 Hz. ``played_share`` is the share of the texture's power that the actuator plays,
+    over the strokes made. ``power_error_db`` is the root mean square of the level error, the
+    model's own included, against the known texture, or against the model if there is none.
     """
 
     played_share: float
