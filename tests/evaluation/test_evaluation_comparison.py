@@ -7,7 +7,7 @@ from command_runs import output_of, run_json
 
 from mmt.core.errors import InputError
 from mmt.evaluation.reports.comparison import compare_reports, figures
-from mmt.evaluation.reports.comparison_report import write_comparison
+from mmt.evaluation.reports.comparison_report import both_over_time, write_comparison
 
 PNG = b"\x89PNG\r\n\x1a\n and so on"
 
@@ -123,6 +123,18 @@ def test_the_page_shows_both_figures_side_by_side(tmp_path):
     assert "A-old.png" in (tmp_path / "both" / "report.md").read_text()
     data = json.loads((tmp_path / "both" / "comparison.json").read_text())
     assert data["differences"] == [{"section": "", "name": "x", "a": 1.0, "b": 3.0}]
+
+
+def test_courses_of_different_criteria_are_compared_by_the_one_that_both_have():
+    by_share = [{"time_s": 2.5, "completion": 0.7, "distance": 8.0}]
+    by_distance = [{"time_s": 2.5, "completion": 6.0, "distance": 6.0}]
+    for other, title, drawn in (
+        (by_distance, "distance sum", [8.0, 6.0]),
+        (by_share, "completion", [0.7, 0.7]),
+    ):
+        axis = both_over_time((by_share, other)).axes[3]
+        assert axis.get_title() == title
+        assert [line.get_ydata()[0] for line in axis.lines] == drawn
 
 
 def test_the_command_prints_writes_and_explains(tmp_path):

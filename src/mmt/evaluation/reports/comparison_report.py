@@ -45,7 +45,7 @@ def write_comparison(comparison: Comparison, directory: Path) -> Path:
     blocks += comparison.answers
     if comparison.steps:
         caption = "Both over session time; dashed: the just noticeable difference."
-        blocks.append(picture("both", caption, _both_over_time(comparison.steps)))
+        blocks.append(picture("both", caption, both_over_time(comparison.steps)))
     sides = {"A": comparison.left, "B": comparison.right}
     pairs: list[Block] = []
     for name in comparison.pictures:
@@ -67,17 +67,19 @@ def write_comparison(comparison: Comparison, directory: Path) -> Path:
     return write_report_files(directory, title, blocks, "comparison.json", comparison.as_dict())
 
 
-def _both_over_time(steps: Sequence[Sequence[Mapping[str, Any]]]) -> "Figure":
+def both_over_time(steps: Sequence[Sequence[Mapping[str, Any]]]) -> "Figure":
     """Draw the scores of two sessions, as a report's data has them, on the same axes."""
     from matplotlib.figure import Figure
 
     from mmt.evaluation.reports.figures import line_style, style_axes
 
+    by_distance = {all(s.get("completion") == s.get("distance") for s in each) for each in steps}
     panels = (
         ("within_jnd", "within JND, strokes made"),
         ("power_error_db", "power error (dB rms)"),
         ("gfc", "GFC of held-out segments"),
-        ("completion", "completion"),
+        # of different criteria that which both have
+        ("completion", "completion") if len(by_distance) == 1 else ("distance", "distance sum"),
     )
     figure = Figure(figsize=(8.4, 5.4), layout="constrained")
     for axis, (name, title) in zip(figure.subplots(2, 2).ravel(), panels, strict=True):
