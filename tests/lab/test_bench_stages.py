@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from mmt.evaluation.reports.figures import to_png
+from mmt.evaluation.reports.figures import stack_panels, to_png
 from mmt_lab.bench import signals
 from mmt_lab.experiments.bench import burg, lines, pipeline
 from mmt_lab.harness.plots import panels_figure
@@ -61,6 +61,10 @@ def test_a_stage_has_panels_that_can_be_drawn_and_written(results, name):
     assert to_png(figure).startswith(b"\x89PNG")
     for axis in figure.axes:
         assert axis.title.get_window_extent().x1 <= figure.bbox.x1
+    stack_panels(figure)
+    assert figure.axes[0].get_gridspec().nrows == len(result.panels)
+    figure.draw_without_rendering()
+    assert figure.axes[0].yaxis.label.get_window_extent().y1 <= figure.bbox.y1
 
 
 def test_burg_is_exact_and_holds_where_it_is_stiff(results):

@@ -19,7 +19,7 @@ from mmt_lab.harness.findings import Curve, Findings, Panel, Point
 
 _LEGEND_COLUMNS: Final = 3
 _OURS: Final = "mmt"
-_TITLE_LETTERS: Final = 44  # as wide as a panel on a telephone
+_TITLE_LETTERS, _LABEL_LETTERS = 44, 30  # as wide and as high as a panel on a telephone
 _LINEAR_SPAN: Final = 2.5
 _PLAIN_SPAN: Final = 100.0
 _LABEL_PIXELS: Final = (36.0, 14.0)
@@ -38,10 +38,10 @@ def panels_figure(result: Findings) -> Figure:
     for axis, panel in zip(axes, result.panels, strict=False):
         _draw(axis, panel, methods)
     for axis in axes[count:]:
-        axis.set_axis_off()
+        axis.remove()
     handles = {
         label: handle
-        for axis in axes
+        for axis in figure.axes
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
     }
     figure.legend(
@@ -74,7 +74,7 @@ def _draw(axis: Axes, panel: Panel, methods: Sequence[str]) -> None:
         _name_knob(axis, panel, floor)
     axis.set_title(fill(panel.title, _TITLE_LETTERS), fontsize=10)
     axis.set_xlabel(panel.x.label)
-    axis.set_ylabel(panel.y.label)
+    axis.set_ylabel(fill(panel.y.label, _LABEL_LETTERS))
     style_axes(axis)
 
 

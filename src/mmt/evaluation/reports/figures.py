@@ -37,10 +37,10 @@ def stack_panels(figure: Figure) -> None:
     """Lay a figure out anew for a telephone: all panels in one column."""
     placed = [(axis, place) for axis in figure.axes if (place := axis.get_subplotspec())]
     grid = placed[0][1].get_gridspec()
-    rows = grid.nrows * grid.ncols
+    rows = len(placed)
     below = figure.add_gridspec(rows, 1)
-    for axis, place in placed:
-        axis.set_subplotspec(below[place.num1])
+    for number, (axis, _) in enumerate(placed):
+        axis.set_subplotspec(below[number])
         axis.tick_params(labelleft=True, labelbottom=True)
     for legend in list(figure.legends):
         handles = [handle for handle in legend.legend_handles if handle is not None]
