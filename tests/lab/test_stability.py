@@ -17,6 +17,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt_lab.experiments import stability
 from mmt_lab.experiments.stability import findings_of, load_families
 from mmt_lab.harness.report import write_report
+from mmt_lab.stability import loop_theory
 from mmt_lab.stability.families import (
     CaseResult,
     Extreme,
@@ -34,9 +35,9 @@ from mmt_lab.stability.families import (
     run_case,
 )
 from mmt_lab.stability.families.ar import exact_burg, exact_residual
-from mmt_lab.stability.families.loop import run_loop, stability_loop
+from mmt_lab.stability.families.loop import run_loop
 from mmt_lab.stability.integrators import INTEGRATORS
-from mmt_lab.stability.loop_theory import LIGHT_GRIP
+from mmt_lab.stability.loop_theory import LIGHT_GRIP, critical_delay_s
 
 
 @pytest.mark.parametrize("order", [1, 4, 13])
@@ -193,7 +194,7 @@ def test_a_theory_that_is_off_does_not_hold(factor, monkeypatch):
 
 
 def test_a_soft_wall_is_stable_for_every_delay():
-    assert math.isinf(stability_loop(0.2).critical_delay_s())
+    assert math.isinf(critical_delay_s(0.2))
     assert run_loop(0.2, 100, 100, 4.0) < 1.0
 
 
@@ -209,9 +210,7 @@ def test_the_loop_holds():
 
 def test_another_theory_does_not_hold(monkeypatch):
     firm = dataclasses.replace(LIGHT_GRIP, stiffness_n_m=450.0)
-    monkeypatch.setattr(
-        loop, "stability_loop", lambda wall: dataclasses.replace(stability_loop(wall), hand=firm)
-    )
+    monkeypatch.setattr(loop_theory, "LIGHT_GRIP", firm)
     cases = loop.cases(walls_n_mm=(1.0,), delays_ms=(13, 50))
     assert not cases[0].run().held
     assert not cases[-1].run().held

@@ -16,7 +16,6 @@ stable for every delay.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -36,50 +35,38 @@ CONTACT_N: Final = 1.0
 _FREQUENCIES_RAD_S: Final[FloatArray] = np.geomspace(0.01, 1e5, 60_000)
 
 
-@dataclass(frozen=True)
-class Loop:
-    """A hand on a handle, a follower, and a wall in steady contact, joined by a link.
+def loop_gain(wall_n_mm: float, angular_rad_s: FloatArray) -> npt.NDArray[np.complex128]:
+    """Return Y G, the loop without its delay, at frequencies (f,).
 
     The wall's Hunt-Crossley damping grows with the contact's force.
     """
-
-    hand: Drive
-    bandwidth_hz: float
-    wall_n_m: float
-    contact_n: float
-
-    def gain(self, angular_rad_s: FloatArray) -> npt.NDArray[np.complex128]:
-        """Return Y G, the loop without its delay, at frequencies (f,)."""
-        s = 1j * angular_rad_s
-        drive, pole = tip_drive(self.bandwidth_hz)
-        wall = self.wall_n_m + DISSIPATION_S_M * self.contact_n * s
-        hand = self.hand.mass_kg * s * s + self.hand.damping_n_s_m * s + self.hand.stiffness_n_m
-        arm = drive.mass_kg * s * s + drive.damping_n_s_m * s + drive.stiffness_n_m
-        gain: npt.NDArray[np.complex128] = (
-            drive.stiffness_n_m * wall / (arm + wall) * pole / (s + pole) / hand
-        )
-        return gain
-
-    def critical_delay_s(self) -> float:
-        """Return the delay there and back from which the loop is unstable; infinity if none.
-
-        This is the smallest delay at which L passes through -1: at each frequency with |YG| = 1,
-        phase plus pi, divided by the frequency. It is negative if the loop is unstable without any
-        delay. One sample is subtracted for the digital loop.
-        """
-        gain = self.gain(_FREQUENCIES_RAD_S)
-        level = np.log(np.abs(gain))
-        phase = np.unwrap(np.angle(gain))
-        crossings = np.flatnonzero(np.diff(np.sign(level)) != 0)
-        delays = []
-        for index in crossings:
-            share = level[index] / (level[index] - level[index + 1])
-            at = slice(index, index + 2)
-            angular = np.interp(share, (0.0, 1.0), _FREQUENCIES_RAD_S[at])
-            delays.append((np.interp(share, (0.0, 1.0), phase[at]) + math.pi) / angular)
-        return min(delays, default=math.inf) - PERIOD_S
+    s = 1j * angular_rad_s
+    drive, pole = tip_drive(BANDWIDTH_HZ)
+    wall = 1000.0 * wall_n_mm + DISSIPATION_S_M * CONTACT_N * s
+    grip = LIGHT_GRIP
+    hand = grip.mass_kg * s * s + grip.damping_n_s_m * s + grip.stiffness_n_m
+    arm = drive.mass_kg * s * s + drive.damping_n_s_m * s + drive.stiffness_n_m
+    gain: npt.NDArray[np.complex128] = (
+        drive.stiffness_n_m * wall / (arm + wall) * pole / (s + pole) / hand
+    )
+    return gain
 
 
-def stability_loop(wall_n_mm: float) -> Loop:
-    """Return the theory of the loop that the stability cases run."""
-    return Loop(LIGHT_GRIP, BANDWIDTH_HZ, 1000.0 * wall_n_mm, CONTACT_N)
+def critical_delay_s(wall_n_mm: float) -> float:
+    """Return the delay there and back from which the loop is unstable; infinity if none.
+
+    This is the smallest delay at which L passes through -1: at each frequency with |YG| = 1,
+    phase plus pi, divided by the frequency. It is negative if the loop is unstable without any
+    delay. One sample is subtracted for the digital loop.
+    """
+    gain = loop_gain(wall_n_mm, _FREQUENCIES_RAD_S)
+    level = np.log(np.abs(gain))
+    phase = np.unwrap(np.angle(gain))
+    crossings = np.flatnonzero(np.diff(np.sign(level)) != 0)
+    delays = []
+    for index in crossings:
+        share = level[index] / (level[index] - level[index + 1])
+        at = slice(index, index + 2)
+        angular = np.interp(share, (0.0, 1.0), _FREQUENCIES_RAD_S[at])
+        delays.append((np.interp(share, (0.0, 1.0), phase[at]) + math.pi) / angular)
+    return min(delays, default=math.inf) - PERIOD_S

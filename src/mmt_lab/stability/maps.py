@@ -9,7 +9,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from mmt.core.output.palette import GRADED, LIGHT, SERIES
-from mmt_lab.stability.loop_theory import stability_loop
+from mmt_lab.stability.loop_theory import critical_delay_s
 
 _LEAST_GROWTH: Final = 1e-6
 _MOST_GROWTH: Final = 1e3
@@ -100,9 +100,7 @@ def loop_map(figures: Mapping[str, Any], boundaries: Sequence[Mapping[str, Any]]
 
 def _draw_theory(axis: Axes) -> None:
     walls = np.geomspace(0.08, 65.0, 300)
-    critical_ms = np.array(
-        [500.0 * stability_loop(wall).critical_delay_s() for wall in walls.tolist()]
-    )
+    critical_ms = np.array([500.0 * critical_delay_s(wall) for wall in walls.tolist()])
     line = np.clip(critical_ms, 0.0, 10.0 * _MOST_DELAY_MS)
     axis.fill_between(walls, line, 1e4, color=SERIES[1], alpha=0.13, lw=0)
     axis.fill_between(walls, -1.0, line, color=SERIES[0], alpha=0.10, lw=0)

@@ -15,7 +15,7 @@ from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
 from mmt_lab.feedback import simulated
 from mmt_lab.feedback.sides import PASSIVITY, Method
 from mmt_lab.stability.families import CaseResult, Extreme, Family, Figures
-from mmt_lab.stability.loop_theory import BANDWIDTH_HZ, CONTACT_N, LIGHT_GRIP, stability_loop
+from mmt_lab.stability.loop_theory import BANDWIDTH_HZ, CONTACT_N, LIGHT_GRIP, critical_delay_s
 
 WALLS_N_MM: Final = (0.1, 0.2, 0.3, 0.4, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 DELAYS_MS: Final = (0, 1, 2, 5, 10, 20, 50, 100, 200)
@@ -66,7 +66,7 @@ def cases(
 
 
 def _theory(wall_n_mm: float) -> str:
-    critical_ms = 1e3 * stability_loop(wall_n_mm).critical_delay_s()
+    critical_ms = 1e3 * critical_delay_s(wall_n_mm)
     if math.isinf(critical_ms):
         return "stable for every delay (theory)"
     return f"unstable from {critical_ms:.1f} ms there and back (theory, to 1 ms or 2 %)"
@@ -116,7 +116,7 @@ def _grows(wall_n_mm: float, round_trip_ms: int) -> bool:
 
 def _boundary(wall_n_mm: float) -> CaseResult:
     """Find the shortest round trip, in ms, at which a disturbance grows."""
-    critical_ms = 1e3 * stability_loop(wall_n_mm).critical_delay_s()
+    critical_ms = 1e3 * critical_delay_s(wall_n_mm)
     if not _grows(wall_n_mm, _LONGEST_MS):
         return CaseResult(
             f"dies out at {_LONGEST_MS} ms there and back",
@@ -140,7 +140,7 @@ def _boundary(wall_n_mm: float) -> CaseResult:
 
 
 def _map(walls_n_mm: tuple[float, ...], delays_ms: tuple[int, ...]) -> CaseResult:
-    critical_ms = [1e3 * stability_loop(wall).critical_delay_s() for wall in walls_n_mm]
+    critical_ms = [1e3 * critical_delay_s(wall) for wall in walls_n_mm]
     grows = [[_grows(wall, 2 * delay) for wall in walls_n_mm] for delay in delays_ms]
     wrong = [
         (wall, delay)
