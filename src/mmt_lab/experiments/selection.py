@@ -61,9 +61,7 @@ class SelectionResult:
     false_alarms: float
     false_alarms_without: float
     compression: float
-    gfc: float
     gfc_change: float
-    power_error_db: float
     power_change_db: float
     same_when_shuffled: bool
     seconds: float
@@ -98,9 +96,7 @@ def run_texture(
                 false_alarms=float(outlier[~trials.knocked].mean()),
                 false_alarms_without=float(_run(method, trials.without)[0].mean()),
                 compression=count / int(kept.sum()),
-                gfc=score[0],
                 gfc_change=score[0] - everything[0],
-                power_error_db=score[1],
                 power_change_db=score[1] - everything[1],
                 same_when_shuffled=bool((again[1] == kept[order]).all()),
                 seconds=seconds,
@@ -275,6 +271,5 @@ def run(
             "means": means,
             "overall": overall,
             "results": [asdict(result) for result in results],
-            "targets": TARGETS,
         },
     )

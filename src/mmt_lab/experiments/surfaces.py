@@ -126,8 +126,8 @@ def targets(overall: Sequence[Mapping[str, Any]]) -> tuple[Target, ...]:
 
 def _figures(name: str, group: Sequence[SurfaceResult]) -> dict[str, Any]:
     scores = [result.score for result in group]
-    stays = [stay for each in scores for stay in each.stays]
-    delays = [stay.delay_s for stay in stays if stay.delay_s is not None]
+    stays = [delay_s for each in scores for delay_s in each.delays_s]
+    delays = [delay_s for delay_s in stays if delay_s is not None]
     missed = len(stays) - len(delays)
     stroked_s = sum(each.stroked_s for each in scores)
     false = sum(each.false_alarms for each in scores)
@@ -137,7 +137,6 @@ def _figures(name: str, group: Sequence[SurfaceResult]) -> dict[str, Any]:
         "surfaces": name,
         "sessions": len(group),
         "stays": len(stays),
-        "too_short": sum(each.too_short for each in scores),
         "delay_s": _quantile(delays, 0.5),
         "delay_p90_s": _quantile(delays, 0.9),
         "within_target": in_time / len(stays) if stays else None,
@@ -209,6 +208,5 @@ def _findings(results: Sequence[SurfaceResult], tables: Sequence[ReportTable]) -
         data={
             "rows": [row for rows in found.values() for row in rows],
             "sessions": [asdict(result) for result in results],
-            "targets": TARGETS,
         },
     )

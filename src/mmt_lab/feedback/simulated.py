@@ -66,8 +66,6 @@ class CellResult:
         force on the tool when the hand's present motion has reached the tool.
     position_error_mm
         The same for the position of the handle less that of the tool.
-    largest_n
-        Largest force on the surface.
     """
 
     method: Method
@@ -77,7 +75,6 @@ class CellResult:
     injected_mj: float
     force_error_n: float
     position_error_mm: float
-    largest_n: float
 
     @property
     def stable(self) -> bool:
@@ -129,7 +126,6 @@ def run_cell(
         injected_mj=1e3 * holder.injected_j,
         force_error_n=root_mean_square(shown[learned] - forces[same]),
         position_error_mm=1e3 * root_mean_square(heights[learned] - tips[same]),
-        largest_n=float(forces.max()),
     )
 
 

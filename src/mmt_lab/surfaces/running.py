@@ -53,30 +53,16 @@ class FoundChange:
 
 
 @dataclass(frozen=True)
-class Stay:
-    """One stay on a surface, except for the first stay of a session.
-
-    ``surface``: its index in the course. ``in_contact``: the change happened within contact.
-    ``delay_s``: time from first contact to the alarm, None if the change was missed.
-    """
-
-    surface: int
-    in_contact: bool
-    delay_s: float | None
-
-
-@dataclass(frozen=True)
 class SurfaceScore:
     """Figures of one session.
 
-    ``too_short``: stays with less than `LEAST_STROKED_S` of stroking and no alarm.
+    ``delays_s``: for each stay but the first, time from first contact to the alarm, None if the
+    change was missed; without stays of less than `LEAST_STROKED_S` of stroking and no alarm.
     ``false_alarms``: changes found in a stay whose own model was already in use.
     """
 
-    surfaces: int
     stroked_s: float
-    stays: tuple[Stay, ...]
-    too_short: int
+    delays_s: tuple[float | None, ...]
     false_alarms: int
 
 
@@ -98,8 +84,8 @@ def score(
         Changes found, in the order of their frames.
     """
     edges = [0, *(np.flatnonzero(np.diff(truth)) + 1).tolist(), len(truth)]
-    false = place = too_short = 0
-    stays: list[Stay] = []
+    false = place = 0
+    delays_s: list[float | None] = []
     for number, (start, stop) in enumerate(pairwise(edges)):
         alarm: FoundChange | None = None
         while place < len(found):
@@ -109,26 +95,11 @@ def score(
             false += own
             alarm = alarm or found[place]
             place += 1
-        if not number:
-            continue
-        touched = start + int(np.argmax(contact[start:stop]))
-        if float(stroking[start:stop].sum()) < 1000.0 * LEAST_STROKED_S and alarm is None:
-            too_short += 1
-            continue
-        stays.append(
-            Stay(
-                surface=int(truth[start]),
-                in_contact=touched == start,
-                delay_s=None if alarm is None else (alarm.frame - touched) / 1000.0,
-            )
-        )
-    return SurfaceScore(
-        surfaces=len(set(truth.tolist())),
-        stroked_s=float(stroking.sum()) / 1000.0,
-        stays=tuple(stays),
-        too_short=too_short,
-        false_alarms=false,
-    )
+        stroked = float(stroking[start:stop].sum()) >= 1000.0 * LEAST_STROKED_S
+        if number and (stroked or alarm is not None):
+            touched = start + int(np.argmax(contact[start:stop]))
+            delays_s.append(None if alarm is None else (alarm.frame - touched) / 1000.0)
+    return SurfaceScore(float(stroking.sum()) / 1000.0, tuple(delays_s), false)
 
 
 def _is_of_later(change: SurfaceChange, edges: Sequence[int], number: int, *, own: bool) -> bool:
