@@ -211,15 +211,6 @@ def selection_table(means: Sequence[Mapping[str, Any]]) -> ReportTable:
     return table_of(rows, "Means over the seeds.")
 
 
-def remarks(overall: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return a sentence on each method over all results."""
-    return [
-        f"{mean['method']}: {mean['detected']:.2f} of the knocks found; {mean['false_alarms']:.3f} "
-        f"of the other points removed, {mean['false_alarms_without']:.3f} without any knock"
-        for mean in overall
-    ]
-
-
 def targets(overall: Sequence[Mapping[str, Any]]) -> tuple[Target, ...]:
     """Return the targets of mmt's method on all textures together, and its figures."""
     by_method = {mean["method"]: mean for mean in overall}
@@ -264,7 +255,6 @@ def run(
         "Three sessions of 18 s on each texture, a tenth of the segments with a knock of 0.4 of "
         "their variance.",
         tables=[selection_table([*means, *overall])],
-        sentences=remarks(overall),
         targets=targets(overall),
         definitions=DEFINITIONS,
         data={
