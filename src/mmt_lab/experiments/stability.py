@@ -41,13 +41,7 @@ def findings_of(rows: Sequence[CaseRow]) -> Findings:
     """Return the rows of a run as findings."""
     return Findings(
         "Numerical stability",
-        tables=[
-            overview(rows),
-            *(
-                family_table(found, load_family(name).title)
-                for name, found in by_family(broken(rows)).items()
-            ),
-        ],
+        tables=[overview(rows)],
         blocks=lambda: report_blocks(rows),
         data=summary(rows),
         failures=[
@@ -82,10 +76,10 @@ def by_family(rows: Iterable[CaseRow]) -> dict[str, list[CaseRow]]:
     return {name: list(found) for name, found in groupby(rows, key=attrgetter("family"))}
 
 
-def family_table(rows: Sequence[CaseRow], caption: str = "") -> ReportTable:
+def family_table(rows: Sequence[CaseRow]) -> ReportTable:
     """Return the rows of one family as text."""
     cells = [(row.what, row.expected, row.got, "yes" if row.held else "NO") for row in rows]
-    return ReportTable(COLUMNS, cells, caption)
+    return ReportTable(COLUMNS, cells)
 
 
 def overview(rows: Sequence[CaseRow]) -> ReportTable:
