@@ -45,11 +45,10 @@ class Integrator:
     limit_s: Callable[[Drive, ContactLaw], float]
 
 
-def total_energy_j(drive: Drive, law: ContactLaw, state: State, command_m: float) -> float:
-    """Return the kinetic energy plus the energy stored in the drive's spring and in the wall."""
+def total_energy_j(drive: Drive, law: ContactLaw, state: State) -> float:
+    """Return the kinetic energy plus that stored in the wall and in the spring of a drive to 0."""
     height_m, velocity_m_s = state
-    stored = drive.stiffness_n_m * (command_m - height_m) ** 2
-    stored += law.stiffness_n_m * min(height_m, 0.0) ** 2
+    stored = drive.stiffness_n_m * height_m**2 + law.stiffness_n_m * min(height_m, 0.0) ** 2
     return 0.5 * (drive.mass_kg * velocity_m_s**2 + stored)
 
 

@@ -81,11 +81,11 @@ def impact_growth(
     `touch` of a step, and is followed until it has left or runs away.
     """
     state = (touch * IMPACT_M_S * step_s, -IMPACT_M_S)
-    start = lowest = total_energy_j(drive, law, state, 0.0)
+    start = lowest = total_energy_j(drive, law, state)
     growth = 0.0
     for _ in range(_MOST_STEPS):
         state = way.step(drive, law, state, 0.0, step_s)[:2]
-        energy = total_energy_j(drive, law, state, 0.0)
+        energy = total_energy_j(drive, law, state)
         growth = max(growth, (energy - lowest) / start)
         lowest = min(lowest, energy)
         if growth > _RUNAWAY or min(state) > 0.0:
