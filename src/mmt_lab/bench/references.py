@@ -98,7 +98,7 @@ def lsf_to_ar(lsf: FloatArray) -> list[Number]:
 
 
 def refine_lsf(ar: Sequence[Number], start: FloatArray) -> list[Number] | None:
-    """Return the line spectral frequencies of a filter, by Newton's method from `start` (m,).
+    """Return the line spectral frequencies of a filter, by the secant method from `start` (m,).
 
     The result is always complete: m different zeros inside (0, pi), which are all the zeros. None
     if the start does not lead to that.
@@ -108,7 +108,7 @@ def refine_lsf(ar: Sequence[Number], start: FloatArray) -> list[Number] | None:
         taps = [mpmath.mpf(1), *ar, mpmath.mpf(0)]
         found = []
         for index, begin in enumerate(exact(start)):
-            zero = _newton(taps, begin, 1 if index % 2 == 0 else -1)
+            zero = _zero(taps, begin, 1 if index % 2 == 0 else -1)
             if zero is None or not 0 < zero < mpmath.pi:
                 return None
             found.append(zero)
@@ -117,28 +117,20 @@ def refine_lsf(ar: Sequence[Number], start: FloatArray) -> list[Number] | None:
         return found if len(found) == order and all(gap > least for gap in gaps) else None
 
 
-def _newton(taps: list[Number], begin: Number, sign: int) -> Number | None:
+def _zero(taps: list[Number], begin: Number, sign: int) -> Number | None:
     """Return a zero near `begin` of A(w) + sign * (its reversal), without its phase, or None."""
-    degree = len(taps) - 1
     whole = [a + sign * b for a, b in zip(taps, taps[::-1], strict=True)]
-    half = mpmath.mpf(degree) / 2
-    w = begin
-    for _ in range(60):
-        # The palindrome (or its negative) is a sum of cosines (sines) about its middle.
-        angles = [(half - j) * w for j in range(degree + 1)]
-        if sign > 0:
-            value = mpmath.fdot(whole, [mpmath.cos(a) for a in angles])
-            slope = -sum(c * (half - j) * mpmath.sin(angles[j]) for j, c in enumerate(whole))
-        else:
-            value = mpmath.fdot(whole, [mpmath.sin(a) for a in angles])
-            slope = sum(c * (half - j) * mpmath.cos(angles[j]) for j, c in enumerate(whole))
-        if slope == 0:
-            return None
-        step = value / slope
-        w -= step
-        if abs(step) < mpmath.mpf(10) ** (-DIGITS // 2):
-            return w
-    return None
+    # The palindrome (or its negative) is a sum of cosines (sines) about its middle.
+    wave, half = mpmath.cos if sign > 0 else mpmath.sin, mpmath.mpf(len(taps) - 1) / 2
+    places = [half - j for j in range(len(taps))]
+    try:
+        return mpmath.findroot(
+            lambda w: mpmath.fdot(whole, [wave(place * w) for place in places]),
+            (begin, begin * (1 + mpmath.mpf(10) ** -12)),
+            tol=mpmath.mpf(10) ** (-DIGITS // 2),
+        )
+    except (ValueError, ZeroDivisionError):  # it does not converge, or the slope vanishes
+        return None
 
 
 def largest_error(found: FloatArray, expected: Sequence[Number]) -> float:
