@@ -4,7 +4,7 @@ import math
 import sys
 import time
 
-from mmt_lab.bench import peers
+from mmt_lab.bench import measuring, peers
 from mmt_lab.bench.measuring import interleave
 from mmt_lab.harness.findings import (
     Axis,
@@ -83,19 +83,18 @@ def test_over_its_own_setting_a_panel_has_one_column_less():
     assert table.rows == [("mmt", "8", "1e-16"), ("", "16", "raises: no")]
 
 
-def test_methods_take_turns_in_an_order_that_moves_on():
+def test_methods_take_turns_in_an_order_that_moves_on(monkeypatch):
+    monkeypatch.setattr(measuring, "LEAST_S", 0.0)
     calls = []
     tasks = {name: lambda name=name: calls.append(name) for name in "abc"}
-    interleave(tasks, rounds=3, least_s=0.0)
+    interleave(tasks, rounds=3)
     # Two calls each to see how long one takes, then the rounds.
     assert "".join(calls) == "aabbcc" + "abc" + "bca" + "cab"
 
 
 def test_a_slower_task_takes_longer_and_short_ones_are_repeated():
     calls = []
-    times = interleave(
-        {"slow": lambda: time.sleep(0.004), "fast": lambda: calls.append(1)}, 3, least_s=0.001
-    )
+    times = interleave({"slow": lambda: time.sleep(0.004), "fast": lambda: calls.append(1)}, 3)
     assert times["slow"].median > 0.004
     assert times["fast"].median < times["slow"].median / 4
     assert len(calls) > 30

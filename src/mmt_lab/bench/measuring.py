@@ -24,9 +24,7 @@ LEAST_S: Final = 0.002
 """Least length of a task's turn in a round; a shorter task is repeated."""
 
 
-def interleave(
-    tasks: Mapping[str, Task], rounds: int, *, least_s: float = LEAST_S
-) -> dict[str, Spread]:
+def interleave(tasks: Mapping[str, Task], rounds: int) -> dict[str, Spread]:
     """Time tasks in turns, without garbage collection; return the seconds of one call of each.
 
     Parameters
@@ -35,10 +33,8 @@ def interleave(
         Tasks by name; each is called twice before the rounds.
     rounds
         How often every task has its turn, at least 1.
-    least_s
-        Least length of a turn, in s, which sets the number of calls in a turn.
     """
-    calls = {name: _calls(task, least_s) for name, task in tasks.items()}
+    calls = {name: _calls(task) for name, task in tasks.items()}
     seconds: dict[str, list[float]] = {name: [] for name in tasks}
     names = list(tasks)
     for number in range(rounds):
@@ -70,7 +66,7 @@ def single_figures(title: str, about: str, figures: Mapping[str, Figure]) -> Fin
     )
 
 
-def _calls(task: Task, least_s: float) -> int:
+def _calls(task: Task) -> int:
     task()
     once_s = timeit(task, number=1)
-    return max(1, min(100_000, math.ceil(least_s / max(once_s, 1e-8))))
+    return max(1, min(100_000, math.ceil(LEAST_S / max(once_s, 1e-8))))
