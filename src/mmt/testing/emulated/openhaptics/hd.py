@@ -34,13 +34,8 @@ _Three: Final = ctypes.c_double * 3
 _Nine: Final = ctypes.c_double * 9
 
 
-def build_library(directory: Path | None = None) -> Path:
-    """Compile the emulated library unless that has been done; return its path.
-
-    Parameters
-    ----------
-    directory
-        Directory of the library; None for the user's cache.
+def build_library() -> Path:
+    """Compile the emulated library, in the user's cache, unless that is done; return its path.
 
     Raises
     ------
@@ -48,8 +43,7 @@ def build_library(directory: Path | None = None) -> Path:
         There is no C compiler, or it fails.
     """
     source = b"".join(path.read_bytes() for path in _SOURCES)
-    if directory is None:
-        directory = platformdirs.user_cache_path("mmt-haptics", appauthor=False)
+    directory = platformdirs.user_cache_path("mmt-haptics", appauthor=False)
     library = directory / f"emulated-hd-{hashlib.sha256(source).hexdigest()[:16]}.so"
     if library.exists():
         return library
