@@ -54,7 +54,9 @@ def play(
     force: Force = False,
 ) -> None:
     """Serve a page on which a person strokes textures and hears them."""
-    link = _link(host, port, token_file, certificate, key)
+    address = {"host": host, "port": port}
+    secrets = {"token_file": token_file, "certificate": certificate, "key": key}
+    link = table_from(Link, "link", {**address, **secrets})
     if record is not None and record.suffix.lower() != _MCAP:
         raise InputError(f"--record {record}: the name of a recording must end in {_MCAP}")
     if shared is not None and (sources or record is not None):
@@ -141,16 +143,3 @@ async def serve_until_ended(
             messages.print(f"results:  {player.results.path}, {player.results.rows} rows more")
     if player.recording_problem is not None:
         raise MmtError(player.recording_problem)
-
-
-def _link(
-    host: str, port: int, token_file: Path | None, certificate: Path | None, key: Path | None
-) -> Link:
-    given = {
-        "host": host,
-        "port": port,
-        "token_file": token_file,
-        "certificate": certificate,
-        "key": key,
-    }
-    return table_from(Link, "link", {k: v for k, v in given.items() if v is not None})
