@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -65,7 +66,7 @@ def explain(
 
     scene = load_scene(scene_file, replay=replay)
     description = describe_scene(scene)
-    content: dict[str, Any] = {"scene": scene.session.name, **description.as_dict()}
+    content: dict[str, Any] = {"scene": scene.session.name, **asdict(description)}
     output.print(_parts_table(description))
     if description.robot_limits is not None:
         output.print(f"The robot's limits: {description.robot_limits}")

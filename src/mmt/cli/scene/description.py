@@ -1,8 +1,8 @@
 """Describe a scene from its tables alone: parts, channels, bytes on the wire."""
 
 import math
-from dataclasses import asdict, dataclass
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
 from mmt.core.frames import (
     COMMAND_DTYPE,
@@ -45,8 +45,6 @@ class Stream:
     message_bytes: int
     """Size of a message with Socket.IO's envelope, as in the link's statistics of sent bytes."""
     messages_per_s: float
-    payload_bytes_per_s: float
-    """Rate of the records without envelope, as in the link's statistics."""
     bytes_per_s: float
 
 
@@ -63,10 +61,6 @@ class SceneDescription:
     """The acceleration in a frame, None for at most one sample per frame."""
     hand_force: str | None
     """See `describe_hand_force`."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the description as JSON values."""
-        return asdict(self)
 
 
 LEADER: Final[Service] = "leader"
@@ -194,6 +188,5 @@ def _stream(
         records_per_message=records,
         message_bytes=message_bytes,
         messages_per_s=messages_per_s,
-        payload_bytes_per_s=records_per_s * record_bytes,
         bytes_per_s=messages_per_s * message_bytes,
     )
