@@ -18,7 +18,7 @@ from mmt_lab.harness.command import (
     report_findings,
     run,
 )
-from mmt_lab.harness.experiment import AccelerationRate, listed
+from mmt_lab.harness.experiment import AccelerationRate, Duration, Loss, RealTime, Strangers, listed
 from mmt_lab.stability.families import Families
 
 lab = typer.Typer(
@@ -44,24 +44,12 @@ def _bench(
             help=f"{', '.join(each.name for each in listed('bench'))}; all if none is named.",
         ),
     ] = None,
-    duration: Annotated[
-        float, typer.Option(help="Seconds for each measurement of link and services.")
-    ] = 20.0,
+    duration: Duration = 20.0,
     json_file: JsonFile = None,
     report: ReportFolder = None,
-    realtime: Annotated[
-        bool,
-        typer.Option(
-            "--realtime",
-            help="Link and devices: by real-time scheduling. Services: with and without it.",
-        ),
-    ] = False,
-    strangers: Annotated[
-        bool, typer.Option("--strangers", help="Services: beside strangers at the port.")
-    ] = False,
-    loss: Annotated[
-        bool, typer.Option("--loss", help="Link: the services over paths that lose packets.")
-    ] = False,
+    realtime: RealTime = False,
+    strangers: Strangers = False,
+    loss: Loss = False,
     acceleration_rate: AccelerationRate = 1000,
 ) -> None:
     """Measure error against run time on this machine, for mmt and every peer installed."""

@@ -71,6 +71,16 @@ AccelerationRate = Annotated[
 ]
 """Rate of the acceleration of a run of both services."""
 
+Strangers = Annotated[
+    bool, typer.Option("--strangers", help="Services: beside strangers at the port.")
+]
+"""Whether services are measured beside strangers."""
+
+Loss = Annotated[
+    bool, typer.Option("--loss", help="Link: the services over paths that lose packets.")
+]
+"""Whether services are measured over paths that lose packets, and not the link."""
+
 Workers = Annotated[
     int | None,
     typer.Option(min=1, help="Local processes; as many as there are processors if absent."),
@@ -83,10 +93,16 @@ SpectraOption = Annotated[
 ]
 """How the amplitude spectra of a GFC are made."""
 
-Duration = Annotated[float, typer.Option(help="Seconds of each measurement.")]
+Duration = Annotated[float, typer.Option(help="Seconds for each measurement of link and services.")]
 """Length of a measurement in real time."""
 
-RealTime = Annotated[bool, typer.Option("--realtime", help="Measure by real-time scheduling.")]
+RealTime = Annotated[
+    bool,
+    typer.Option(
+        "--realtime",
+        help="Link and devices: by real-time scheduling. Services: with and without it.",
+    ),
+]
 """Whether real-time scheduling is measured (Linux)."""
 
 

@@ -16,9 +16,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
-from typing import Annotated, Final, Literal
-
-import typer
+from typing import Final, Literal
 
 from mmt.core.errors import InputError
 from mmt.core.frames import check_acceleration_rate
@@ -26,7 +24,7 @@ from mmt.core.running.process import require_real_time
 from mmt_lab.bench.link_sides import PATIENCE_S, Kind, SideReport, Turn, TurnFigures, follow, lead
 from mmt_lab.bench.lossy_path import measure_losses
 from mmt_lab.bench.measuring import Figure, single_figures
-from mmt_lab.harness.experiment import AccelerationRate, Duration, RealTime
+from mmt_lab.harness.experiment import AccelerationRate, Duration, Loss, RealTime
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import background_processes, received
 
@@ -170,9 +168,6 @@ def ratios(ours: list[Pair], bare: list[Pair]) -> dict[str, float]:
         )
         for name, figure in figures.items()
     }
-
-
-Loss = Annotated[bool, typer.Option("--loss", help="Measure over a path that loses packets.")]
 
 
 def run(

@@ -12,9 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Annotated, Any, Final
-
-import typer
+from typing import Any, Final
 
 from mmt.cli.running.scene_services import DemoRun, run_services
 from mmt.core.errors import InputError, MmtError
@@ -24,7 +22,7 @@ from mmt.evaluation.run_verdict import median_of_known
 from mmt.scene.files import ENVIRONMENT_PREFIX, example_scenes, load_scene
 from mmt_lab.bench import strangers as disturbing
 from mmt_lab.bench.measuring import Figure, single_figures
-from mmt_lab.harness.experiment import AccelerationRate, Duration, RealTime
+from mmt_lab.harness.experiment import AccelerationRate, Duration, RealTime, Strangers
 from mmt_lab.harness.findings import Findings, FindingsTable
 from mmt_lab.harness.processes import background_processes
 
@@ -53,11 +51,6 @@ _FIGURES: Final = (
     ("follower", "link", "latency_p50_ms", "commands, one way, p50 (ms)"),
     ("follower", "link", "latency_p99_ms", "commands, one way, p99 (ms)"),
 )
-
-
-Strangers = Annotated[
-    bool, typer.Option("--strangers", help="Measure beside strangers at the port.")
-]
 
 
 def run(
