@@ -25,9 +25,7 @@ def test_ours_finds_more_than_the_published_selection_whatever_the_order():
 
 
 def test_a_missed_target_is_said():
-    good = selection.SelectionResult(
-        "felt", "ours", 0, 0.98, 0.01, 0.01, 5.0, 0.0, 0.0, True, 0.1
-    )
+    good = selection.SelectionResult("felt", "ours", 0, 0.98, 0.01, 0.01, 5.0, 0.0, 0.0, True, 0.1)
     bad = replace(good, detected=0.5, same_when_shuffled=False, gfc_change=-0.1)
     for one, expected in (
         (good, set()),
