@@ -18,6 +18,7 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 import mmt
+from mmt.cli.options import value_of
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import DISTRIBUTION, require
 from mmt.core.files.existing import append_lines, write_file
@@ -71,7 +72,7 @@ def combinations(choices: Sequence[str]) -> list[dict[str, Value]]:
             raise InputError(f"--set {key} is given twice: give all its values in one")
         if key.partition(".")[0] != TABLE:
             raise InputError(f"--set {key}: an evaluation depends on the keys of [{TABLE}] alone")
-        values[key] = [_value(part.strip()) for part in listed.split(",")]
+        values[key] = [value_of(part.strip()) for part in listed.split(",")]
     return [
         dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())
     ]
@@ -156,18 +157,6 @@ class SweepResults:
     def missing(self, jobs: Sequence[Job]) -> list[Job]:
         """Return the jobs that have no result yet, each once."""
         return list({job.key: job for job in jobs if job.key not in self.lines}.values())
-
-
-def _value(text: str) -> Value:
-    """Return a value as TOML would read it; text that is no number or boolean is a string."""
-    if text in {"true", "false"}:
-        return text == "true"
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
 
 
 def _texture(base: Texture, chosen: Settings) -> Texture:

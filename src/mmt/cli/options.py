@@ -1,6 +1,7 @@
 """Options of commands: declared once for several commands, and shown in plain words in the help."""
 
 import inspect
+import tomllib
 from collections.abc import Callable, Iterable
 from dataclasses import fields, is_dataclass
 from functools import wraps
@@ -96,6 +97,14 @@ def _accepting(
         name: each.annotation for name, each in signature.parameters.items()
     }
     return function
+
+
+def value_of(text: str) -> Any:
+    """Return a value as in TOML; text that is none is returned as it is."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
 
 
 def simplify_help(command: Any) -> Any:

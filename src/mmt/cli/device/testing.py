@@ -1,12 +1,12 @@
 """``mmt device test``: observe the devices of a scene, or one driver's device."""
 
-import tomllib
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from mmt.cli.common import messages, output, write_json
+from mmt.cli.options import value_of
 from mmt.core.errors import InputError
 from mmt.devices.device_check import DeviceCheck, Values, check_device
 from mmt.devices.drivers import ROLE_NAMES, Role, load_device, role_for
@@ -108,10 +108,7 @@ def options_from(settings: list[str]) -> dict[str, Any]:
         key, equals, text = setting.partition("=")
         if not equals or not key.strip():
             raise InputError(f"--set {setting}: write KEY=VALUE")
-        try:
-            options[key.strip()] = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
-            options[key.strip()] = text
+        options[key.strip()] = value_of(text)
     return options
 
 
