@@ -1,19 +1,15 @@
 """Frames and events by the real library, from a follower whose clock is another one."""
 
 import json
-import os
-import subprocess
-import sys
 from importlib.util import find_spec
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 from network_namespaces import LEADER_ADDRESS, veth, within_follower
-from service_processes import LONGEST_S, Service
+from publishing_samples import run_beside
 
 from mmt.core.errors import InputError
-from mmt.session.files import read_session
 from mmt_bridges.lsl.streams import load_pylsl
 
 AHEAD_S = 5000
@@ -77,15 +73,6 @@ def needs_the_library():
         pytest.skip(str(error))
 
 
-def receiving(folder, within, **variables):
-    return subprocess.Popen(
-        [*within, sys.executable, "-c", RECEIVER, str(folder / "received.json")],
-        stdout=subprocess.PIPE,
-        text=True,
-        env={**os.environ, **variables},
-    )
-
-
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """What a recipient got of a session, the session, and the leader's summary."""
@@ -93,32 +80,17 @@ def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("lsl")
     scene = folder / "lsl.toml"
     scene.write_text(SCENE.format(address=LEADER_ADDRESS))
-    (folder / "lsl_api.cfg").write_text(LIBRARY)
-    variables = {"LSLAPICFG": str(folder / "lsl_api.cfg")}
+    library = folder / "lsl_api.cfg"
+    library.write_text(LIBRARY)
     with veth() as made:
-        leading = Service(
-            *("leader", scene, "--json-lines", "--port", 0),
-            cwd=folder,
-            within=made.within_leader(),
-            **variables,
+        return run_beside(
+            RECEIVER,
+            scene,
+            LEADER_ADDRESS,
+            made.within_leader(),
+            within_follower(made, AHEAD_S),
+            LSLAPICFG=str(library),
         )
-        with leading as leader:
-            url = f"http://{LEADER_ADDRESS}:{leader.port()}"
-            with receiving(folder, made.within_leader(), **variables) as receiver:
-                try:
-                    assert receiver.stdout.readline() == "ready\n"
-                    with Service(
-                        *("follower", scene, "--json-lines", "--leader", url),
-                        cwd=folder,
-                        within=within_follower(made, AHEAD_S),
-                    ) as follower:
-                        ended = leader.end(), follower.end()
-                    assert ended == (0, 0), leader.stderr + follower.stderr
-                    assert receiver.wait(LONGEST_S) == 0
-                finally:
-                    receiver.kill()
-            received = json.loads((folder / "received.json").read_text())
-            return received, read_session(folder / "session.mcap"), leader.summary()
 
 
 def test_frames_arrive_as_they_were_recorded_stamped_by_the_leaders_clock(run):

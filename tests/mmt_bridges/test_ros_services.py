@@ -2,15 +2,11 @@
 
 import json
 import os
-import subprocess
-import sys
 from importlib.util import find_spec
 
 import numpy as np
 import pytest
-from service_processes import LONGEST_S, Service
-
-from mmt.session.files import read_session
+from publishing_samples import run_beside
 
 DOMAIN = 100 + os.getpid() % 100
 SCENE = f"""
@@ -27,14 +23,14 @@ file = "session.mcap"
 """
 
 SUBSCRIBER = """
-import json, pathlib, sys
+import json, os, pathlib, sys
 import rclpy
 from geometry_msgs.msg import PointStamped, WrenchStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Imu
 from std_msgs.msg import String, UInt32
 
-namespace, path = sys.argv[1:]
+namespace, path = os.environ["LISTENED_TO"], sys.argv[1]
 rclpy.init()
 node = rclpy.create_node("listener")
 got = {}
@@ -79,31 +75,10 @@ def run(tmp_path_factory):
     """What a subscriber of ROS got of a session, the session, and the leader's summary."""
     if find_spec("rclpy") is None:
         pytest.skip("needs rclpy, which ROS brings")
-    folder = tmp_path_factory.mktemp("ros")
-    scene = folder / "ros.toml"
+    scene = tmp_path_factory.mktemp("ros") / "ros.toml"
     scene.write_text(SCENE)
     local = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": str(DOMAIN)}
-    with Service(*("leader", scene, "--json-lines", "--port", 0), cwd=folder, **local) as leader:
-        url = f"http://127.0.0.1:{leader.port()}"
-        arguments = [f"bench{os.getpid()}", str(folder / "got.json")]
-        with subprocess.Popen(
-            [sys.executable, "-c", SUBSCRIBER, *arguments],
-            stdout=subprocess.PIPE,
-            text=True,
-            env={**os.environ, **local},
-        ) as subscriber:
-            try:
-                assert subscriber.stdout.readline() == "ready\n"
-                with Service(
-                    *("follower", scene, "--json-lines", "--leader", url), cwd=folder
-                ) as follower:
-                    ended = leader.end(), follower.end()
-                assert ended == (0, 0), leader.stderr + follower.stderr
-                assert subscriber.wait(LONGEST_S) == 0
-            finally:
-                subscriber.kill()
-        got = json.loads((folder / "got.json").read_text())
-        return got, read_session(folder / "session.mcap"), leader.summary()
+    return run_beside(SUBSCRIBER, scene, **local, LISTENED_TO=f"bench{os.getpid()}")
 
 
 def test_ros_has_every_frame_as_it_was_recorded(run):
