@@ -1,5 +1,6 @@
 """The monitor's messages as its page reads them."""
 
+import asyncio
 import json
 import struct
 
@@ -18,3 +19,12 @@ def unpack(message):
         offset += 4 * count
     assert offset == len(message)
     return {**header, "arrays": arrays}
+
+
+async def until(socket, kind):
+    """Return the next message of a kind."""
+    async with asyncio.timeout(60):
+        while True:
+            message = unpack(await socket.receive_bytes())
+            if message["kind"] == kind:
+                return message

@@ -8,7 +8,7 @@ from contextlib import asynccontextmanager
 
 import aiohttp
 import numpy as np
-from monitor_messages import unpack
+from monitor_messages import until
 
 from mmt.link.access import Access
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
@@ -75,12 +75,7 @@ class Browserless:
         await self.socket.send_str(json.dumps(message))
 
     async def until(self, kind):
-        """Return the next message of a kind."""
-        async with asyncio.timeout(LONGEST_S):
-            while True:
-                message = unpack(await self.socket.receive_bytes())
-                if message["kind"] == kind:
-                    return message
+        return await until(self.socket, kind)
 
     async def order(self, **order):
         self.number += 1

@@ -1,12 +1,10 @@
 """A browser without a screen, at the monitor of a leader that runs."""
 
-import asyncio
 import json
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 
 import aiohttp
-from monitor_messages import unpack
 from service_runs import Together, small_scene
 
 
@@ -40,12 +38,3 @@ async def monitored(directory, **tables):
 
 def address(together, path="/monitor/socket"):
     return f"http://127.0.0.1:{together.leader.port}{path}"
-
-
-async def until(socket, kind):
-    """Return the next message of a kind."""
-    async with asyncio.timeout(30):
-        while True:
-            message = unpack(await socket.receive_bytes())
-            if message["kind"] == kind:
-                return message

@@ -5,8 +5,8 @@ import asyncio
 import aiohttp
 import pytest
 from frame_samples import made_frames
-from monitor_browser import address, monitored, open_browser, until
-from monitor_messages import unpack
+from monitor_browser import address, monitored, open_browser
+from monitor_messages import unpack, until
 from service_runs import MadeSource
 
 from mmt.link import access

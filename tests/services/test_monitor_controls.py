@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 from frame_samples import made_frames
-from monitor_browser import monitored, open_browser, until
+from monitor_browser import monitored, open_browser
+from monitor_messages import until
 from service_runs import MadeSource
 
 from mmt.session.files import read_session

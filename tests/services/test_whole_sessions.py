@@ -5,7 +5,8 @@ import json
 
 import numpy as np
 import pytest
-from monitor_browser import monitored, open_browser, until
+from monitor_browser import monitored, open_browser
+from monitor_messages import until
 from scipy import signal
 from service_runs import MadeSource, Together, small_scene
 
