@@ -11,7 +11,7 @@ import pytest
 import trustme
 import yarl
 from link_samples import CHANNELS, FollowerNotes, LeaderNotes, frames, hello, until
-from wire_relay import relay
+from wire_relay import Wire
 
 from mmt.core.errors import InputError, MmtError
 from mmt.link.access import FOLLOWERS, TOKEN_VARIABLE, Access, check_listening, check_scheme
@@ -94,11 +94,11 @@ async def test_without_the_token_nobody_is_served_nor_told_anything(token_file, 
             await other.connect(5.0)
         await other.disconnect()
         assert notes.hellos == []
-        async with relay(int(url.rpartition(":")[2])) as wire:  # asked for after a break as well
+        async with Wire(int(url.rpartition(":")[2])) as wire:  # asked for after a break as well
             wired = f"http://127.0.0.1:{wire.port}"
             client = FollowerClient(wired, hello(), FollowerNotes().events(), access=Access(TOKEN))
             await client.connect(5.0)
-            wire.drop()
+            wire.cut()
             await until(lambda: not client.connected)
             await until(lambda: client.connected)
             await client.disconnect()

@@ -17,7 +17,7 @@ from link_samples import (
     leader,
     until,
 )
-from wire_relay import relay
+from wire_relay import Wire
 
 import mmt.link.client
 import mmt.link.connection
@@ -29,14 +29,14 @@ from mmt.link.client import FollowerClient
 
 async def test_a_follower_that_dies_frees_its_place_at_once():
     notes = LeaderNotes()
-    async with leader(notes) as server, relay(server.port) as wire:
+    async with leader(notes) as server, Wire(server.port) as wire:
         dying = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
         await dying.connect(
             f"http://127.0.0.1:{wire.port}", auth=hello().to_auth(), transports=["websocket"]
         )
         await dying.emit("frames", frames(0).tobytes())
         await until(lambda: notes.sequences == [0])
-        wire.drop()
+        wire.cut()
         await until(lambda: notes.losses, timeout_s=1.0)
         assert notes.losses == ["the connection was closed"]
         assert not server.connected
@@ -51,12 +51,12 @@ async def test_a_cut_link_is_taken_up_again_and_shows_as_a_gap():
     up, down = LeaderNotes(), FollowerNotes()
     async with (
         leader(up) as server,
-        relay(server.port) as wire,
+        Wire(server.port) as wire,
         follower(wire.port, down, source="the same") as client,
     ):
         client.send_frames(frames(0, 10))
         await until(lambda: len(up.sequences) == 10)
-        wire.drop()
+        wire.cut()
         await until(lambda: down.losses and up.losses)
         assert not client.connected
         assert not server.connected
@@ -105,14 +105,14 @@ async def test_a_silent_wire_is_noticed_on_both_sides_and_the_link_is_taken_up_a
     up, down = LeaderNotes(), FollowerNotes()
     async with (
         leader(up) as server,
-        relay(server.port) as wire,
+        Wire(server.port) as wire,
         follower(wire.port, down) as client,
     ):
-        wire.fall_silent()
+        wire.stall()
         await until(lambda: up.losses and down.losses)
         assert not server.connected
-        before = len(wire.writers)
-        await until(lambda: len(wire.writers) >= before + 6)  # three attempts
+        before = wire.connections
+        await until(lambda: wire.connections >= before + 3)  # three attempts
         wire.mend()
         await until(lambda: client.connected and server.connected, timeout_s=5.0)
     assert len(down.losses) == 1
@@ -138,8 +138,8 @@ async def test_a_client_that_leaves_before_it_is_answered_is_no_error(monkeypatc
 
 async def test_the_end_does_not_wait_for_ever_on_a_silent_wire(monkeypatch):
     monkeypatch.setattr(mmt.link.client, "CLOSE_TIMEOUT_S", 0.2)
-    async with leader() as server, relay(server.port) as wire, follower(wire.port) as client:
-        wire.fall_silent()
+    async with leader() as server, Wire(server.port) as wire, follower(wire.port) as client:
+        wire.stall()
         await asyncio.wait_for(client.end("unheard"), 5.0)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from service_processes import Service
 from service_runs import Together
-from wire_relay import relay
+from wire_relay import Wire
 
 from mmt.core.sequence_numbers import SEQUENCES
 from mmt.follower.service import Follower, FollowerSummary
@@ -86,12 +86,12 @@ async def run(made, directory, outage, network=None, method="field", **link):
         **({"network": network} if network is not None else {}),
     )
     together = await Together.listening(scene)
-    async with relay(together.leader.port or 0) as wire:
+    async with Wire(together.leader.port or 0) as wire:
         follower = Follower(scene, f"http://127.0.0.1:{wire.port}")
         following = asyncio.create_task(follower.run())
         if outage is not None:
             await together.until(lambda: together.leader.time_s > 2.2)
-            wire.cut() if outage == "cut" else wire.fall_silent()
+            wire.keep_down() if outage == "cut" else wire.stall()
             await asyncio.sleep(1.5 / SPEED)
             wire.mend()
         followed = await following

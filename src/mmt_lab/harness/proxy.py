@@ -32,7 +32,7 @@ class Proxy:
         return int(self._server.sockets[0].getsockname()[1])
 
     async def __aenter__(self) -> Self:
-        self._server = await asyncio.start_server(self._serve, _HOST, 0)
+        self._server = await self.listen()
         return self
 
     async def __aexit__(self, *_: object) -> None:
@@ -42,6 +42,10 @@ class Proxy:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def listen(self) -> asyncio.Server:
+        """Return a server of connections on a free port."""
+        return await asyncio.start_server(self.serve, _HOST, 0)
 
     def stall(self) -> None:
         """Forward nothing; data waits in buffers, and finally in the senders."""
@@ -56,7 +60,8 @@ class Proxy:
         for sink in self._sinks:
             sink.transport.abort()
 
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Forward a connection both ways."""
         try:
             there, back = await asyncio.open_connection(_HOST, self._target)
         except OSError:  # the target no longer listens
