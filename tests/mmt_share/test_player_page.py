@@ -191,8 +191,7 @@ async def test_matching_from_begin_to_the_count(browser, tmp_path):
         for sample in study.order:
             await shows(page, "#prompt", f"feels like {NAMES[sample]}?")
             await page.keyboard.press("abc"[under.index(sample)])
-            await page.keyboard.press("Enter")
-            await shows(page, "#answer", f"{NAMES[sample]} is tile")
+            await page.dblclick("#answer-tile")  # still one answer
         await page.click("#finish")
         await shows(page, "#prompt", "3 of 3 match. How real")
         await api.expect(page.locator(".tile.right")).to_have_count(3)
@@ -203,6 +202,13 @@ async def test_matching_from_begin_to_the_count(browser, tmp_path):
         assert [row["event"] for row in written] == ["begin", *["answer"] * 3, "finish", "rating"]
         assert [row["correct"] for row in written] == ["", "1", "1", "1", "3", ""]
         assert written[-1]["rating"] == "5"
+        for participant in ("P3", "P4", "P5"):  # each has an order of their own
+            await page.click("#leave")
+            await page.fill("#participant", participant)
+            await page.click("#begin-form button")
+            await shows(page, "#answer", f"matching of {participant} begins")
+            await shows(page, "#prompt", f"feels like {NAMES[server.player.study.order[0]]}?")
+            page.once("dialog", lambda dialog: dialog.accept())
 
 
 async def test_a_hidden_page_is_silent_and_goes_on_when_it_is_back(browser, tmp_path):

@@ -76,6 +76,7 @@ export class Grid {
 
   focus(tile) {
     this.tiles[tile]?.focus();
+    if (tile in this.tiles) this.choose(tile); // one that has had the focus, too
   }
 
   focused() {

@@ -49,18 +49,17 @@ export class Study {
     this.grid.show(this.names.map((_, tile) => (state.hidden ? null : matches ? state.textures[tile] : tile)));
     this.grid.mark((tile) => this.#marks(tile));
     if (asks) this.#samples();
+    else this.sample = null;
     $("prompt").textContent = this.#prompt();
   }
 
   /** Answer that the chosen tile feels like the current sample. */
   async match() {
-    const { scenario, matches } = this.state;
+    const { scenario, matches } = this.state, tile = this.grid.chosen;
     if (scenario !== "matching" || matches !== null) return;
-    if (this.grid.chosen === null) {
-      say("stroke a tile first", false);
-      return;
-    }
-    if (!await this.orders.give({ do: "answer", sample: this.sample, tile: this.grid.chosen })) return;
+    if (tile === null) return say("stroke a tile first", false);
+    this.grid.choose(null); // a double click would name it for the next sample, too
+    if (!await this.orders.give({ do: "answer", sample: this.sample, tile })) return;
     this.sample = null; // on to one without a tile
     this.show(this.state);
   }
