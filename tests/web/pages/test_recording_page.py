@@ -18,6 +18,7 @@ from page_browser import (
 )
 from recording_server import serving
 
+from mmt.core.errors import InputError
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.session.data import OutputBlock, RecordedSession
@@ -232,9 +233,27 @@ async def test_without_recorded_output_the_model_of_the_moment_is_rendered(brows
         await api.expect(page.locator("#link-panel")).to_be_hidden()
 
 
-async def test_the_page_says_that_its_server_has_ended(browser, recorded):
+async def test_the_page_says_what_has_failed_and_leaves_it_with_the_person(
+    browser, recorded, monkeypatch
+):
     async with a_page(browser) as page:
-        async with viewing(recorded) as url:
+        recording = ViewedRecording.open(recorded)
+        state_at = recording.state_at
+
+        def broken(time_s):
+            if time_s > 6.0:
+                raise InputError("the end is broken")
+            return state_at(time_s)
+
+        monkeypatch.setattr(recording, "state_at", broken)
+        async with serving(recording) as url:
             await page.goto(url)
+            await built(page)
+            await page.keyboard.press("End")
+            await shows(page, "#connection", "the end is broken")
+            await page.wait_for_timeout(2500)  # other answers come meanwhile
+            await shows(page, "#connection", "the end is broken")
+            await page.keyboard.press("Home")
+            await shows(page, "#time", "0.00 s")
             await shows(page, "#connection", "recorded")
         await shows(page, "#connection", "mmt session view has ended")

@@ -30,22 +30,28 @@ let addressTimer = null;
 let shownModel = null;
 let events = [];
 let lastEvent = null;
+let failing = null; // the path whose failure is shown
+const isStale = () => stale;
 
-/** Ask the program that shows the recording, again and again while it does not answer. */
-async function ask(path) {
-  for (;;) {
+/** Ask the program that shows the recording, again while it fails; null if meanwhile the person `hasMovedOn`. */
+async function ask(path, hasMovedOn = () => false) {
+  do {
     try {
       const answer = await fetch(path);
       if (!answer.ok) throw new Error((await answer.text()).trim());
       const message = decode(await answer.arrayBuffer());
-      showState("recorded", "recorded");
+      if (failing === path) failing = null;
+      if (failing === null) showState("recorded", "recorded");
       return message;
     } catch (error) {
+      failing = path;
       const gone = error instanceof TypeError;
       showState("lost", gone ? "mmt session view has ended: start it again to go on" : error.message);
       await wait(RETRY_MS);
     }
-  }
+  } while (!hasMovedOn());
+  failing = null;
+  return null;
 }
 
 function showState(state, sentence) {
@@ -61,9 +67,12 @@ async function follow() {
     if (!stale) continue;
     stale = false;
     if (line.isStale) await showCourse();
-    const moment = await ask(`moment?time_s=${wanted}`);
+    const moment = await ask(`moment?time_s=${wanted}`, isStale);
+    if (moment === null) continue;
     if (moment.model !== shownModel) {
-      panels.model(moment.model === null ? NO_MODEL : await ask(`model?number=${moment.model}`));
+      const model = moment.model === null ? NO_MODEL : await ask(`model?number=${moment.model}`, isStale);
+      if (model === null) continue;
+      panels.model(model);
       shownModel = moment.model;
     }
     show(moment);
@@ -109,7 +118,9 @@ class TimeLine {
 /** Show force, position and what was played in the span of the time line. */
 async function showCourse() {
   line.isStale = false;
-  const { arrays, modes } = await ask(`course?from_s=${line.span[0]}&to_s=${line.span[1]}`);
+  const course = await ask(`course?from_s=${line.span[0]}&to_s=${line.span[1]}`, isStale);
+  if (course === null) return void (line.isStale = true);
+  const { arrays, modes } = course;
   line.modes = modes;
   panels.history = { time: Array.from(arrays.time_s), force: axes(arrays.force_n), position: axes(arrays.position_mm) };
 }
