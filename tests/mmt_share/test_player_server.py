@@ -206,9 +206,15 @@ async def test_a_tile_that_a_scenario_disables_is_not_recorded_and_does_not_coun
 
 
 async def test_a_recording_that_cannot_be_made_is_told(tmp_path):
-    (tmp_path / "file").write_text("")
-    record = tmp_path / "file" / "t.mcap"
+    folder = tmp_path / "folder"
+    record = folder / "t.mcap"
+    folder.write_text("")
+    with pytest.raises(InputError, match=r"cannot write .*t\.mcap"):
+        TouchRecorder(record, ["oak"], [mmt.load_model("oak")])
+    folder.unlink()
     async with playing(tmp_path, record=record, count=1) as server, visiting(server) as page:
+        folder.rmdir()
+        folder.write_text("")
         await page.stroke(0, 0.1)
         while (problem := (await page.until("status"))["problem"]) is None:
             pass

@@ -7,6 +7,7 @@ vibration as the fastest model has in 1 ms, ten at most.
 """
 
 import math
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -15,7 +16,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.core.files.existing import require_absent
+from mmt.core.files.existing import require_absent, write_error
 from mmt.core.frames import CHANNELS, MOST_SAMPLES, empty_frames
 from mmt.rendering import close, open_textures, render, touch
 from mmt.session.data import FRAME_PERIOD_NS
@@ -49,7 +50,7 @@ class TouchRecorder:
     Raises
     ------
     InputError
-        One of the files exists and is not to be replaced.
+        One of the files exists and is not to be replaced, or the folder may not be written to.
     """
 
     def __init__(
@@ -75,6 +76,11 @@ class TouchRecorder:
         self._existing: Existing = "replace" if replace else "refuse"
         for texture in range(len(names)):
             require_absent(self.path_of(texture), force=replace)
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=self._path.parent).close()
+        except OSError as error:  # files are opened at the first touch
+            raise write_error(self._path, error) from error
 
     def path_of(self, texture: int) -> Path:
         """Return the file of a texture's session."""
