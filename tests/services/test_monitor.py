@@ -9,9 +9,11 @@ from monitor_browser import address, monitored, open_browser
 from monitor_messages import unpack, until
 from service_runs import MadeSource
 
+from mmt.core.errors import MmtError
 from mmt.link import access
-from mmt.link.access import TOKEN_VARIABLE
+from mmt.link.access import TOKEN_VARIABLE, Access
 from mmt.web.monitor.live import MOST_VIEWERS
+from mmt.web.monitor.order_client import give_order
 
 TOKEN = "a token that nobody guesses"
 
@@ -116,9 +118,8 @@ async def test_only_so_many_may_look_on_and_nothing_is_kept_once_the_last_has_le
     for socket in sockets:
         await until(socket, "live")
     assert monitor.tap.watched
-    with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
-        await browser.look_on(together)
-    assert caught.value.status == 503
+    with pytest.raises(MmtError, match="has too many viewers"):
+        await give_order(f"http://127.0.0.1:{together.leader.port}", Access(), {"do": "mark"})
     for socket in sockets:
         await socket.close()
     await together.until(lambda: not monitor.tap.watched)

@@ -5,9 +5,10 @@ import logging
 from collections import deque
 from collections.abc import Coroutine
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from aiohttp import WSMsgType, web
+from aiohttp import WSCloseCode, WSMsgType, web
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.leader.monitoring.controls import Controls
@@ -97,11 +98,7 @@ class MonitorPart(Part):
         files = monitor_files()
 
         def add(application: web.Application, access: Access) -> None:
-            async def look_on(request: web.Request) -> web.StreamResponse:
-                if self.viewers.full:
-                    raise web.HTTPServiceUnavailable(text="too many viewers\n")
-                return await self._serve(request, access)
-
+            look_on = partial(self._serve, access)
             application.router.add_get("/monitor/socket", look_on)
             add_page(application, "/monitor", files)
 
@@ -237,14 +234,17 @@ class MonitorPart(Part):
         events = [[round(time_s, 2), sentence] for time_s, sentence in self._events]
         self.viewers.publish("events", pack("events", {"events": events}, {}))
 
-    async def _serve(self, request: web.Request, access: Access) -> web.WebSocketResponse:
+    async def _serve(self, access: Access, request: web.Request) -> web.WebSocketResponse:
         """Serve one browser until it disconnects or the session ends."""
         viewers = self.viewers
         socket, admitted = await open_socket(request, access)
         if not admitted:
             return socket
+        if viewers.ended:
+            await socket.close(code=GOING_AWAY, message=b"the session has ended")
+            return socket
         if viewers.full:
-            await socket.close(code=GOING_AWAY, message=b"too many viewers")
+            await socket.close(code=WSCloseCode.TRY_AGAIN_LATER, message=b"too many viewers")
             return socket
         viewer = viewers.add()
         sending = asyncio.create_task(_send(socket, viewer))

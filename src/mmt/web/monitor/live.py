@@ -226,7 +226,7 @@ class Viewers:
     @property
     def full(self) -> bool:
         """Whether no further viewer is admitted."""
-        return self.ended or len(self._viewers) >= MOST_VIEWERS
+        return len(self._viewers) >= MOST_VIEWERS
 
     def publish(self, kind: str, message: bytes, *, retain: bool = True) -> None:
         """Queue a message for all viewers; with `retain` also for later ones."""

@@ -33,7 +33,7 @@ async def give_order(url: str, access: Access, order: Mapping[str, Any]) -> str:
     InputError
         The URL or the token is wrong, the leader has no monitor, or it refuses the order.
     MmtError
-        No leader answers.
+        No leader answers, or it has too many viewers.
     """
     check_url(url)
     check_scheme(url, access)
@@ -47,7 +47,7 @@ async def give_order(url: str, access: Access, order: Mapping[str, Any]) -> str:
             await socket.send_str(json.dumps({"token": access.token}))
             await socket.send_str(json.dumps({"id": 1, **order}))
             answer = await _answer(socket)
-            refused = socket.close_code == REFUSED
+            code = socket.close_code
     except (aiohttp.ClientError, OSError, TimeoutError, ValueError) as error:
         if isinstance(error, aiohttp.WSServerHandshakeError) and error.status == _NOT_FOUND:
             raise InputError(
@@ -56,10 +56,12 @@ async def give_order(url: str, access: Access, order: Mapping[str, Any]) -> str:
         reason = f"{type(error).__name__}: {error}".removesuffix(": ")
         advice = connection_advice(url, "command")
         raise MmtError(f"no answer of a leader at {url} ({reason}): check {advice}") from error
-    if refused:
+    if code == REFUSED:
         raise InputError(
             f"the token is missing or wrong: put the leader's token into {TOKEN_VARIABLE}"
         )
+    if code == aiohttp.WSCloseCode.TRY_AGAIN_LATER:
+        raise MmtError(f"the leader at {url} has too many viewers: close one of its pages")
     if answer is None:
         raise MmtError(f"the leader at {url} has ended without an answer")
     sentence = str(answer.get("text"))

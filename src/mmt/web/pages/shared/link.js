@@ -72,11 +72,11 @@ export class Link {
       this.onMessage(message);
     };
     socket.onclose = (event) => {
-      if (socket === this.socket) this.#closed(event.code);
+      if (socket === this.socket) this.#closed(event.code, event.reason);
     };
   }
 
-  #closed(code) {
+  #closed(code, reason) {
     if (code === REFUSED) {
       const given = this.token !== null;
       this.token = null;
@@ -90,7 +90,7 @@ export class Link {
       this.#show("taken", "used by another page: load this one again to come back");
       return;
     }
-    if (this.ended === null) this.#show("lost", "connection lost, trying again");
+    if (this.ended === null) this.#show("lost", `${reason || "connection lost"}, trying again`);
     else this.#show("over", `session over: ${this.ended}`);
     const wait = RETRY_MS[Math.min(this.tries++, RETRY_MS.length - 1)];
     this.timer = setTimeout(() => this.open(), wait);
@@ -110,7 +110,7 @@ export class Link {
       const socket = this.socket;
       this.socket = { readyState: WebSocket.CLOSED };
       socket.close();
-      this.#closed(0);
+      this.#closed(0, "");
     }
   }
 }
