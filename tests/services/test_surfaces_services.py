@@ -164,7 +164,7 @@ async def test_a_surface_that_a_person_names_is_rendered_at_once(tmp_path, monke
     [
         ("1", {}, "", "this scene tells no surfaces apart"),
         ("one", {}, "", "surface is 'one': give the number of one met before, or new"),
-        ("new", None, "", "has no monitor: start it with --monitor"),
+        ("new", None, "", "give the address of the leader, and start it with --monitor"),
         ("new", {}, "fedcba9876543210", "put the leader's token into MMT_LINK_TOKEN"),
     ],
 )

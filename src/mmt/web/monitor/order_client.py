@@ -31,7 +31,7 @@ async def give_order(url: str, access: Access, order: Mapping[str, Any]) -> str:
     Raises
     ------
     InputError
-        The URL or the token is wrong, the leader has no monitor, or it refuses the order.
+        The URL or the token is wrong, no leader with a monitor is there, or it refuses the order.
     MmtError
         No leader answers, or it has too many viewers.
     """
@@ -51,7 +51,8 @@ async def give_order(url: str, access: Access, order: Mapping[str, Any]) -> str:
     except (aiohttp.ClientError, OSError, TimeoutError, ValueError) as error:
         if isinstance(error, aiohttp.WSServerHandshakeError) and error.status == _NOT_FOUND:
             raise InputError(
-                f"the leader at {url} has no monitor: start it with --monitor"
+                f"no leader with a monitor is at {url}: give the address of the leader, "
+                "and start it with --monitor"
             ) from error
         reason = f"{type(error).__name__}: {error}".removesuffix(": ")
         advice = connection_advice(url, "command")
