@@ -103,10 +103,10 @@ export class Link {
     this.onState(state);
   }
 
-  /** A network that vanished closes nothing: give up a socket that is silent. */
+  /** A network that vanished closes nothing: give up a socket that is silent, or does not open. */
   #watch() {
-    const open = this.socket.readyState === WebSocket.OPEN;
-    if (open && performance.now() - this.heard > SILENT_MS) {
+    const waits = this.socket.readyState <= WebSocket.OPEN;
+    if (waits && performance.now() - this.heard > SILENT_MS) {
       const socket = this.socket;
       this.socket = { readyState: WebSocket.CLOSED };
       socket.close();
