@@ -181,6 +181,18 @@ def test_no_line_is_drawn_across_a_gap():
     assert np.isnan(force).all(axis=0).sum() == np.isnan(position).all(axis=0).sum() == 1
 
 
+def test_a_course_tells_the_frames_of_a_long_recording_apart():
+    frames = made_frames(0, 1000)
+    frames["sequence"][500:] += 36_000_000
+    frames["time_ns"][500:] += 36_000_000 * 1_000_000
+    recording = ViewedRecording(MemoryWindows(RecordedSession(frames)))
+    course = unpack(recording.course(36_000.6, 36_000.8))
+    times_s = course["from_s"] + course["arrays"]["time_s"].astype(np.float64)
+    assert times_s[0] == pytest.approx(36_000.6, abs=2e-3)
+    np.testing.assert_allclose(np.diff(times_s), 1e-3, atol=1e-6)
+    recording.close()
+
+
 def test_of_events_a_person_gets_what_matters():
     events = [
         {"at_s": -0.1, "event": "follower connected"},
@@ -233,7 +245,7 @@ def test_a_recording_without_force_is_shown_without_a_model(tmp_path):
     course = unpack(recording.course(0.2, 0.9))["arrays"]
     assert np.isnan(course["force_n"]).all()
     assert not np.isnan(course["position_mm"]).any()
-    assert course["time_s"][[0, -1]] == pytest.approx([0.2, 0.9], abs=2e-3)
+    assert course["time_s"][[0, -1]] == pytest.approx([0.0, 0.7], abs=2e-3)
     assert not np.isnan(moment["arrays"]["measured"]).all()
     assert unpack(recording.growth())["done"]
     with pytest.raises(InputError, match="there is no model 0"):

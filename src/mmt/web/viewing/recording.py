@@ -116,13 +116,14 @@ class ViewedRecording:
     def course(self, from_s: float, to_s: float) -> bytes:
         """Return force, position and modes of vibration between two recording times.
 
-        Only the first minute of a longer span is returned, since all its frames are read.
+        Only the first minute of a longer span is returned, since all its frames are read. Times
+        are from ``from_s`` on: after some hours a float32 has no digit for milliseconds.
         """
         to_s = min(to_s, from_s + LONGEST_COURSE_S)
         window = self.windows.window(from_s, to_s)
         times_s, force_n, position_mm = traces.course(window)
-        arrays = {"time_s": times_s, "force_n": force_n, "position_mm": position_mm}
-        return pack("course", {"modes": traces.modes(window.outputs)}, arrays)
+        arrays = {"time_s": times_s - from_s, "force_n": force_n, "position_mm": position_mm}
+        return pack("course", {"from_s": from_s, "modes": traces.modes(window.outputs)}, arrays)
 
     def state_at(self, time_s: float) -> bytes:
         """Return the state at a recording time, which is clamped to the recording."""

@@ -120,9 +120,9 @@ async function showCourse() {
   line.isStale = false;
   const course = await ask(`course?from_s=${line.span[0]}&to_s=${line.span[1]}`, isStale);
   if (course === null) return void (line.isStale = true);
-  const { arrays, modes } = course;
+  const { arrays, modes, from_s } = course;
   line.modes = modes;
-  panels.history = { time: Array.from(arrays.time_s), force: axes(arrays.force_n), position: axes(arrays.position_mm) };
+  panels.history = { time: Array.from(arrays.time_s, (time_s) => from_s + time_s), force: axes(arrays.force_n), position: axes(arrays.position_mm) };
 }
 
 function show(moment) {
