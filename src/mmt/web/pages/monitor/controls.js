@@ -36,10 +36,11 @@ export class Controls {
       $("force").value = this.state.forced; // as it is, should the leader have refused
     };
     $("network").onchange = () => this.#changeNetwork($("network").value);
-    $("mark-form").onsubmit = (event) => {
+    $("mark-form").onsubmit = async (event) => {
       event.preventDefault();
-      this.orders.give({ do: "mark", text: $("mark").value });
+      const { value } = $("mark");
       $("mark").value = "";
+      if (!await this.orders.give({ do: "mark", text: value })) $("mark").value ||= value;
     };
     addEventListener("keydown", (event) => this.#shortcut(event));
   }
