@@ -81,7 +81,7 @@ async def test_what_cannot_be_done_is_said_in_words(tmp_path, browser):
         ({"do": "control", "decision": "give", "who": 1}, "allowed are mark, reset"),
         ({"do": "dance"}, "allowed are mark, reset"),
         ({"do": ["mark"]}, "allowed are mark, reset"),
-        ({"do": "mark", "text": "x" * 201}, "200 characters"),
+        ({"do": "mark", "text": "x" * 201}, "200 printable characters"),
         ({"do": "mark", "text": "two\nlines"}, "a mark is a line"),
         ({"do": "mark", "id": -1}, "id of an order"),
         ({"do": "mark", "id": "1"}, "id of an order"),

@@ -90,7 +90,6 @@ def page_files(folder: Path, vendored: Mapping[str, str]) -> dict[str, PageFile]
 
 REFUSED: Final = 4401
 """Close code: the token is missing or wrong."""
-GOING_AWAY: Final = 1001
 
 _MOST_BYTES: Final = 4096
 _HEARTBEAT_S: Final = 10.0

@@ -211,7 +211,7 @@ async def test_a_leader_with_a_token_is_seen_by_who_has_it(browser, monkeypatch)
         await page.keyboard.press("Enter")
         await shows(page, "#connection", "live")
         await api.expect(page.locator("#token-form")).to_be_hidden()
-        monkeypatch.setattr("mmt.web.monitor.live.MOST_VIEWERS", 1)
+        monkeypatch.setattr("mmt.leader.monitoring.part.MOST_VIEWERS", 1)
         async with a_page(browser) as other:
             await other.goto(leading.url)
             await shows(other, "#connection", "token needed")

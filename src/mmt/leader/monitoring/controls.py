@@ -120,7 +120,7 @@ class Controls:
             or len(text) > _LONGEST_MARK
             or not (text or "x").isprintable()
         ):
-            raise InputError(f"a mark has {_LONGEST_MARK} printable characters at most")
+            raise InputError(f"a mark is a line of {_LONGEST_MARK} printable characters at most")
         name = text.strip() or "mark"
         self._event(f"marked: {name}", mark=name)
         recorded = self._recording.running is not None

@@ -16,14 +16,8 @@ from mmt.leader.part import Part, Session, Tick
 from mmt.link.access import Access
 from mmt.scene import Monitor
 from mmt.web.monitor import states
-from mmt.web.monitor.live import LiveMessages, MonitorTap, Viewer, Viewers
-from mmt.web.page_server import (
-    GOING_AWAY,
-    add_page,
-    monitor_files,
-    open_socket,
-    pack,
-)
+from mmt.web.monitor.live import MOST_VIEWERS, LiveMessages, MonitorTap, Viewer, Viewers
+from mmt.web.page_server import add_page, monitor_files, open_socket, pack
 
 if TYPE_CHECKING:
     from mmt.leader.output.stream import StreamedVibration
@@ -241,9 +235,9 @@ class MonitorPart(Part):
         if not admitted:
             return socket
         if viewers.ended:
-            await socket.close(code=GOING_AWAY, message=b"the session has ended")
+            await socket.close(code=WSCloseCode.GOING_AWAY, message=b"the session has ended")
             return socket
-        if viewers.full:
+        if len(viewers) >= MOST_VIEWERS:
             await socket.close(code=WSCloseCode.TRY_AGAIN_LATER, message=b"too many viewers")
             return socket
         viewer = viewers.add()
@@ -263,4 +257,4 @@ class MonitorPart(Part):
 async def _send(socket: web.WebSocketResponse, viewer: Viewer) -> None:
     with suppress(ConnectionError):
         await viewer.send(socket)
-        await socket.close(code=GOING_AWAY, message=b"the session has ended")
+        await socket.close(code=WSCloseCode.GOING_AWAY, message=b"the session has ended")

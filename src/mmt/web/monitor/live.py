@@ -223,11 +223,6 @@ class Viewers:
     def __len__(self) -> int:
         return len(self._viewers)
 
-    @property
-    def full(self) -> bool:
-        """Whether no further viewer is admitted."""
-        return len(self._viewers) >= MOST_VIEWERS
-
     def publish(self, kind: str, message: bytes, *, retain: bool = True) -> None:
         """Queue a message for all viewers; with `retain` also for later ones."""
         if retain:

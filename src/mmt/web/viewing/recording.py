@@ -74,10 +74,8 @@ class ViewedRecording:
             **states.hello_header(self.scene, windows.session_id or ""),
             "rate_hz": self.settings.vibration_rate_hz,
             "session": windows.path.name,
-            "scene": self.scene.session.name if windows.scene is not None else None,
             "duration_s": windows.duration_s,
             "longest_course_s": LONGEST_COURSE_S,
-            "channels": list(windows.channels),
             "link": self._link.exists,
             "switch_s": switch_s(windows.events),
             "remarks": self._remarks,
@@ -137,7 +135,6 @@ class ViewedRecording:
         header: dict[str, Any] = {
             "time_s": at_s,
             "model": state.number if state is not None else None,
-            "samples": len(model.points) if model is not None else 0,
             "completion": _completion(state),
             "surfaces": _surfaces(state),
             "rebuilt": self._rebuilding is None or at_s <= self._rebuilding.reached_s,

@@ -18,7 +18,6 @@ export class Grid {
   make(names) {
     if (JSON.stringify(names) === JSON.stringify(this.names)) return;
     this.names = names;
-    this.moved();
     this.pictures = [];
     this.shown = null;
     this.tiles = names.map((_, tile) => this.#tile(tile));
@@ -69,7 +68,6 @@ export class Grid {
   }
 
   choose(tile) {
-    if (tile === this.chosen) return;
     this.chosen = tile;
     this.tiles.forEach((node, index) => node.classList.toggle("chosen", index === tile));
   }

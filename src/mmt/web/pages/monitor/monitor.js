@@ -84,9 +84,7 @@ const take = {
     controls.showControl(message);
   },
 
-  answer(message) {
-    controls.orders.answered(message);
-  },
+  answer: (message) => controls.orders.answered(message),
 
   end({ outcome, verdict }) {
     const over = verdict.state === "failed" ? verdict.now : `${verdict.now}; over: ${outcome}`;

@@ -37,7 +37,6 @@ export function figures(id, rows) {
 
 export class Panels {
   constructor() {
-    this.hello = { rate_hz: 1000, criterion: { title: "completion sum", start: 7.5, stop: 4.243, rises: false } };
     this.rings = { measured: new Ring(SHOWN), played: new Ring(SHOWN), modelled: new Ring(SHOWN) };
     this.history = { time: [], force: [[], [], []], position: [[], [], []] };
     this.trail = new Trail();
@@ -45,8 +44,7 @@ export class Panels {
     this.dirty = false;
     this.spectraAt = 0;
     this.plots = {
-      completion: new Plot($("completion"), [["now", "ink"], ["start", "faint", [6, 4]], ["stop", "faint", [2, 3]]],
-        ["session time, s", "sum of distances"], { y: { range: (_, low, high) => [0, Math.max(high || 0, 12)] } }),
+      completion: new Plot($("completion"), [["now", "ink"], ["start", "faint", [6, 4]], ["stop", "faint", [2, 3]]], ["session time, s", ""]),
       vibration: new Plot($("vibration"), [["measured", "measured"], ["played: streamed", "streamed"], ["played: synthesized", "synthesized"]], ["ms", "m/s²"]),
       spectra: new Plot($("spectra"), [["measured", "measured"], ["played: streamed", "streamed"], ["played: synthesized", "synthesized"]], ["Hz", "dB re 1 (m/s²)²/Hz"]),
       force: new Plot($("force-plot"), axes, ["session time, s", "N"]),

@@ -27,7 +27,6 @@ export class Plot {
     this.line = line;
     this.ranges = { ...this.ranges, x: { range: () => line.span } };
     this.#make();
-    this.#fit();
   }
 
   /** Show the span of its time line. */

@@ -45,8 +45,7 @@ async function ask(path, hasMovedOn = () => false) {
       return message;
     } catch (error) {
       failing = path;
-      const gone = error instanceof TypeError;
-      showState("lost", gone ? "mmt session view has ended: start it again to go on" : error.message);
+      showState("lost", error instanceof TypeError ? "mmt session view has ended: start it again to go on" : error.message);
       await wait(RETRY_MS);
     }
   } while (!hasMovedOn());
