@@ -220,17 +220,6 @@ async def test_a_leader_with_a_token_is_seen_by_who_has_it(browser, monkeypatch)
             await shows(other, "#connection", "too many viewers, trying again")
 
 
-async def test_nothing_is_loaded_from_elsewhere(browser):
-    async with a_page(browser) as page, Leading() as leading:
-        asked = []
-        page.on("request", lambda request: asked.append(request.url))
-        await page.goto(leading.url)
-        await shows(page, "#connection", "live")
-        assert asked
-        assert [url for url in asked if not url.startswith(leading.origin)] == []
-    assert sum(len(file.body) for file in monitor_files().values()) < LARGEST_BYTES
-
-
 async def test_a_person_controls_the_run(browser, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     async with a_page(browser, TABLET) as page, Leading() as leading:
@@ -303,8 +292,10 @@ async def test_a_person_hands_control_over_and_takes_it_back(browser, tmp_path, 
         await following
 
 
-async def test_single_keys_are_listed_and_none_of_them_undoes_anything(browser):
+async def test_single_keys_are_listed_and_none_of_them_undoes_or_loads_anything(browser):
     async with a_page(browser) as page, Leading() as leading:
+        asked = []
+        page.on("request", lambda request: asked.append(request.url))
         await page.goto(leading.url)
         await shows(page, "#connection", "live")
         await api.expect(page.locator("#network")).to_have_value("lan")
@@ -325,6 +316,8 @@ async def test_single_keys_are_listed_and_none_of_them_undoes_anything(browser):
         await shows(page, "#freeze", "Freeze model")
         await page.keyboard.press("v")
         assert await page.evaluate("document.activeElement.id") == "force"
+        assert [url for url in asked if not url.startswith(leading.origin)] == []
+    assert sum(len(file.body) for file in monitor_files().values()) < LARGEST_BYTES
 
 
 OUTSIDE = """() => [...document.querySelectorAll("section")].flatMap((card) => {
