@@ -1,5 +1,7 @@
 """Columns of any name, shape and unit become the channels that they are mapped to."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -19,9 +21,9 @@ VECTORS = np.random.default_rng(1).normal(size=(50, 3))
 X, Y, Z = VECTORS.T
 
 
-def mapped(values, columns=None, *, file=None, times=None, **options):
+def mapped(values, columns=None, *, file=None, times=None, more=None, **options):
     source = SourceColumns("a.npz", values, tuple(values), file or {}, times or {})
-    return to_samples(source, ImportOptions(columns or {}, **options))
+    return to_samples(replace(source, **more or {}), ImportOptions(columns or {}, **options))
 
 
 @pytest.mark.parametrize("form", ["wrench[{}]", "a(c)[{}]", "/arm/data[{}]", "F({})", "array"])
@@ -167,6 +169,28 @@ def test_what_cannot_be_mapped_is_refused_by_name(values, columns, reason):
             mapped({"force_n": VECTORS})
 
 
+def test_why_a_column_holds_no_numbers_is_told():
+    texts = np.array(["1", "a text of more than forty characters is cut", "no"])
+    known = {"labels": {"f": texts}, "names": ("time_s", "f", "g"), "notes": ("g holds pictures",)}
+    for name, reason in (
+        ("f", f"f does not hold numbers: '{texts[1][:40]}' is none, nor a date .* for none$"),
+        ("g", "force is mapped to g, which holds pictures; the columns are time_s, f, g"),
+        ("h", "force is mapped to h, which is not there"),
+    ):
+        with pytest.raises(InputError, match=reason):
+            mapped({"time_s": TIME_S}, {"force": name}, more=known)
+
+
+def test_ends_that_were_left_out_are_blanks_also_of_an_arrays_elements():
+    ends = {"F[0]": X, "F[1]": Y[:40], "F[2]": Z[:45], "time_s": TIME_S}
+    axes = {f"force_{axis}": f"F[{place}]" for place, axis in enumerate("xyz")}
+    expected = VECTORS.copy()
+    expected[40:, 1], expected[45:, 2] = np.nan, np.nan
+    for columns in (axes, {"force": "F"}):
+        found = mapped(ends, columns, more={"ends_left_out": True})
+        np.testing.assert_array_equal(found.values["force"], expected)
+
+
 def test_parts_of_messages_are_found_by_what_they_are():
     parts = {"/w.a.force": VECTORS, "/w.a.torque": 2 * VECTORS, "/w.x": X, "time_s": TIME_S}
     np.testing.assert_array_equal(mapped(parts, {"force": "/w"}).values["force"], VECTORS)
@@ -273,6 +297,21 @@ def test_a_second_run_is_not_put_between_the_rows_of_the_first(phase):
     found = mapped({"t": twice, "f": np.r_[VECTORS, 1.0 + VECTORS]}, {"time": "t", "force": "f"})
     assert "t begins anew" in found.notes[0]
     np.testing.assert_array_equal(found.values["force"], np.r_[VECTORS, 1.0 + VECTORS])
+
+
+def test_one_of_several_runs_is_taken_and_rows_that_were_never_filled_are_left_out():
+    runs = {"t": np.tile(TIME_S, 3), "f": np.r_[VECTORS, 1.0 + VECTORS, 2.0 + VECTORS]}
+    columns = {"time": "t", "force": "f"}
+    for episode in (1, "2", 3):
+        found = mapped(runs, columns, episode=episode)
+        np.testing.assert_array_equal(found.values["force"], int(episode) - 1.0 + VECTORS)
+        assert not any("anew" in note for note in found.notes)
+    with pytest.raises(InputError, match="--episode 4: it has no such episode or trial, nor"):
+        mapped(runs, columns, episode=4)
+    unfilled = {"t": np.r_[TIME_S, np.zeros(3)], "f": np.r_[VECTORS, np.zeros((3, 3))]}
+    found = mapped(unfilled, columns)
+    np.testing.assert_array_equal(found.values["force"], VECTORS)
+    assert found.notes == ("t: the last 3 rows hold only zeros and were left out",)
 
 
 def test_messages_are_put_in_the_order_of_their_times():
