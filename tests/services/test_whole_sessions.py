@@ -254,7 +254,7 @@ async def test_the_robot_holds_or_retracts_and_takes_the_commands_up_again(
     session = read_session(tmp_path / "session.mcap")
     recorded = [event["event"] for event in session.events]
     assert said in recorded
-    assert any("s and " in event and event.endswith("mm/s") for event in recorded), recorded
+    assert any("leader is back" in event and event.endswith("mm/s") for event in recorded), recorded
     frames = session.frames
     held = frames[round(1000 * silent_from) + 600 : round(1000 * silent_from) + 750]
     spread_mm = np.ptp(held["position_mm"], axis=0)
