@@ -137,8 +137,10 @@ def test_a_file_that_was_cut_off_or_damaged_shows_what_it_holds(tmp_path, record
 def test_times_of_a_recording_from_mid_session_count_from_its_first_frame(tmp_path, whole):
     path = tmp_path / "late.mcap"
     scene = {"control": {}}  # so that it is streamed with its events
-    with McapRecorder(path, channels=CHANNELS, scene=scene) as recorder:
-        recorder.record_frames(FRAMES[:1000], 100.0)
+    with McapRecorder(
+        path, channels=CHANNELS, scene=scene, session_time_s=lambda: 101.0
+    ) as recorder:
+        recorder.record_frames(FRAMES[:1000])
         for time_s, control in ((100.25, "giving"), (100.5, "moves"), (100.75, "ended")):
             recorder.record_event({"time_s": time_s, "event": "told", "control": control})
         recorder.record_frames(FRAMES[1000:])

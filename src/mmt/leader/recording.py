@@ -116,8 +116,7 @@ class RecordingPart(Part):
         """Record frames (n,)."""
         _ = arrival_ns
         if self.recorder is not None:
-            time_s = self._session.time_s() - len(frames) / self._session.rate_hz
-            self.recorder.record_frames(frames, time_s)
+            self.recorder.record_frames(frames)
 
     def on_backfill(self, frames: RecordArray, arrival_ns: int) -> None:
         """Record back-filled frames (n,) at their place."""
@@ -197,6 +196,7 @@ class RecordingPart(Part):
             existing=existing,
             scalars=scene.recording is not None and scene.recording.scalars,
             samples_per_frame=self._session.samples_per_frame,
+            session_time_s=self._session.time_s,
         )
 
 

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.files.existing import exists_error, numbered
-from mmt.core.frames import Channel, frame_dtype, ordered_channels, samples_per_frame
+from mmt.core.frames import FRAMES_HZ, Channel, frame_dtype, ordered_channels, samples_per_frame
 from mmt.session.assembling import BlockAssembler, OutputAssembler
 from mmt.session.data import JsonObject, to_json
 from mmt.session.mcap.writer import BACKFILL_TOPIC, FRAMES_TOPIC, SessionWriter
@@ -83,6 +83,9 @@ class McapRecorder:
         Also write each frame as a message of plain numbers; see `SessionWriter`.
     samples_per_frame
         Samples of acceleration, and of the output, per frame.
+    session_time_s
+        Returns the session time (s) at the end of the newest frame; called at the first frames
+        only. If None, the first frame is at zero.
 
     Raises
     ------
@@ -103,6 +106,7 @@ class McapRecorder:
         existing: Existing = "refuse",
         scalars: bool = False,
         samples_per_frame: int = 1,
+        session_time_s: Callable[[], float] | None = None,
     ) -> None:
         self.frames = 0
         """Number of frames in the file at the last flush."""
@@ -112,6 +116,7 @@ class McapRecorder:
         self._on_error = on_error
         self._clock = clock
         self._limit = queue_limit
+        self._session_time_s = session_time_s
         self._begins_s = 0.0
         self._stream_queue: deque[_Record] = deque()
         self._rare_queue: deque[_Record] = deque(maxlen=queue_limit)
@@ -157,8 +162,8 @@ class McapRecorder:
             return self._overflowed_frames
         return self._recorded_frames - self.frames
 
-    def record_frames(self, frames: RecordArray, time_s: float = 0.0) -> None:
-        """Record frames (n,) of the recorder's channels, the first at this session time.
+    def record_frames(self, frames: RecordArray) -> None:
+        """Record frames (n,) of the recorder's channels.
 
         Raises
         ------
@@ -169,7 +174,9 @@ class McapRecorder:
             return
         now_ns = self._clock()
         if self._start_ns is None:
-            self._start_ns, self._begins_s = now_ns, time_s
+            self._start_ns = now_ns
+            if self._session_time_s is not None:
+                self._begins_s = self._session_time_s() - len(frames) / FRAMES_HZ
         self._record(self._frame_assembler, frames, now_ns)
 
     def record_backfill(self, frames: RecordArray, log_time_ns: int) -> None:
