@@ -13,7 +13,10 @@ import mmt
 from mmt.leader.output.stream import PlayoutBuffer, StreamedVibration
 from mmt.leader.output.synthesis import StreamedMotion
 from mmt.leader.output.three_axes import ThreeAxes
+from mmt.scene import Link
 from mmt.testing.simulation.surfaces.textures import get_surface
+
+LIMIT_MM_S = Link().limit_mm_s
 
 
 def vibrating(count):
@@ -133,7 +136,7 @@ def test_the_stream_and_the_truth_as_the_model_are_of_one_level(name, axis):
     frames, _ = mmt.simulate_session(mmt.Scene(), surface=name, duration_s=20.0)
     buffer = PlayoutBuffer(delay_ms=2.0)
     output = played(StreamedVibration(buffer, axis, 1000.0), buffer, frames)
-    motion = StreamedMotion("z", 1000.0)
+    motion = StreamedMotion("z", 1000.0, LIMIT_MM_S)
     moved = []
     for frame in frames:
         motion.on_frames(np.atleast_1d(frame), 0)
@@ -171,7 +174,7 @@ def moving(speed_mm_s, force_n, count):
 
 @pytest.mark.parametrize("size", [1, 7, 400])
 def test_speed_is_tangential_and_force_is_normal(size):
-    motion = StreamedMotion("z", 1000.0)
+    motion = StreamedMotion("z", 1000.0, LIMIT_MM_S)
     frames = moving(120.0, 1.5, 400)
     for first in range(0, 400, size):
         motion.on_frames(frames[first : first + size], 0)
@@ -184,13 +187,13 @@ def test_the_velocity_is_that_along_the_axes_of_the_surface(normal, expected):
     frames = moving(0.0, 1.0, 400)
     for axis, slope in enumerate((1.0, 0.0, 2.0)):
         frames["position_mm"][:, axis] = 40.0 * slope * np.arange(400) / 1000.0
-    motion = StreamedMotion(normal, 1000.0)
+    motion = StreamedMotion(normal, 1000.0, LIMIT_MM_S)
     motion.on_frames(frames, 0)
     assert motion.velocity_mm_s == pytest.approx([40.0 * slope for slope in expected], abs=1e-3)
 
 
 def test_pulling_is_no_normal_force_and_rest_is_zero():
-    motion = StreamedMotion("z", 1000.0)
+    motion = StreamedMotion("z", 1000.0, LIMIT_MM_S)
     motion.on_frames(moving(50.0, -2.0, 300), 0)
     assert motion.force_n == 0.0
     assert math.hypot(*motion.velocity_mm_s) > 49.0
@@ -200,7 +203,7 @@ def test_pulling_is_no_normal_force_and_rest_is_zero():
 
 @pytest.mark.parametrize(("missing", "jump_mm", "slowest"), [(5, 0, 99), (1, 30, 0), (1000, 0, 0)])
 def test_a_gap_makes_no_jump_of_speed(missing, jump_mm, slowest):
-    motion = StreamedMotion("z", 1000.0)
+    motion = StreamedMotion("z", 1000.0, LIMIT_MM_S)
     frames = moving(100.0, 1.0, 2000)
     frames["position_mm"][500:] += jump_mm
     motion.on_frames(frames[:500], 0)

@@ -141,7 +141,7 @@ class StreamedMotion(Part):
     gap, or a farther jump than the robot may make, the filters restart.
     """
 
-    def __init__(self, normal: Axis, rate_hz: float, limit_mm_s: float = Link().limit_mm_s) -> None:
+    def __init__(self, normal: Axis, rate_hz: float, limit_mm_s: float) -> None:
         self._normal = "xyz".index(normal)
         self._tangential = tuple(axis for axis in range(3) if axis != self._normal)
         self._rate_hz, self._farthest_mm = rate_hz, limit_mm_s / rate_hz
@@ -171,8 +171,7 @@ class StreamedMotion(Part):
         for sequence, position, force in zip(sequences, positions, forces, strict=True):
             raw = (position[first], position[second], force)
             missing = -1 if self._next is None else sequence - self._next
-            far = math.dist(raw[:2], self._raw[:2]) > (missing + 1) * self._farthest_mm
-            if not 0 <= missing <= LONGEST_BRIDGED or (missing and far):
+            if missing and not self._bridges(missing, raw):
                 for lowpass in self._filters:
                     lowpass.reset()
                 self._position, missing = raw[:2], 0
@@ -186,6 +185,10 @@ class StreamedMotion(Part):
             rate_hz, self._next, self._raw = self._rate_hz, sequence + 1, raw
             self.velocity_mm_s = ((x - x_before) * rate_hz, (y - y_before) * rate_hz)
             self.force_n = max(0.0, smooth_force)
+
+    def _bridges(self, missing: int, raw: tuple[float, float, float]) -> bool:
+        farthest_mm = (missing + 1) * self._farthest_mm
+        return 0 < missing <= LONGEST_BRIDGED and math.dist(raw[:2], self._raw[:2]) <= farthest_mm
 
     def step(self, elapsed: int) -> tuple[float, float, float]:
         """Return velocity (mm/s) and force (N) now, at rest after 100 ticks without a frame."""
