@@ -7,9 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.core.extras import require
 from mmt.core.files.untrusted import require_fetched
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, FRAMES_HZ, Channel, samples_per_frame
 from mmt.core.rotations import turn_into_scene
@@ -18,19 +17,13 @@ from mmt.session.formats import find_format, suffixes
 from mmt.session.importing.checks import ImportReport, assess
 from mmt.session.importing.columns import STANDARD_NAMES, SourceColumns, reading, wanted_names
 from mmt.session.importing.framing import on_the_grid, to_frames
+from mmt.session.importing.joining import joined
 from mmt.session.importing.mapping import to_samples
-from mmt.session.importing.options import MATCHED, ImportOptions, quantity_of
+from mmt.session.importing.options import ImportOptions, quantity_of
 from mmt.session.importing.reading_child import TEXTS, read_limited
-from mmt.session.importing.resampling import RATE_HZ
 from mmt.session.importing.samples import ROW_NUMBER, Samples
 from mmt.session.importing.stamps import Stamps
 from mmt.session.importing.tidy import read_apart
-
-_LONGEST_S: Final = 600.0
-"""Length of each file that is compared."""
-_SHOCK_STEPS = 25
-_CLEAR: Final = 20.0
-"""Least ratio of the correlation's peak to its median; noise has a ratio of 7."""
 
 
 def options_of_each(options: ImportOptions, paths: Sequence[Path]) -> list[ImportOptions]:
@@ -63,75 +56,6 @@ def options_of_each(options: ImportOptions, paths: Sequence[Path]) -> list[Impor
             raise InputError(f"--map {target}={text}: say of which file, as {names[0]}:{text}")
         owner[target] = text
     return [replace(options, columns=columns, offsets={}) for columns in of_each.values()]
-
-
-def joined(parts: Sequence[Samples], names: Sequence[str], options: ImportOptions) -> Samples:
-    """Join the channels of several files, with all times on the clock of the first.
-
-    Raises
-    ------
-    InputError
-        A channel is in two files.
-    """
-    whole = parts[0]
-    for part, name in zip(parts[1:], names[1:], strict=True):
-        if twice := set(part.values) & set(whole.values):
-            raise InputError(
-                f"{whole.origin}: {name} has {', '.join(sorted(twice))} too; map it in one file"
-            )
-        given = options.offsets.get(name)
-        offset_s = _matched_s(whole, part, name) if given == MATCHED else float(given or 0.0)
-        notes = {
-            None: f"{name}: its clock was taken for that of {names[0]} (--offset {name}=S adds "
-            f"seconds to it, --offset {name}={MATCHED} finds them by shocks that are in both)",
-            MATCHED: f"{name}: {offset_s:+.3f} s were added to its times, found by its shocks",
-        }
-        moved = {id(time_s): time_s + offset_s for time_s in part.times.values()}
-        times = {channel: moved[id(time_s)] for channel, time_s in part.times.items()}
-        whole = replace(
-            whole,
-            origin=f"{whole.origin}, {name}",
-            values={**whole.values, **part.values},
-            times={**whole.times, **times},
-            row_names={**whole.row_names, **part.row_names},
-            notes=(*whole.notes, *part.notes, *([notes[given]] if given in notes else [])),
-            told=whole.told | part.told,
-        )
-    return whole
-
-
-def _matched_s(first: Samples, second: Samples, name: str) -> float:
-    """Return the offset of the second file's times with which shocks in both files coincide."""
-    require("scipy")
-    from scipy.signal import correlate, correlation_lags
-
-    (begin_s, one), (other_begin_s, other) = _shocks(first), _shocks(second)
-    product = correlate(one, other, mode="full", method="fft")
-    if not np.max(product, initial=0.0) > _CLEAR * np.median(np.abs(product)):
-        raise InputError(
-            f"{second.origin}: --offset {name}={MATCHED}: no shock stands out in both files; tap "
-            f"once on what is recorded by both, or say the seconds (--offset {name}=S)"
-        )
-    lag = correlation_lags(len(one), len(other))[int(np.argmax(product))]
-    return begin_s - other_begin_s + float(lag) / RATE_HZ
-
-
-def _shocks(samples: Samples) -> tuple[float, FloatArray]:
-    """Return the first time, and from there the rate of change of all channels at 1 kHz."""
-    begin_s = min(float(time_s[0]) for time_s in samples.times.values())
-    grid_s = begin_s + np.arange(0.0, _LONGEST_S, 1 / RATE_HZ)
-    end_s = max(float(time_s[-1]) for time_s in samples.times.values())
-    total = np.zeros(int(np.searchsorted(grid_s, end_s)))
-    for channel, values in samples.values.items():
-        time_s = samples.times[channel]
-        change = np.linalg.norm(np.diff(values, axis=0), axis=1)
-        spread = float(np.std(change)) or 1.0
-        counts, _ = np.histogram(
-            time_s[1:] - begin_s, len(total), (0.0, len(total) / RATE_HZ), weights=change / spread
-        )
-        # smoothed, so that the middle of a shock counts, not its edges
-        total += np.convolve(counts - np.mean(counts), np.hanning(_SHOCK_STEPS), mode="same")
-    return begin_s, total
 
 
 _TEXTS: Final = (*TEXTS, ".gz")
@@ -202,32 +126,13 @@ def import_columns(
         samples, stamps = _of_frames(columns.origin, frames)
         later_ns = 0
     else:
-        parts = [to_samples(c, o) for c, o in zip(read, each, strict=True)]
-        if options.blanks_as_gaps:
-            parts = [part.without_blanks() for part in parts]
-        if all(part.sequence is None for part in parts):
-            parts = [part.without_repeats() for part in parts]
-        for part in parts:
-            part.check()
-        first_ns, *others_ns = map(_date_ns, read, each)
-        apart = {
-            file.name: f"{(date_ns - first_ns) / 1e9:.9f}"
-            for file, date_ns in zip(files[1:], others_ns, strict=True)
-            if first_ns is not None and date_ns is not None and file.name not in options.offsets
-        }
-        offset = replace(options, offsets={**apart, **options.offsets})
-        samples = joined(parts, [file.name for file in files], offset)
+        samples = _gathered(read, each, [file.name for file in files], options)
         frames, stamps, resampled = to_frames(
             samples, options.longest_gap_s, options.stamps, options.acceleration_rate_hz
         )
-        notes = [
-            f"{name}: {offset_s} s were added to its times, by the dates in both files (--offset "
-            f"{name}=S adds others)"
-            for name, offset_s in apart.items()
-        ]
-        samples = replace(samples, notes=(*samples.notes, *notes, *_turn(frames, options)))
+        samples = replace(samples, notes=(*samples.notes, *_turn(frames, options)))
         later_ns = int(frames["time_ns"][0])
-        if first_ns is not None:
+        if _date_ns(columns, each[0]) is not None:
             later_ns += _first_ns(frames, stamps, resampled=resampled)
     began_ns = columns.began_utc_ns
     session = RecordedSession(
@@ -241,6 +146,23 @@ def import_columns(
     report = assess(frames, samples, stamps, options, resampled=resampled)
     notes = [note for part in read for note in part.notes]
     return session, replace(report, warnings=(*notes, *samples.notes, *report.warnings))
+
+
+def _gathered(
+    read: Sequence[SourceColumns],
+    each: Sequence[ImportOptions],
+    names: Sequence[str],
+    options: ImportOptions,
+) -> Samples:
+    """Map, check and join the columns of the files of one recording."""
+    parts = [to_samples(c, o) for c, o in zip(read, each, strict=True)]
+    if options.blanks_as_gaps:
+        parts = [part.without_blanks() for part in parts]
+    if all(part.sequence is None for part in parts):
+        parts = [part.without_repeats() for part in parts]
+    for part in parts:
+        part.check()
+    return joined(parts, names, options.offsets, list(map(_date_ns, read, each)))
 
 
 def _date_ns(columns: SourceColumns, options: ImportOptions) -> int | None:
