@@ -13,7 +13,7 @@ import numpy as np
 from mmt.core.errors import MmtError, located
 from mmt.core.frames import missing_band
 from mmt.core.units import GRAVITY_M_S2
-from mmt.devices.protocols import SensorReading, SetupRemarks, fault_table
+from mmt.devices.protocols import SensorReading, SetupRemarks, fault_explanation, fault_table
 
 UNITS: Final = {
     "robot": "mm",
@@ -163,7 +163,7 @@ class _Observation:
             self.seen.duration_s = passed_s
             if self._read is not None and not self.values and passed_s > _LONGEST_WAIT_S:
                 raise MmtError(
-                    getattr(self._device, "explain_fault", str)()
+                    fault_explanation(self._device)
                     or "it is connected but gives no reading: check its cable, its power and the "
                     "rate or baud rate that is set"
                 )

@@ -161,6 +161,11 @@ class FaultExplaining(Protocol):
         """Return why the received data is unusable, empty if no data comes or all is well."""
 
 
+def fault_explanation(device: Device) -> str:
+    """Return why a device gives no readings, as far as its driver tells."""
+    return device.explain_fault() if isinstance(device, FaultExplaining) else ""
+
+
 @runtime_checkable
 class SetupRemarks(Protocol):
     """A device that knows the doubtful settings of its own set-up; optional for a driver."""

@@ -153,11 +153,12 @@ class WrenchSensor(ABC):
         """Return why the received data is unusable, empty if no data comes or all is well."""
         if self._useless_ns > self._arrival_ns:
             return self._explain_unusable()
-        impossible = (
+        if not self._all_impossible:
+            return ""
+        return (
             f"{self.name}: its values are no numbers, or over {IMPOSSIBLE:g} times its range: "
             "check the transducer's cable, and that calibration and range are those of this sensor"
         )
-        return impossible if self._all_impossible else ""
 
     def _explain_unusable(self) -> str:
         """Return why what comes gives no record."""

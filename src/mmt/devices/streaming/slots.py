@@ -12,12 +12,12 @@ from mmt.devices.protocols import (
     Accelerometer,
     ArrivalStamping,
     Device,
-    FaultExplaining,
     ForceSensor,
     OrientationMeasuring,
     PositionKeeping,
     Robot,
     SampledSensor,
+    fault_explanation,
     fault_table,
 )
 from mmt.devices.reading_checks import RareWarning
@@ -243,14 +243,10 @@ class SampledSlot(Slot):
         silent_ns = now_ns - self._last_ns
         if self._empty >= _EMPTY_READS and silent_ns >= self._silence_ns(SILENT_NS):
             raise DeviceLost(
-                self.explain()
+                fault_explanation(self.device)
                 or f"no reading for {silent_ns / 1e6:.0f} ms; check its cable, its power, "
                 "and whether this machine has time for it"
             )
-
-    def explain(self) -> str:
-        """Return why it gives no readings, as far as its driver tells."""
-        return self.device.explain_fault() if isinstance(self.device, FaultExplaining) else ""
 
     def _silence_ns(self, least_ns: int) -> float:
         return max(least_ns, _SILENT_PERIODS * self.lane.period_ns)

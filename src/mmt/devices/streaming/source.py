@@ -20,7 +20,14 @@ from mmt.core.frames import (
 )
 from mmt.core.rotations import turn_into_scene
 from mmt.core.sequence_numbers import SEQUENCES
-from mmt.devices.protocols import Accelerometer, ForceSensor, Pacing, Robot, SampledSensor
+from mmt.devices.protocols import (
+    Accelerometer,
+    ForceSensor,
+    Pacing,
+    Robot,
+    SampledSensor,
+    fault_explanation,
+)
 from mmt.devices.streaming.frame_assembly import FrameAssembler, ReadingAges
 from mmt.devices.streaming.lanes import Lane, OrientationLane, PolledLane
 from mmt.devices.streaming.polling import PhasePoller, Retry
@@ -232,7 +239,10 @@ class DeviceSource:
             time.sleep(5e-5)
         for slot in self._sampled:
             if not slot.lane.clock.known:
-                why = slot.explain() or "it gives no reading; check its cable and settings"
+                why = (
+                    fault_explanation(slot.device)
+                    or "it gives no reading; check its cable and settings"
+                )
                 raise failure(slot, DeviceLost(why))
             slot.begin(time.monotonic_ns())
         return ages.hold_back_ns()
