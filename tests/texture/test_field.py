@@ -266,6 +266,18 @@ def test_sums_that_no_blocks_have_are_refused(name, value):
         replace(cells, **{name: spoilt}).check()
 
 
+@DIRECTED
+def test_the_corner_of_the_space_is_its_last_cell(directed):
+    corner = np.array([[-1.0, -1e-12, 1.0]] if directed else [[1.0, 1.0]])
+    cells = FieldCells.from_blocks(corner, np.ones(1), in_turn(1))
+    cells.check()
+    for axis in (0, 1):
+        beyond = cells.keys.copy()
+        beyond[:, axis] += 1
+        with pytest.raises(InputError, match="outside its space"):
+            replace(cells, keys=beyond).check()
+
+
 def test_one_jnd_of_deviation_leaves_what_one_standard_deviation_holds():
     found = right_probability(JND_DB, np.square([JND_DB, 0.5 * JND_DB, 1e-9, 1e9]))
     np.testing.assert_allclose(found[:2], [0.682689, 0.954500], atol=1e-6)

@@ -37,6 +37,8 @@ FELT_POWER: Final = 1e-3
 fingertip thresholds are 0.1 m/s2 and more, ISO 13091-1). Less power is equally silent."""
 
 _SECTORS: Final = 16
+_LAST: Final = ((20, 20, 0), (6, 6, _SECTORS - 1))
+"""Last cell of the space, without and with heading: what `_at_centres` gives at its corner."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +119,8 @@ class FieldCells:
     def check(self) -> None:
         """Raise `InputError` if the rows cannot have come from blocks."""
         counts, powers = self.sums[:, 0], self.sums[:, 1]
-        last = [6, 6, _SECTORS - 1] if self.directed else [20, 20, 0]  # at the space's limits
-        inside = bool(((self.keys[:, :3] >= 0) & (self.keys[:, :3] <= last)).all())
+        strokes = self.keys[:, :3]
+        inside = bool(((strokes >= 0) & (strokes <= _LAST[self.directed])).all())
         if not (np.isfinite(self.sums).all() and (counts > 0).all() and (powers > 0).all()):
             raise InputError(
                 "the sums of a field's blocks must be finite, counts and powers positive"

@@ -7,13 +7,13 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.texture.touch_down import LEAST_RATE_HZ
+from mmt.texture.touch_down import LEAST_RATE_HZ, WINDOW_S
 
 MOST_SHAPES: Final = 4
 STEEPEST: Final = 1.5
 """Largest exponent of the amplitude over the approach speed."""
 _LARGEST: Final = 1e6
-_LONGEST: Final = 50_000  # samples of a window at the largest rate
+_LONGEST: Final = round(WINDOW_S * 1e6)  # samples at the largest rate, `core.bounds.RateHz`
 _REFERENCE_MM_S: Final = 100.0
 
 
