@@ -63,10 +63,10 @@ def all_pole(ar: FloatArray, ma: FloatArray, variance: FloatArray) -> AllPole:
     wanted = _square(ma) / _square(np.insert(ar, 0, 1.0, axis=1))
     reflection, power = reflection_of(2.0 * wanted, LARGEST_ORDER)
     left = power[:, None] * np.cumprod((1.0 - reflection) * (1.0 + reflection), axis=1)
+    floor = wanted.max(axis=1, keepdims=True) * 10.0 ** (-_FLOOR_DB / 10.0)
     for order in range(ar.shape[1], LARGEST_ORDER + 1):
         poles = reflection_to_ar(reflection[:, :order])
         found = left[:, order - 1 : order] / _square(np.insert(poles, 0, 1.0, axis=1))
-        floor = wanted.max(axis=1, keepdims=True) * 10.0 ** (-_FLOOR_DB / 10.0)
         ratio = np.maximum(found, floor) / np.maximum(wanted, floor)
         error_db = np.sqrt(np.mean(np.square(10.0 * np.log10(ratio)), axis=1))
         if error_db.max() <= _CLOSE_DB:

@@ -74,11 +74,12 @@ def _frames(session: RecordedSession, messages: Messages, began_ns: int) -> Iter
 
     Where their time falls, as of a follower's machine that restarted, it goes on by their numbers.
     """
-    frames = session.frames.copy()
-    numbers, times_ns = frames["sequence"].astype(np.int64), frames["time_ns"]
-    for fall in np.flatnonzero(np.diff(times_ns) < 0).tolist():
-        step_ns = max(1, numbers[fall + 1] - numbers[fall]) * FRAME_PERIOD_NS
-        times_ns[fall + 1 :] += times_ns[fall] + step_ns - times_ns[fall + 1]
+    frames = session.frames
+    steps_ns = np.diff(frames["time_ns"])
+    if (falls := steps_ns < 0).any():
+        frames = frames.copy()
+        due_ns = np.maximum(1, np.diff(frames["sequence"].astype(np.int64))) * FRAME_PERIOD_NS
+        frames["time_ns"][1:] += np.cumsum(np.where(falls, due_ns - steps_ns, 0))
     since_ns = began_ns - int(frames["time_ns"][0]) if len(frames) else 0
     for first in range(0, len(frames), _FRAMES_PER_BLOCK):
         block = frames[first : first + _FRAMES_PER_BLOCK]

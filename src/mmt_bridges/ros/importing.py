@@ -130,8 +130,8 @@ class _Gathered:
                 if (tells_apart(field) or gives_unit(field)) and self._keeps(source, field):
                     source.texts.setdefault(field, {})[row] = value
                 continue
-            each_label = isinstance(value, np.ndarray) and len(value) == len(labels)
-            if labels != source.labels and field.count(".") == 1 and each_label:
+            relabelled = labels != source.labels and field.count(".") == 1
+            if relabelled and isinstance(value, np.ndarray) and len(value) == len(labels):
                 if sorted(labels) != sorted(source.labels):
                     continue  # each label has its own field
                 value = value[[labels.index(label) for label in source.labels]]  # noqa: PLW2901
