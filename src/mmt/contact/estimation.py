@@ -251,8 +251,9 @@ class ContactEstimator:
             outward = speed_m_s < (_STILL_M_S if self._stray else -_STILL_M_S)
             self._stray = not self.contact and outward
             if not (self.contact or self._stray):
+                if not self.contacts:
+                    self._origin_m = self._depth_m
                 self._onset_m, self.contact = self._free_m, True
-                self._origin_m = self._origin_m if self.contacts else self._depth_m
                 self.contacts += 1
             return
         self.contact = self._stray = False

@@ -140,10 +140,14 @@ class MissingFrames:
     def take_missing(self, frames: RecordArray) -> RecordArray:
         """Return the frames (n,) that are missing or given up, ascending; they are filled in."""
         numbers = frames["sequence"].tolist()
-        late = np.array([self._given_up.remove(n, n + 1) for n in numbers])
-        taken = frames[late + [self._missing.remove(n, n + 1) for n in numbers] > 0]
-        self._late += int(late.sum())
-        self._lost -= int(late.sum())
+        late, timely = (
+            np.array([ranges.remove(n, n + 1) for n in numbers], bool)
+            for ranges in (self._given_up, self._missing)
+        )
+        taken: RecordArray = frames[late | timely]
+        come_late = int(np.count_nonzero(late))
+        self._late += come_late
+        self._lost -= come_late
         self._unwanted += len(frames) - len(taken)
         if len(taken):
             self._filled += len(taken)

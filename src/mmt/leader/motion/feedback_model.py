@@ -10,12 +10,7 @@ import numpy as np
 from mmt.contact.estimation import ContactEstimator, ContactModel, EstimationSettings
 from mmt.contact.force_map import ForceMap, SmoothSpeed
 from mmt.contact.passivity import PassivitySettings
-from mmt.contact.rendering import (
-    ContactSamples,
-    HandContact,
-    LocalContact,
-    RenderingSettings,
-)
+from mmt.contact.rendering import ContactSamples, HandContact, LocalContact, RenderingSettings
 from mmt.core.arrays import RecordArray, Vector, bounded
 from mmt.core.frames import CONTACT, CONTACT_DTYPE
 from mmt.core.guards import SILENCE_TICKS, ForceDisplay

@@ -312,9 +312,7 @@ def _of_sensor(channel: str, values: FloatArray, rate_hz: float) -> list[str]:
             continue
         column = np.abs(signed)
         high = float(np.max(column))
-        far = column[column > _OUTLIER * np.percentile(column, 99)]
-        one_value = len(far) > 1 and np.ptp(far) == 0  # which may stand for none
-        usual = float(np.percentile(column, 99.0 if one_value else 99.9))
+        usual = float(np.percentile(column, 99.0 if _is_one_value(column) else 99.9))
         if high > _OUTLIER * usual > 0:
             row = int(np.argmax(column))
             sentences.append(
@@ -329,6 +327,12 @@ def _of_sensor(channel: str, values: FloatArray, rate_hz: float) -> list[str]:
                 f"{channel}: {axis} stands at {high:.4g} in {rows} rows, the end of its range?"
             )
     return sentences
+
+
+def _is_one_value(column: FloatArray) -> bool:
+    """Return whether sizes (n,) far above nearly all others are equal: they may stand for none."""
+    far = column[column > _OUTLIER * np.percentile(column, 99)]
+    return len(far) > 1 and bool(np.ptp(far) == 0)
 
 
 def _is_cut_at_zero(values: FloatArray) -> bool:
