@@ -210,11 +210,8 @@ def test_what_the_sensor_could_not_measure_is_counted_and_what_is_impossible_lef
         (("text", True), {"configure": False}, "text comes: set its data format to binary"),
         (("deaf", True), {}, "not answer the command 'C'; its frames come, but what is"),
         (("refusal", 3), {}, r"it refuses the command 'C' \(code 3\): switch it off"),
-        (
-            ("refusal", 0),
-            {"baud": 115_200},
-            "the baud rate is probably not 115200",
-        ),  # it refuses nothing
+        # with code 0 it refuses nothing
+        (("refusal", 0), {"baud": 115_200}, "the baud rate is probably not 115200"),
         (("refusal", 0), {"baud": 115_200, "configure": False}, "is probably not 115200"),
     ],
 )
