@@ -282,18 +282,19 @@ def test_after_missed_ticks_a_call_moves_by_no_more_than_the_limit_of_one(stall_
     assert steps[-2] <= 0.35 + 1e-4
 
 
-def test_a_robot_that_is_behind_is_not_hastened_by_uneven_stamps():
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_robot_that_is_behind_is_not_hastened_by_uneven_stamps(way):
     robot = Guarded(measured=(0.0, 0.0, 0.0))
     robot.run(1, (0.0, 0.0, 0.0))
-    robot.guard.receive(*command(60.0, 0.0, 0.0, time_ns=SECOND_NS))  # the hand is ahead
+    robot.guard.receive(*command(60.0 * way, 0.0, 0.0, time_ns=SECOND_NS))  # the hand is ahead
     for tick in range(1, 401):
         # ticks of the leader in pairs: two together, late, and the next pair right after it
         if tick % 2 == 0:
             late_ns = 900_000 if tick % 4 == 0 else 0
-            place = (60.0 + 0.2 * tick, 0.0, 0.0)
+            place = (way * (60.0 + 0.2 * tick), 0.0, 0.0)
             robot.guard.receive(*command(*place, time_ns=SECOND_NS + tick * 1_000_000 + late_ns))
         robot.run(1)
-    travelled_mm = robot.newest[0] - robot.positions[100][0]
+    travelled_mm = way * (robot.newest[0] - robot.positions[100][0])
     assert 60.0 < travelled_mm < (0.2 + 0.05) * 300 + 0.5  # the hand's motion, and the recovery
 
 
