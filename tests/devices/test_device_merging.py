@@ -39,7 +39,7 @@ def merged(sensor, seconds):
             merger.tick(1, now_ns)
             blocks.append(merger.frames())
             ticks += [now_ns] * len(blocks[-1])
-    return np.concatenate(blocks), np.array(ticks), merger, lane
+    return np.concatenate(blocks), np.array(ticks), lane
 
 
 def seen_hold_back_ns(sensor, looks=600):
@@ -61,15 +61,13 @@ def time_errors_us(frames):
 @pytest.mark.parametrize("drift", [-100e-6, 0.0, 30e-6, 100e-6])
 @pytest.mark.parametrize("rate_hz", [800, 1000, 2000, 7000])
 def test_a_merged_frame_is_of_the_time_it_says(rate_hz, drift):
-    frames, ticks, merger, lane = merged(
-        SyntheticSensor(rate_hz, drift, transport_ns=TRANSPORT_NS), 12.0
-    )
+    frames, ticks, lane = merged(SyntheticSensor(rate_hz, drift, transport_ns=TRANSPORT_NS), 12.0)
     errors_us = time_errors_us(frames) + TRANSPORT_NS / 1e3  # which nobody can know
     assert np.std(errors_us) < 40
     assert np.percentile(np.abs(errors_us), 99) < 100
     added_ms = (ticks - frames["time_ns"]) / 1e6 - lane.latency_ns / 1e6
     assert np.percentile(added_ms, 99) < 2.0
-    assert merger.left_out < 70  # those before the sensor's first reading
+    assert lane.missed_frames == 0  # those before the sensor's first reading do not count
     assert np.diff(frames["sequence"]).max() == 1
     assert lane.clock.drift == pytest.approx(drift, abs=15e-6)
     assert lane.clock.jumps == 0
@@ -193,8 +191,8 @@ def test_a_reading_that_is_no_number_is_left_out_and_holds_up_no_frame(lane, val
         waiting.append(merger.lacking)
     frames = np.concatenate(blocks)
     assert np.allclose(frames["force_n"], [1.0, 0.0, 0.0])
-    assert lost - 5 <= merger.left_out <= lost + 3
-    assert merger.left_out + len(frames) >= 498
+    assert lost - 5 <= lane.missed_frames <= lost + 3
+    assert lane.missed_frames + len(frames) >= 490
     assert not any(waiting[60:])
     assert lane.invalid == len(told) == lost
 
@@ -211,22 +209,26 @@ def test_a_late_reading_makes_its_frame_late_and_not_wrong():
     assert np.diff(frames["force_n"][:, 0]) == pytest.approx(1.0)
 
 
-def test_ticks_that_were_missed_are_formed_from_what_was_measured_then():
+@pytest.mark.parametrize("missed", [2, 40])
+def test_ticks_that_were_missed_are_formed_from_what_was_measured_then(missed):
+    """If the robot was not read for too long, those frames are skipped and counted as its own."""
     lane, robot = Lane(), PolledLane()
     merger = FrameAssembler(
         {"position_mm": robot, "force_n": lane}, frame_dtype(["position", "force"]), MS
     )
     frames = []
-    for k in range(30):
+    for k in range(30 + missed):
         now_ns = START_NS + k * MS
         lane.add([reading(k * MS, k)], now_ns)
-        if k in {10, 11}:
+        if 10 <= k < 10 + missed:
             continue
         robot.record((float(k), 0.0, 0.0), now_ns)
-        merger.tick(3 if k == 12 else 1, now_ns)
+        merger.tick(missed + 1 if k == 10 + missed else 1, now_ns)
         frames.append(merger.frames())
     together = np.concatenate(frames)
-    assert np.diff(together["sequence"]).tolist() == [1] * (len(together) - 1)
+    skipped = np.diff(together["sequence"].astype(int)) - 1
+    assert robot.missed_frames == skipped.sum() == (missed + 1 if missed > 2 else 0)
+    assert lane.missed_frames == 0
     assert together["position_mm"][:, 0] == pytest.approx(together["force_n"][:, 0])
 
 

@@ -186,7 +186,7 @@ def test_positions_of_while_ticks_were_held_up_are_taken_where_the_driver_keeps_
 def test_what_a_robots_driver_has_survived_is_in_its_summary():
     arm = Arm()
     slot = RobotSlot("robot", arm, measures=True)
-    assert slot.summary == {"device": "Arm", "losses": 0}
+    assert slot.summary == {"device": "Arm", "losses": 0, "missed_frames": 0}
     arm.faults = {"commands that are not finite": 2}
     assert slot.summary["faults"] == {"commands that are not finite": 2}
 

@@ -146,8 +146,11 @@ def test_a_leader_without_a_model_has_no_faults_of_its_signals(texture):
 def test_faults_are_told_of_a_listener_and_of_each_device_of_a_follower():
     late = {**LEADER, "ticks": {"late_share_1ms": 0.2}, "listening": {"states": 3}}
     assert fault_sentences("leader", late) == ["listener: 20 % of the ticks over 1 ms late"]
-    lost = {**FOLLOWER, "devices": {"robot": {"class": "Arm", "losses": 2}}}
-    assert fault_sentences("follower", lost) == ["follower: 2 losses of the robot"]
+    lost = {**FOLLOWER, "devices": {"robot": {"class": "Arm", "losses": 2, "missed_frames": 30}}}
+    assert fault_sentences("follower", lost) == [
+        "follower: 2 losses of the robot",
+        "follower: 30 frames without a reading of the robot",
+    ]
 
 
 @pytest.mark.parametrize("lost", [0, 3])

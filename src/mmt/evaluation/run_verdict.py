@@ -26,7 +26,7 @@ _FAULTS: Final = (
     _Fault("link.rejected", "message", "messages", "rejected"),
     _Fault("link.clock.jumps", "jump of the other side's clock", "jumps of the other side's clock"),
     _Fault("backfill.lost", "frame", "frames", "missing and never filled in"),
-    _Fault("backfill.gone", "frame", "frames", "asked for again, but no longer kept"),
+    _Fault("backfill.gone", "frame", "frames", "asked for again, but never made or no longer kept"),
     _Fault("texture.dropped_frames", "frame", "frames", "not modelled: the model was too slow"),
     _Fault("texture.late_frames", "frame", "frames", "too late for the model"),
     _Fault("texture.tasks.*.drops", "item", "items", "dropped before {name}: it was too slow"),
@@ -42,6 +42,11 @@ _FAULTS: Final = (
     _Fault("handle.losses", "loss of the handle", "losses of the handle"),
     _Fault("handle.faults", "fault of the handle", "faults of the handle"),
     _Fault("devices.*.losses", "loss of the {name}", "losses of the {name}"),
+    _Fault(
+        "devices.*.missed_frames",
+        "frame without a reading of the {name}",
+        "frames without a reading of the {name}",
+    ),
     _Fault("devices.*.faults", "fault of the {name}", "faults of the {name}"),
     _Fault("devices.*.clock_jumps", "jump of the {name}'s clock", "jumps of the {name}'s clock"),
 )

@@ -76,8 +76,7 @@ class FrameAssembler:
         self._origin_ns: int | None = None
         self._next = 0
         self._due = 0
-        self.left_out = 0
-        """Frames skipped because a lane had no value or a device was lost."""
+        self._begun = False
 
     def tick(self, elapsed: int, now_ns: int) -> None:
         """Note that `elapsed` ticks have passed.
@@ -98,7 +97,6 @@ class FrameAssembler:
 
     def give_up(self) -> None:
         """Skip the frames that wait: a device is lost."""
-        self.left_out += self._due - self._next
         self._next = self._due
 
     @property
@@ -114,7 +112,6 @@ class FrameAssembler:
             row = self._row(start_ns + self._next * self._period_ns)
             if row is None:
                 break
-            self.left_out += not row
             rows += row
             self._next += 1
         return np.frombuffer(rows, dtype=self._dtype)
@@ -122,16 +119,22 @@ class FrameAssembler:
     def _row(self, time_ns: int) -> bytes | None:
         """Return the next frame's bytes, empty if a lane has no value, None while it waits."""
         numbers: list[float] = []
-        complete = True
+        lacking = []
         for lane in self._lanes:
             value = lane.at(time_ns)
-            if value is None:
-                complete = False
-            elif isinstance(value, Waiting):
+            if isinstance(value, Waiting):
                 return None
+            if value is None:
+                lacking.append(lane)
             else:
                 numbers += value
-        return self._pack(self._next % SEQUENCES, time_ns, *numbers) if complete else b""
+        if not lacking:
+            self._begun = True
+            return self._pack(self._next % SEQUENCES, time_ns, *numbers)
+        if self._begun:  # a robot is first read at the first tick, after the first instants
+            for lane in lacking:
+                lane.missed_frames += 1
+        return b""
 
 
 class ReadingAges:

@@ -51,6 +51,8 @@ class Lane:
         """Number of readings received."""
         self.invalid = 0
         """Number of readings that were left out."""
+        self.missed_frames = 0
+        """Number of frames, since the first, that were skipped because it had no value."""
         self.on_invalid: Callable[[], None] = lambda: None
         """Called when readings are left out."""
         self._invalid_ns = _NEVER

@@ -128,7 +128,11 @@ class Slot(ABC):
     @property
     def summary(self) -> dict[str, Any]:
         """Counts of the device and faults that its driver tolerated, for a program."""
-        found = {"device": type(self.device).__name__, "losses": self.losses}
+        found = {
+            "device": type(self.device).__name__,
+            "losses": self.losses,
+            "missed_frames": max(lane.missed_frames for lane in self._lanes.values()),
+        }
         faults = {kind: lane.invalid for kind, lane in self._lanes.items() if lane.invalid}
         told = fault_table(self.device).get("faults", {})
         return {**found, "faults": told | faults} if told or faults else found
