@@ -36,6 +36,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "devices/haptuator/driver": (
         "devices/test_haptuator_level.py",
         "devices/test_haptuator_signal.py",
+        "devices/test_haptuator_sound.py",
     ),
     "devices/labjack/packets": ("devices/test_labjack_packets.py",),
     "devices/reading_checks": ("devices/test_plausibility.py",),

@@ -213,7 +213,7 @@ def test_an_equaliser_has_the_same_gain_at_any_rate(k):
 
 def test_what_is_stored_and_useless_is_explained(home):
     options = HaptuatorOptions(serial="x", full_scale_v=6.0)
-    with pytest.raises(InputError, match="make one by"):
+    with pytest.raises(InputError, match=r"x is stored: make one by .*, or give 'volts_per_m_s2'"):
         level_of(options)
     for values in (
         {},
@@ -222,9 +222,9 @@ def test_what_is_stored_and_useless_is_explained(home):
         {"volts_per_m_s2": 0.1, "taps": ["a"]},
         {"volts_per_m_s2": 0.1, "taps": [1.0] * (TAPS + 1)},
     ):
-        save_calibration("haptuator", "x", values)
-        with pytest.raises(InputError, match="make it again"):
-            level_of(options)
+        path = save_calibration("haptuator", "x", values, home / "other")
+        with pytest.raises(InputError, match=f"{path} is not that of a Haptuator: make it again"):
+            level_of(options, home / "other")
 
 
 @given(

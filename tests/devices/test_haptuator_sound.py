@@ -46,6 +46,9 @@ def test_a_tone_is_heard_at_its_frequency_and_level_on_its_channel_alone(k, tone
     statistics = device.statistics
     assert statistics.samples == 2000 * k
     assert (statistics.underruns, statistics.slips, statistics.clipped) == (0, 0, 0)
+    gain, low_hz = device.response(np.array([tone_hz]))
+    assert gain == pytest.approx(np.sqrt(np.mean(heard_v**2)) / math.sqrt(0.5), rel=0.03)
+    assert low_hz == 20.0
 
 
 def test_the_latency_stated_is_the_one_that_passes(connected):
@@ -70,6 +73,17 @@ def test_no_frame_is_beyond_the_limit_between_the_samples_either(connected):
     assert 6.0 * np.max(np.abs(card.played())) <= 1.0 + 1e-6
     assert device.statistics.limited_frames > 0
     assert device.statistics.clipped > 0
+
+
+def test_volts_are_played_as_they_are_but_for_the_limit(connected):
+    card = EmulatedSoundCard()
+    device = connected(haptuator(card, limit_v=1.5))
+    assert device.largest_v == 1.5
+    for volts in (1.0, 9.0):
+        for _ in range(500):
+            device.write_volts([volts])
+            card.advance(0.001)
+        assert 6.0 * card.played()[-4800:] == pytest.approx(min(volts, 1.5), abs=1e-3)
 
 
 def test_late_samples_are_counted_and_a_card_that_is_unplugged_or_hangs_is_lost(connected):
