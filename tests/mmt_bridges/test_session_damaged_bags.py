@@ -1,10 +1,11 @@
 """Bags that were cut off, lost their description, or were compressed: what is whole is read."""
 
 import sqlite3
+from contextlib import closing
 
 import numpy as np
 import pytest
-from hypothesis import event, given, settings
+from hypothesis import event, example, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
@@ -121,6 +122,7 @@ def test_a_bag_needs_no_description(tmp_path, storage, damage, mode):
 
 @settings(max_examples=25, deadline=None)
 @given(share=st.floats(0.02, 0.98), kind=st.sampled_from(["db3", None, "BZ2", "LZ4"]))
+@example(share=0.7572867161784663, kind=None)  # between two records of a chunk
 def test_a_bag_that_was_cut_off_is_read_as_far_as_it_goes(tmp_path_factory, share, kind):
     folder = tmp_path_factory.mktemp("cut")
     if kind == "db3":
@@ -175,6 +177,19 @@ def test_a_file_of_several_that_cannot_be_read_costs_itself_alone(tmp_path, stor
     file.unlink()
     with pytest.raises(InputError, match="bag"):
         read_columns(tmp_path / "bag", bool)
+
+
+def test_topics_of_one_name_are_told_apart(tmp_path):
+    write_bag(tmp_path / "bag", "SQLITE3")
+    (path,) = (tmp_path / "bag").glob("*.db3")
+    with closing(sqlite3.connect(path)) as stored, stored:
+        of_first = ", ".join(each[1] for each in stored.execute("PRAGMA table_info(topics)"))
+        others = of_first.replace("id", "id + 1", 1)
+        stored.execute(f"INSERT INTO topics ({of_first}) SELECT {others} FROM topics")
+        stored.execute("UPDATE messages SET topic_id = topic_id + 1 WHERE id % 2 = 0")
+    columns = read_columns(path, bool)
+    for place, name in enumerate(("/ft@1.wrench.force", "/ft@2.wrench.force")):
+        np.testing.assert_array_equal(columns.values[name], FORCES[place::2])
 
 
 def test_lost_files_of_a_bag_are_said(tmp_path):

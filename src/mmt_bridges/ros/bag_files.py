@@ -27,7 +27,7 @@ def decoded_messages(path: Path, notes: list[str]) -> Iterator[tuple[StoredMessa
 
     Each comes as it is stored and decoded: numbers, texts, lists, dictionaries and dataclasses.
     """
-    decoders: dict[tuple[int, str, str, bytes], Decode | None] = {}
+    decoders: dict[tuple[int | str, str, str, bytes], Decode | None] = {}
     lost: dict[str, list[Any]] = {}
     for raw in stored_messages(path, notes):
         key = raw.source, raw.topic, raw.kind, raw.definition

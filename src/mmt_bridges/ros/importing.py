@@ -104,7 +104,7 @@ class _Gathered:
 
     def __init__(self, wanted: Callable[[str], bool]) -> None:
         self._wanted = wanted
-        self._sources: dict[tuple[str, int, str], _Source] = {}
+        self._sources: dict[tuple[str, int | str, str], _Source] = {}
         self._texts: dict[str, list[JsonObject]] = {SCENE.name: [], EVENTS.name: []}
 
     @property

@@ -26,45 +26,9 @@ from mmt.session.mcap.writer import FRAMES_TOPIC
 _BEGINS: Final = b"#ROSBAG V2.0\n"
 _LENGTH: Final = struct.Struct("<I")
 _TIME: Final = struct.Struct("<II")
-_MESSAGE, _CHUNK, _CONNECTION = b"\x02", b"\x05", b"\x07"
+_MESSAGE, _BAG_HEADER, _CHUNK, _CONNECTION = b"\x02", b"\x03", b"\x05", b"\x07"
 
 _Fields = dict[str, bytes]
-
-
-class BagMessage(NamedTuple):
-    """A message and what its connection says of it."""
-
-    topic: str
-    publisher: str
-    """Name of the node, or the connection's number."""
-    kind: str
-    definition: bytes
-    received_ns: int
-    data: bytes
-
-
-def bag_messages(path: Path) -> Iterator[BagMessage]:
-    """Yield the messages in the order of the file.
-
-    Raises
-    ------
-    InputError
-        The file is no such bag, or ends within a record.
-    """
-    connections: dict[bytes, tuple[str, str, str, bytes]] = {}
-    with path.open("rb") as stream:
-        if stream.read(len(_BEGINS)) != _BEGINS:
-            raise InputError("this is not a ROS 1 bag of format 2.0")
-        for head, data in _records(stream):
-            number = head.get("conn", b"")
-            if head["op"] == _CONNECTION:
-                told = _fields(data)
-                publisher = told.get("callerid", number.hex().encode()).decode()
-                kind, definition = told["type"].decode(), told["message_definition"]
-                connections[number] = (head["topic"].decode(), publisher, kind, definition)
-            elif head["op"] == _MESSAGE and number in connections:
-                seconds, rest_ns = _TIME.unpack(head["time"])
-                yield BagMessage(*connections[number], seconds * 1_000_000_000 + rest_ns, data)
 
 
 def _records(stream: BinaryIO) -> Iterator[tuple[_Fields, bytes]]:
@@ -120,8 +84,8 @@ class StoredMessage(NamedTuple):
     """A message as it stands in a file."""
 
     topic: str
-    source: int
-    """Number of the publisher on its topic, as far as the file tells publishers apart."""
+    source: int | str
+    """The publisher, as far as the file tells publishers apart: its number on its topic."""
     kind: str
     """Name of the message's type."""
     encoding: str
@@ -158,9 +122,13 @@ def stored_messages(path: Path, notes: list[str]) -> Iterator[StoredMessage]:
         read = 0
         try:
             require_fetched(file)
+            numbers: dict[str, dict[int | str, int]] = {}
             with _unpacked(file) as plain:
                 for message in _READERS[_kind(file)](plain, notes):
-                    yield message
+                    of_topic = numbers.setdefault(message.topic, {})
+                    yield message._replace(
+                        source=of_topic.setdefault(message.source, len(of_topic))
+                    )
                     read += 1
         except MemoryError:
             raise
@@ -211,7 +179,6 @@ def _unpacked(file: Path) -> Iterator[Path]:
 
 def _of_mcap(path: Path, notes: list[str]) -> Iterator[StoredMessage]:
     problems: list[str] = []
-    publishers: dict[str, dict[int, int]] = {}
     undated = 0
     for schema, channel, message in iterate_mcap(path, problems):
         if channel.topic == FRAMES_TOPIC and schema is not None and "mmt" in schema.name:
@@ -221,10 +188,8 @@ def _of_mcap(path: Path, notes: list[str]) -> Iterator[StoredMessage]:
             continue
         definition = schema.data if schema is not None else b""
         kind, told = (schema.name, schema.encoding) if schema is not None else ("", "")
-        of_topic = publishers.setdefault(channel.topic, {})
-        source = of_topic.setdefault(channel.id, len(of_topic))
         yield StoredMessage(
-            *(channel.topic, source, kind, channel.message_encoding),
+            *(channel.topic, channel.id, kind, channel.message_encoding),
             *(definition, told, message.log_time, message.data),
         )
     if undated:
@@ -278,16 +243,32 @@ def _of_database(stored: sqlite3.Connection) -> Iterator[StoredMessage]:
         name, kind, encoding = topics[number]
         definition, language = definitions.get(kind, (b"", ""))
         yield StoredMessage(
-            *(name, 0, kind, encoding, definition, language, received_ns, bytes(data))
+            *(name, number, kind, encoding, definition, language, received_ns, bytes(data))
         )
 
 
 def _of_bag(path: Path, _notes: list[str]) -> Iterator[StoredMessage]:
-    publishers: dict[str, dict[str, int]] = {}
-    for topic, publisher, kind, definition, received_ns, data in bag_messages(path):
-        of_topic = publishers.setdefault(topic, {})
-        source = of_topic.setdefault(publisher, len(of_topic))
-        yield StoredMessage(topic, source, kind, "ros1", definition, "ros1msg", received_ns, data)
+    """Yield the messages of a ROS 1 bag, each with the name of its node or of its connection."""
+    connections: dict[bytes, tuple[str, str, str, str, bytes, str]] = {}
+    index_at = b"\0"
+    with path.open("rb") as stream:
+        if stream.read(len(_BEGINS)) != _BEGINS:
+            raise InputError("this is not a ROS 1 bag of format 2.0")
+        for head, data in _records(stream):
+            number = head.get("conn", b"")
+            if head["op"] == _BAG_HEADER:
+                index_at = head["index_pos"]
+            elif head["op"] == _CONNECTION:
+                told = _fields(data)
+                publisher = told.get("callerid", number.hex().encode()).decode()
+                kind, definition = told["type"].decode(), told["message_definition"]
+                topic = head["topic"].decode()
+                connections[number] = (topic, publisher, kind, "ros1", definition, "ros1msg")
+            elif head["op"] == _MESSAGE and number in connections:
+                seconds, rest_ns = _TIME.unpack(head["time"])
+                yield StoredMessage(*connections[number], seconds * 1_000_000_000 + rest_ns, data)
+        if stream.tell() < int.from_bytes(index_at, "little"):
+            raise InputError("it ends before its index")
 
 
 _READERS: Final[Mapping[str, Callable[[Path, list[str]], Iterator[StoredMessage]]]] = {
