@@ -1,6 +1,7 @@
 """Sessions as ROS 2 bags: read back to the bit, and as the tools of ROS read them."""
 
 import sys
+from dataclasses import replace
 from unittest.mock import Mock
 
 import numpy as np
@@ -44,6 +45,13 @@ def test_long_sessions_are_written_in_blocks(tmp_path):
     back = read_session(tmp_path / "bag").frames
     np.testing.assert_array_equal(back["sequence"], frames["sequence"])
     np.testing.assert_allclose(np.diff(back["time_ns"]), np.diff(times_ns), atol=20_000)
+
+
+@pytest.mark.parametrize("began_ns", [-1, 1 << 61])
+def test_a_date_that_has_no_stamp_is_refused(tmp_path, session, began_ns):
+    with pytest.raises(InputError, match="no stamps before 1970 and after 2037"):
+        export_session(replace(session, began_utc_ns=began_ns), tmp_path / "bag")
+    assert list(tmp_path.iterdir()) == []
 
 
 def same_bits(one, other):

@@ -18,6 +18,8 @@ from mmt_bridges.ros.messages import SCENE, Message, Messages
 _BAG_SUFFIXES: Final = {".yaml", ".mcap", ".db3"}
 _METADATA_VERSION: Final = 8
 _FRAMES_PER_BLOCK: Final = 4096
+_LATEST_NS: Final = (1 << 31) * 1_000_000_000
+"""The end of ROS 2's stamps, in 2038."""
 
 
 def write_bag(path: Path, session: RecordedSession) -> None:
@@ -29,7 +31,8 @@ def write_bag(path: Path, session: RecordedSession) -> None:
     Raises
     ------
     InputError
-        rosbags is not installed, the folder exists and holds something else than a bag, or see
+        rosbags is not installed, the session's date is out of the range of ROS 2's stamps, the
+        folder exists and holds something else than a bag, or see
         `mmt.session.files.export_session`.
     MmtError
         Writing failed.
@@ -40,6 +43,8 @@ def write_bag(path: Path, session: RecordedSession) -> None:
 
     store = get_typestore(Stores.LATEST)
     _require_replaceable(path)
+    if not 0 <= (session.began_utc_ns or 0) < _LATEST_NS:
+        raise InputError(f"cannot write {path}: ROS 2 has no stamps before 1970 and after 2037")
     with replacing_folder(path) as folder:
         writer = Writer(folder, version=_METADATA_VERSION, storage_plugin=StoragePlugin.MCAP)
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
