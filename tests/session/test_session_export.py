@@ -192,6 +192,14 @@ def test_a_sound_holds_what_is_missing_and_other_programs_may_cut_and_round_it(t
         stream.write(sound[sound.index(b"LIST") :])
     rounded = read_session(tmp_path / "b.wav").frames["acceleration_m_s2"]
     np.testing.assert_allclose(rounded, back[:50], atol=0.002)
+    samples[9] = np.finfo("f4").max  # of a sensor that was torn off
+    frames["acceleration_m_s2"] = samples[:60]
+    export_session(RecordedSession(frames[:20]), tmp_path / "a.wav")
+    back = read_session(tmp_path / "a.wav").frames["acceleration_m_s2"]
+    np.testing.assert_allclose(back[:10], frames["acceleration_m_s2"][:10], atol=1e-6)
+    export_session(RecordedSession(frames[:0]), tmp_path / "a.wav")
+    with pytest.raises(InputError, match="it holds 0 frames"):
+        read_session(tmp_path / "a.wav")
     with pytest.raises(InputError, match="sound is made of acceleration, and there is none"):
         export_session(RecordedSession(made_frames(60, ("force",))), tmp_path / "c.wav")
 

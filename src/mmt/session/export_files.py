@@ -185,8 +185,9 @@ def write_wav(path: Path, session: RecordedSession) -> None:
     """Write the acceleration, x y z as three channels in single precision.
 
     1.0 is the full scale: the power of two (m/s2) at or above the largest value, so that scaling
-    does not round. The comment (``ICMT``) is a JSON object with ``full_scale_m_s2`` and, if known,
-    ``began_utc_ns``. Sound has no gaps: the last sample is repeated for missing frames.
+    does not round, and at most 2**127, the largest in single precision. The comment (``ICMT``) is a
+    JSON object with ``full_scale_m_s2`` and, if known, ``began_utc_ns``. Sound has no gaps: the
+    last sample is repeated for missing frames.
 
     Raises
     ------
@@ -208,7 +209,7 @@ def write_wav(path: Path, session: RecordedSession) -> None:
         raise InputError(f"session {path}: it is longer than the 4 GiB of a .wav; write an .h5")
     samples = acceleration_samples(frames)
     largest = np.abs(samples[np.isfinite(samples)]).max(initial=0.0)
-    full_scale = float(2.0 ** np.ceil(np.log2(largest))) if largest > 0.0 else 1.0
+    full_scale = 2.0 ** min(127.0, float(np.ceil(np.log2(largest)))) if largest > 0.0 else 1.0
     held = np.ones(len(samples), dtype=np.int64)
     held[several - 1 :: several] += several * (steps - 1)
     told: dict[str, Any] = {"full_scale_m_s2": full_scale}
