@@ -84,15 +84,18 @@ def _arrays(session: RecordedSession) -> dict[str, Any]:
     """Return frames, scene, annotations, events and date as arrays; scene and events as JSON."""
     arrays: dict[str, Any] = {"sequence": session.frames["sequence"], "time_s": session.time_s}
     arrays |= session.vectors()
-    if session.scene is not None:
-        arrays["scene_json"] = np.array(to_json(dict(session.scene)))
+    arrays |= {f"{name}_json": np.array(text) for name, text in _texts(session).items()}
     if session.annotations:
         arrays["annotations"] = np.frombuffer(session.annotations, dtype=np.uint8)
-    if session.events:
-        arrays["events_json"] = np.array(to_json([dict(event) for event in session.events]))
     if session.began_utc_ns is not None:
         arrays["began_utc_ns"] = np.int64(session.began_utc_ns)
     return arrays
+
+
+def _texts(session: RecordedSession) -> dict[str, str]:
+    """Return scene and events as JSON, as far as the session has them."""
+    scene = {} if session.scene is None else {"scene": to_json(session.scene)}
+    return scene | ({"events": to_json(list(session.events))} if session.events else {})
 
 
 def write_parquet(path: Path, session: RecordedSession) -> None:
@@ -112,13 +115,9 @@ def write_parquet(path: Path, session: RecordedSession) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    metadata: dict[bytes, bytes] = {}
-    if session.scene is not None:
-        metadata[b"mmt.scene"] = to_json(dict(session.scene)).encode()
+    metadata = {f"mmt.{name}".encode(): text.encode() for name, text in _texts(session).items()}
     if session.annotations:
         metadata[b"mmt.annotations"] = session.annotations
-    if session.events:
-        metadata[b"mmt.events"] = to_json([dict(event) for event in session.events]).encode()
     if session.began_utc_ns is not None:
         metadata[b"mmt.began_utc_ns"] = b"%d" % session.began_utc_ns
     columns = {"time_ns": session.frames["time_ns"], **session.columns()}
@@ -155,10 +154,8 @@ def write_hdf5(path: Path, session: RecordedSession) -> None:
             array = file.create_dataset(name, data=data, compression="gzip", shuffle=True)
             if name in _UNITS:
                 array.attrs["units"] = _UNITS[name]
-        if session.scene is not None:
-            file["scene"] = np.bytes_(to_json(dict(session.scene)))
-        if session.events:
-            file["events"] = np.bytes_(to_json([dict(event) for event in session.events]))
+        for name, text in _texts(session).items():
+            file[name] = np.bytes_(text)
         if session.annotations:
             file["annotations"] = np.frombuffer(session.annotations, dtype=np.uint8)
         for number, (time_s, model) in enumerate(session.models, start=1):
