@@ -38,6 +38,7 @@ VIBRATION: Final = "vibration_rms_m_s2"
 """The last number of a state: root mean square of the acceleration over the row's period."""
 
 _FIRST_FILE: Final = "chunk-000/file-000.parquet"
+_PANDAS_COLUMN: Final = ("name", "field_name", "pandas_type", "numpy_type", "metadata")
 
 
 def state_names(channels: Sequence[Channel]) -> tuple[str, ...]:
@@ -201,14 +202,11 @@ class _Writer:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        index = {
-            "index_columns": ["task"],
-            "column_indexes": [],
-            "columns": [
-                _pandas_column("task_index", "int64"),
-                _pandas_column("task", "unicode"),
-            ],
-        }
+        columns = [
+            dict(zip(_PANDAS_COLUMN, (name, name, *kinds, None), strict=True))
+            for name, *kinds in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
+        ]
+        index = {"index_columns": ["task"], "column_indexes": [], "columns": columns}
         table = pa.table({"task_index": pa.array([0]), "task": pa.array([task])})
         table = table.replace_schema_metadata({"pandas": json.dumps(index)})
         pq.write_table(table, self._file("meta", "tasks.parquet"))
@@ -221,17 +219,6 @@ class _Writer:
         file = self._folder.joinpath(*parts)
         file.parent.mkdir(parents=True, exist_ok=True)
         return file
-
-
-def _pandas_column(name: str, pandas_type: str) -> dict[str, Any]:
-    numpy_type = {"unicode": "object"}.get(pandas_type, pandas_type)
-    return {
-        "name": name,
-        "field_name": name,
-        "pandas_type": pandas_type,
-        "numpy_type": numpy_type,
-        "metadata": None,
-    }
 
 
 def _arrow_type(feature: Feature) -> Any:
