@@ -25,6 +25,7 @@ from mmt.core.output.plottable import Plottable
 FRAME_PERIOD_NS = 1_000_000
 """Frames come at 1 kHz."""
 FRAME_PERIOD_S = 1e-3
+_LONGEST_S = 1e8  # three years
 
 _COMPARED = ("time_ns", "offset_ns", "drift_ppm", "uncertainty_ns")
 
@@ -209,9 +210,9 @@ def sampled_parts(
 
 
 def event_time_s(event: JsonObject) -> float:
-    """Return an event's session time, or 0 if the event has none."""
+    """Return an event's session time, or 0 if the event has none, or an impossible one."""
     time_s = event.get("time_s")
-    if isinstance(time_s, int | float) and math.isfinite(time_s):
+    if isinstance(time_s, int | float) and abs(time_s) < _LONGEST_S:  # false for NaN
         return float(time_s)
     return 0.0
 

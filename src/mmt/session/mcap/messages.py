@@ -17,6 +17,7 @@ from google.protobuf.message import DecodeError
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, Channel, frame_dtype
+from mmt.session.data import event_time_s
 
 FRAME_BLOCK: Final = "mmt.FrameBlock"
 OUTPUT_BLOCK: Final = "mmt.OutputBlock"
@@ -193,9 +194,9 @@ class EventCodec(Codec):
     def encode(self, text: str) -> bytes:
         """Encode one event."""
         event = json.loads(text)
-        time_s, kind = event.get("time_s"), event.get("kind")
+        kind = event.get("kind")
         return self.pack(
-            time_s=float(time_s) if isinstance(time_s, int | float) else 0.0,
+            time_s=event_time_s(event),
             event=str(event.get("event", "")),
             kind="" if kind is None else str(kind),
             json=text,
