@@ -230,6 +230,29 @@ def test_protobuf_schemas_are_read_in_any_order(tmp_path_factory, order):
         message_class(circle, "M3")
 
 
+def test_a_schema_in_the_index_alone_is_read(tmp_path):
+    """As the C++ library writes the second file of a recorder that splits (foxglove/mcap#1258)."""
+    path = tmp_path / "a.mcap"
+    definition = protobuf("Value", "value")
+    with path.open("wb") as stream:
+        plain = {"enable_crcs": False, "enable_data_crcs": False, "use_chunking": False}
+        writer = Writer(stream, **plain)
+        writer.start()
+        number = writer.register_schema("Value", "protobuf", definition)
+        number = writer.register_channel("/value", "protobuf", number)
+        made = message_class(definition, "Value")
+        for row in range(ROWS):
+            message = made(value=row).SerializeToString()
+            writer.add_message(number, BEGAN_NS + row * STEP_NS, message, 0)
+        writer.finish()
+    content = bytearray(path.read_bytes())
+    content[content.index(b"Value") - 15] = 0x81  # makes a record of another program of it
+    path.write_bytes(content)
+    columns = read_columns(path, bool)
+    np.testing.assert_array_equal(columns.values["/value.value"], np.arange(ROWS))
+    assert columns.notes == []
+
+
 def test_a_folder_without_description_is_read_file_by_file(tmp_path):
     received = (BEGAN_NS + STEP_NS * np.arange(ROWS)).tolist()
     write(tmp_path / "b.mcap", [("/ft", JSON, "json", wrench(FORCES, received, [""] * ROWS))])

@@ -5,7 +5,8 @@ Reading does not need the index at the end of the file. `Scan.problem` says what
 
 import os
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
@@ -27,7 +28,7 @@ from mcap.records import (
     Metadata,
     Schema,
 )
-from mcap.stream_reader import MAGIC_SIZE, breakup_chunk
+from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from mmt.core.errors import InputError
@@ -39,6 +40,11 @@ MOST_MIB: Final = "MMT_MOST_MIB"
 size is always allowed."""
 _MOST_MIB: Final = 64
 _MOST_RATIO: Final = 50
+
+_READ: Final = {
+    *(Opcode.SCHEMA, Opcode.CHANNEL, Opcode.CHUNK),
+    *(Opcode.MESSAGE, Opcode.ATTACHMENT, Opcode.METADATA),
+}
 
 DAMAGE: Final = (
     McapError,
@@ -59,7 +65,10 @@ class ChunkTooLarge(McapError):  # noqa: N818 - the name describes the chunk
 
 @dataclass
 class Scan:
-    """Everything that could be read from an MCAP file, in the order of the file."""
+    """Everything that could be read from an MCAP file, in the order of the file.
+
+    One of a file that stays on disk lacks messages, and attachments but the annotations.
+    """
 
     path: Path
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -95,11 +104,7 @@ class Scan:
 
     def metadata_of(self, name: str) -> dict[str, str]:
         """Return the last metadata record of a name, or {} if there is none."""
-        found: dict[str, str] = {}
-        for record in self.metadata:
-            if record.name == name:
-                found = record.metadata
-        return found
+        return next((r.metadata for r in self.metadata[::-1] if r.name == name), {})
 
 
 def scan_mcap(path: Path) -> Scan:
@@ -124,7 +129,8 @@ def iterate_mcap(
 ) -> Iterator[tuple[Schema | None, Channel, Message]]:
     """Yield the readable messages of any MCAP file, in the order of the file.
 
-    At the end, problems of the file are appended to `problems`.
+    At the end, problems of the file are appended to `problems`. Some writers (mcap for C++, after a
+    second `open`) have a schema in the index alone.
 
     Raises
     ------
@@ -134,22 +140,28 @@ def iterate_mcap(
     try:
         with path.open("rb") as stream:
             check_start(path, stream)
+            scan, indexed = Scan(path), None
+            with suppress(*DAMAGE, OSError):
+                indexed = make_reader(stream).get_summary()
+            told = {} if indexed is None else indexed.schemas
             with open_records(stream) as records:
-                scan = Scan(path)
                 for opcode, content, _ in records:
                     if opcode not in (Opcode.ATTACHMENT, Opcode.METADATA):
                         _add_content(scan, opcode, content)
-                        yield from _taken(scan)
+                        yield from _taken(scan, told)
     except OSError as error:
         raise InputError(f"session {path}: {error.strerror or error}") from error
     problems += [*_problems(scan), *(p for p in records.problems if p != INDEX_DAMAGED)]
 
 
-def _taken(scan: Scan) -> Iterator[tuple[Schema | None, Channel, Message]]:
+def _taken(
+    scan: Scan, told: Mapping[int, Schema]
+) -> Iterator[tuple[Schema | None, Channel, Message]]:
     for message in scan.messages:
         channel = scan.channels.get(message.channel_id)
         if channel is not None:
-            yield scan.schemas.get(channel.schema_id), channel, message
+            number = channel.schema_id
+            yield scan.schemas.get(number, told.get(number)), channel, message
     scan.messages.clear()
 
 
@@ -207,12 +219,11 @@ def _problems(scan: Scan) -> Iterator[str]:
 
 def _add_content(scan: Scan, opcode: int, content: bytes) -> None:
     try:
-        if opcode == Opcode.CHUNK:
-            _scan_chunk(scan, Chunk.read(ReadDataStream(BytesIO(content))))
-        elif opcode == Opcode.ATTACHMENT and not intact(content):
+        if opcode == Opcode.ATTACHMENT and not intact(content):
             scan.damaged_records += 1
-        elif opcode in _READERS:
-            _add_record(scan, _READERS[opcode](content))
+        elif opcode in _READ:
+            stored = BytesIO(HEAD.pack(opcode, len(content)) + content)
+            _add_record(scan, next(StreamReader(stored, skip_magic=True, emit_chunks=True).records))
     except DAMAGE:
         scan.damaged_records += 1
 
@@ -303,19 +314,12 @@ def _scan_chunk(scan: Scan, chunk: Chunk) -> None:
         _add_record(scan, record)
 
 
-_READERS: Final[Mapping[int, Callable[[bytes], McapRecord]]] = {
-    Opcode.SCHEMA: lambda content: Schema.read(ReadDataStream(BytesIO(content))),
-    Opcode.CHANNEL: lambda content: Channel.read(ReadDataStream(BytesIO(content))),
-    Opcode.MESSAGE: lambda content: Message.read(ReadDataStream(BytesIO(content)), len(content)),
-    Opcode.ATTACHMENT: lambda content: Attachment.read(ReadDataStream(BytesIO(content))),
-    Opcode.METADATA: lambda content: Metadata.read(ReadDataStream(BytesIO(content))),
-}
-
-
 def _add_record(scan: Scan, record: McapRecord) -> None:
     # Schemas and channels are in a chunk, which has a checksum, and again in the index at the end
     # of the file, where nothing may protect them: keep the first.
-    if isinstance(record, Message):
+    if isinstance(record, Chunk):
+        _scan_chunk(scan, record)
+    elif isinstance(record, Message):
         scan.messages.append(record)
     elif isinstance(record, Channel):
         scan.channels.setdefault(record.id, record)
