@@ -22,6 +22,7 @@ from mmt.core.frames import ALL_CHANNELS, CHANNELS
 from mmt.session.data import OutputBlock
 from mmt.session.files import export_session, read_session, write_session
 from mmt.session.info import info
+from mmt.session.mcap.index import open_windows
 from mmt.session.mcap.messages import FrameCodec
 from mmt.session.mcap.writer import SessionWriter
 from mmt.session.windows import MemoryWindows
@@ -112,9 +113,11 @@ def test_an_event_without_a_time_is_at_the_beginning(tmp_path, time_s):
 
 def test_a_session_without_frames_is_a_session(tmp_path):
     path = tmp_path / "run.mcap"
-    write_session(path, made_frames(0, ("force",)), scene=SCENE)
+    events = [{"time_s": time_s, "event": "waiting"} for time_s in (1.0, 3.5)]
+    write_session(path, made_frames(0, ("force",)), scene=SCENE, events=events)
     session = read_session(path)
     assert len(session.frames) == 0
+    assert [event["time_s"] for event in session.events] == [0.0, 2.5]
     assert session.channels == ("force",)
     described = info(path)
     assert (described.frames, described.duration_s, described.rate_hz) == (0, 0.0, None)
@@ -174,6 +177,28 @@ def test_somebody_elses_mcap_is_refused_with_its_topics(tmp_path):
         writer.finish()
     with pytest.raises(InputError, match=r"without the topic /frames.*its topics: /imu"):
         read_session(path)
+
+
+@pytest.mark.parametrize("channels", [CHANNELS, ("position", "force"), ("force", "acceleration")])
+def test_frames_of_two_recordings_in_one_file_are_not_mixed(tmp_path, channels):
+    """As ``mcap merge`` joins two: the schema of one would give the other's numbers wrong names."""
+    with (tmp_path / "merged.mcap").open("wb") as stream:
+        merged = Writer(stream)
+        merged.start()
+        for name, of in (("a", CHANNELS), ("b", channels)):
+            write_session(tmp_path / f"{name}.mcap", made_frames(40, of))
+            with (tmp_path / f"{name}.mcap").open("rb") as one:
+                reader = make_reader(one)
+                for record in reader.iter_metadata():
+                    merged.add_metadata(record.name, record.metadata)
+                for schema, channel, message in reader.iter_messages(topics="/frames"):
+                    number = merged.register_schema(schema.name, schema.encoding, schema.data)
+                    number = merged.register_channel("/frames", channel.message_encoding, number)
+                    merged.add_message(number, message.log_time, message.data, message.publish_time)
+        merged.finish()
+    for read in (read_session, info, open_windows):
+        with pytest.raises(InputError, match="merged of several recordings"):
+            read(tmp_path / "merged.mcap")
 
 
 def test_a_newer_format_is_refused(tmp_path, monkeypatch):

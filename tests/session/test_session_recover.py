@@ -96,6 +96,7 @@ def kept_frames(path, damage):
 @example(place=0.0, damage=bytes(LONGEST_BLOCK), flips=False)
 @example(place=1.0, damage=bytes(LONGEST_BLOCK), flips=False)
 @example(place=0.001567947491081682, damage=bytes(14), flips=False)  # a checksum and all
+@example(place=0.00039884420557422483, damage=b"\x01", flips=False)  # the length of the version
 @given(
     place=PLACES,
     damage=st.one_of(

@@ -96,8 +96,7 @@ def _copy(scan: Scan, recovery: Recovery, stream: BinaryIO) -> None:
     for message in scan.messages:
         channel = scan.channels.get(message.channel_id)
         if channel is None or (
-            channel.topic == EVENTS_TOPIC
-            and not _is_valid(parse_event, scan.path, message.data, channel)
+            channel.topic == EVENTS_TOPIC and not _is_valid(parse_event, scan, message)
         ):
             continue  # its channel is damaged, or it is another record with a damaged channel
         writer.add_message(

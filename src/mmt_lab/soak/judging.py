@@ -13,7 +13,7 @@ from mmt.core.arrays import FloatArray, RecordArray
 from mmt.evaluation.reports.document import ReportTable
 from mmt.session.mcap.reader import scanned_frames, utc_offset_ns
 from mmt.session.mcap.scan import scan_mcap
-from mmt.session.mcap.writer import FRAMES_TOPIC, SESSION_METADATA
+from mmt.session.mcap.writer import FRAMES_TOPIC
 from mmt_lab.soak.drift import Drift, by_window, drift, outside
 from mmt_lab.soak.faults import RESTART, SoakFault
 
@@ -52,7 +52,7 @@ def read_back(path: Path) -> Readback:
     """Read a recording of services that ran on this machine."""
     scan = scan_mcap(path)
     blocks = scan.on_topic(FRAMES_TOPIC)
-    offset_ns = utc_offset_ns(scan.metadata_of(SESSION_METADATA)) or 0
+    offset_ns = utc_offset_ns(scan) or 0
     arrival_ns = np.array([block.log_time - offset_ns for block in blocks], dtype=np.int64)
     time_ns = np.array([block.publish_time for block in blocks], dtype=np.int64)
     frames = scanned_frames(scan)

@@ -1,7 +1,6 @@
 """Indexed session files: each chunk is read when a block of frames or a window needs it."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Final, Self
@@ -9,28 +8,29 @@ from typing import Any, Final, Self
 import numpy as np
 from mcap.records import ChunkIndex, Message
 
-from mmt.core.arrays import FloatArray, IntArray, RecordArray
+from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import Channel
-from mmt.session.data import JsonObject, OutputBlock, json_object
-from mmt.session.mcap.messages import OutputCodec
+from mmt.session.data import JsonObject
 from mmt.session.mcap.reader import (
+    annotations_of,
     frame_codec,
+    is_complete,
     output_block,
+    output_codec,
     recorded_event,
     scanned_session,
+    scene_of,
     utc_offset_ns,
 )
 from mmt.session.mcap.records import problems_of
-from mmt.session.mcap.scan import DAMAGE, chunk_messages, read_index, scan_mcap
+from mmt.session.mcap.scan import DAMAGE, Scan, chunk_messages, read_index, scan_mcap
 from mmt.session.mcap.writer import (
     ANNOTATIONS_ATTACHMENT,
     BACKFILL_TOPIC,
     EVENTS_TOPIC,
     FRAMES_TOPIC,
     OUTPUT_TOPIC,
-    RECOVERY_METADATA,
-    SCENE_METADATA,
     SESSION_METADATA,
 )
 from mmt.session.windows import MemoryWindows, SessionWindows, Window, overlapping
@@ -39,17 +39,6 @@ _CHUNKS_TOGETHER: Final = 8
 """Chunks whose frames make one block, a few seconds of a session."""
 _CHUNKS_KEPT: Final = 64
 """Size of the cache of decoded chunks: 30 s or more, some 100 KB each; playback reads each once."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """The decoded content of one chunk."""
-
-    time_s: FloatArray
-    frames: RecordArray
-    outputs: list[OutputBlock]
-    arrivals: IntArray
-    late: bool
 
 
 class IndexedSession:
@@ -67,36 +56,26 @@ class IndexedSession:
             summary.chunk_indexes, key=lambda index: index.chunk_start_offset
         )
         self._chunks = [index for index in self._every_chunk if index.message_index_offsets]
-        self._mcap_channels = summary.channels
+        attached = [a for a in reader.iter_attachments() if a.name == ANNOTATIONS_ATTACHMENT]
+        metadata = list(reader.iter_metadata())
+        self._scan = scan = Scan(path, summary.schemas, summary.channels, [], attached, metadata)
         self._topics = {number: c.topic for number, c in summary.channels.items()}
-        metadata = {record.name: record.metadata for record in reader.iter_metadata()}
-        scene = metadata.get(SCENE_METADATA, {}).get("json")
-        self.scene: JsonObject | None = (
-            None if scene is None else json_object(scene, f"session {path}: the scene")
-        )
-        attached = [a.data for a in reader.iter_attachments() if a.name == ANNOTATIONS_ATTACHMENT]
-        self.annotations: bytes = attached[-1] if attached else b""
-        self.complete = not metadata.get(RECOVERY_METADATA)
-        about = metadata.get(SESSION_METADATA, {})
-        self.session_id: str | None = about.get("session_id")
-        self._codec = frame_codec(path, summary.channels, summary.schemas, about)
+        self.scene: JsonObject | None = scene_of(scan)
+        self.annotations: bytes = annotations_of(scan)
+        self.complete = is_complete(scan)
+        self.session_id: str | None = scan.metadata_of(SESSION_METADATA).get("session_id")
+        self._codec = frame_codec(scan)
         self.channels: tuple[Channel, ...] = self._codec.channels
         self.samples_per_frame = self._codec.samples_per_frame
-        schemas = {c.topic: summary.schemas.get(c.schema_id) for c in summary.channels.values()}
-        output_schema = schemas.get(OUTPUT_TOPIC)
-        self._output_codec = OutputCodec(output_schema.data) if output_schema else None
-        self._utc_offset_ns = utc_offset_ns(about) or 0
+        self._output_codec = output_codec(scan)
+        self._utc_offset_ns = utc_offset_ns(scan) or 0
         self._part = lru_cache(_CHUNKS_KEPT)(self._read_part)
         first = next(self._on_topic(FRAMES_TOPIC), None)
         self.has_frames = first is not None
         self._start_ns = 0 if first is None else int(first.log_time)
-        self._begins_s, self._ends_s = (
-            (np.array(times_ns, dtype=np.int64) - self._start_ns) / 1e9
-            for times_ns in (
-                [index.message_start_time for index in self._chunks],
-                [index.message_end_time for index in self._chunks],
-            )
-        )
+        times_ns = [(index.message_start_time, index.message_end_time) for index in self._chunks]
+        times_s = (np.array(times_ns, dtype=np.int64).reshape(-1, 2) - self._start_ns) / 1e9
+        self._begins_s, self._ends_s = times_s[:, 0], times_s[:, 1]
         # a message has the time of its first sample, and lasts 20 ms or slightly longer
         self.duration_s = float(self._ends_s.max()) + 0.02
         self.has_output = self._output_codec is not None
@@ -133,8 +112,7 @@ class IndexedSession:
     def events(self) -> Sequence[JsonObject]:
         """The events in order, each with its recording time as ``at_s``; reads the file."""
         events = (
-            recorded_event(self.path, m, self._mcap_channels[m.channel_id], self._start_ns)
-            for m in self._on_topic(EVENTS_TOPIC)
+            recorded_event(self._scan, m, self._start_ns) for m in self._on_topic(EVENTS_TOPIC)
         )
         timed = [{**event, "at_s": event["time_s"]} for event in events]
         return sorted(timed, key=lambda event: float(event["at_s"]))
@@ -171,14 +149,15 @@ class IndexedSession:
         before = np.flatnonzero(self._ends_s < begin_s)
         if len(before):
             near[before[np.argmax(self._ends_s[before])]] = True
-        parts = [self._part(int(number)) for number in np.flatnonzero(near)]
+        read = [self._part(number) for number in np.flatnonzero(near).tolist()]
+        parts = [part for part, _ in read]
         if not parts:
             return Window(np.zeros(0), np.zeros(0, dtype=self._codec.dtype))
         frames = np.concatenate([part.frames for part in parts])
         time_s = np.concatenate([part.time_s for part in parts])
         inside = (time_s >= begin_s) & (time_s < end_s)
         frames, time_s = frames[inside], time_s[inside]
-        if any(part.late for part in parts):
+        if any(late for _, late in read):
             order = np.argsort(frames["sequence"], kind="stable")
             frames, time_s = frames[order], np.maximum.accumulate(time_s[order])
         arrivals = np.concatenate([part.arrivals for part in parts])
@@ -204,25 +183,22 @@ class IndexedSession:
         except (*DAMAGE, OSError):
             return []
 
-    def _read_part(self, number: int) -> _Part:
-        """Decode a chunk; `_part` does so from a cache if possible."""
+    def _read_part(self, number: int) -> tuple[Window, bool]:
+        """Decode a chunk, and say whether it has back-filled frames; `_part` caches this."""
         messages = self._messages(self._chunks[number])
-        live = [m for m in messages if self._topics.get(m.channel_id) == FRAMES_TOPIC]
-        late = [m for m in messages if self._topics.get(m.channel_id) == BACKFILL_TOPIC]
-        outputs = [m for m in messages if self._topics.get(m.channel_id) == OUTPUT_TOPIC]
+        live, late, outputs = (
+            [m for m in messages if self._topics.get(m.channel_id) == topic]
+            for topic in (FRAMES_TOPIC, BACKFILL_TOPIC, OUTPUT_TOPIC)
+        )
         frames, time_s = (
             np.concatenate(c) for c in zip(*map(self._frames, (live, late)), strict=True)
         )
         arrivals = np.array(
             [(m.log_time - self._utc_offset_ns, m.publish_time) for m in live], dtype=np.int64
         )
-        return _Part(
-            time_s=time_s,
-            frames=frames,
-            outputs=[self._output(m) for m in outputs],
-            arrivals=arrivals.reshape(-1, 2),
-            late=bool(late),
-        )
+        codec = self._output_codec
+        blocks = [output_block(self._scan, codec, m, self._start_ns) for m in outputs if codec]
+        return Window(time_s, frames, blocks, arrivals.reshape(-1, 2)), bool(late)
 
     def _frames(self, messages: list[Message]) -> tuple[RecordArray, FloatArray]:
         """Return the frames (n,) of blocks, and the recording time (n,) of each by arrival.
@@ -244,11 +220,6 @@ class IndexedSession:
         block = np.searchsorted(begins, np.arange(len(frames)), side="right") - 1
         since_ns = frames["time_ns"] - frames["time_ns"][begins[block]]
         return frames, np.asarray((arrived_ns[block] - self._start_ns + since_ns) / 1e9)
-
-    def _output(self, message: Message) -> OutputBlock:
-        assert self._output_codec is not None  # noqa: S101 - the topic has a schema
-        channel = self._mcap_channels[message.channel_id]
-        return output_block(self.path, self._output_codec, message, channel, self._start_ns)
 
 
 def open_windows(path: str | Path) -> SessionWindows:

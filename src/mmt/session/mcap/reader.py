@@ -2,12 +2,12 @@
 
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.records import Channel, Message, Schema
+from mcap.records import Channel, Message
 from mcap.well_known import MessageEncoding
 
 from mmt.core.arrays import RecordArray
@@ -62,30 +62,25 @@ def scanned_session(scan: Scan) -> RecordedSession:
     Raises
     ------
     InputError
-        The file is not a session, or of a newer version.
+        The file is not a session, of several sessions, or of a newer version.
     """
-    blocks = scan.on_topic(FRAMES_TOPIC)
-    start_ns = blocks[0].log_time if blocks else 0
-    annotations = [a.data for a in scan.attachments if a.name == ANNOTATIONS_ATTACHMENT]
+    begun = scan.on_topic(FRAMES_TOPIC) or scan.messages  # if the follower never came: events
+    start_ns = begun[0].log_time if begun else 0
     models = [a for a in scan.attachments if a.media_type == MODEL_MEDIA_TYPE]
-    scene = scan.metadata_of(SCENE_METADATA).get("json")
-    about = scan.metadata_of(SESSION_METADATA)
     frames = scanned_frames(scan)
-    events = [
-        recorded_event(scan.path, message, scan.channels[message.channel_id], start_ns)
-        for message in scan.on_topic(EVENTS_TOPIC)
-    ]
+    events = [recorded_event(scan, message, start_ns) for message in scan.on_topic(EVENTS_TOPIC)]
+    codec, outputs = output_codec(scan), scan.on_topic(OUTPUT_TOPIC)
     return RecordedSession(
         frames=frames,
-        scene=None if scene is None else json_object(scene, f"session {scan.path}: the scene"),
-        annotations=annotations[-1] if annotations else b"",
+        scene=scene_of(scan),
+        annotations=annotations_of(scan),
         models=[((model.log_time - start_ns) / 1e9, model.data) for model in models],
         events=events,
-        outputs=_outputs(scan, start_ns),
+        outputs=[output_block(scan, codec, each, start_ns) for each in outputs] if codec else [],
         path=scan.path,
-        session_id=about.get("session_id"),
-        began_utc_ns=_began_utc_ns(utc_offset_ns(about), start_ns, frames, events),
-        complete=scan.whole and not scan.metadata_of(RECOVERY_METADATA),
+        session_id=scan.metadata_of(SESSION_METADATA).get("session_id"),
+        began_utc_ns=_began_utc_ns(utc_offset_ns(scan), start_ns, frames, events),
+        complete=is_complete(scan),
     )
 
 
@@ -95,12 +90,11 @@ def scanned_frames(scan: Scan) -> RecordArray:
     Raises
     ------
     InputError
-        The file is not a session, or of a newer version.
+        The file is not a session, of several sessions, or of a newer version.
     """
     if not scan.channels and not scan.whole:
         raise InputError(f"session {scan.path}: nothing in it can be read: {scan.problem}")
-    about = scan.metadata_of(SESSION_METADATA)
-    codec = frame_codec(scan.path, scan.channels, scan.schemas, about)
+    codec = frame_codec(scan)
     frames = codec.decode([block.data for block in scan.on_topic(FRAMES_TOPIC)])
     late = scan.on_topic(BACKFILL_TOPIC)
     if not late:
@@ -109,9 +103,25 @@ def scanned_frames(scan: Scan) -> RecordArray:
     return filled[np.argsort(filled["sequence"], kind="stable")]
 
 
-def utc_offset_ns(metadata: Mapping[str, str]) -> int | None:
+def scene_of(scan: Scan) -> JsonObject | None:
+    """Return the scene, or None if the file has none; an `InputError` if it is not valid."""
+    scene = scan.metadata_of(SCENE_METADATA).get("json")
+    return None if scene is None else json_object(scene, f"session {scan.path}: the scene")
+
+
+def annotations_of(scan: Scan) -> bytes:
+    """Return the follower's last annotations."""
+    return next((a.data for a in scan.attachments[::-1] if a.name == ANNOTATIONS_ATTACHMENT), b"")
+
+
+def is_complete(scan: Scan) -> bool:
+    """Return whether the file is whole, and was never recovered."""
+    return scan.whole and not scan.metadata_of(RECOVERY_METADATA)
+
+
+def utc_offset_ns(scan: Scan) -> int | None:
     """Return UTC minus the recording machine's clock, or None if the file has no date."""
-    text = metadata.get(UTC_OFFSET, "")
+    text = scan.metadata_of(SESSION_METADATA).get(UTC_OFFSET, "")
     return int(text) if re.fullmatch(r"-?[0-9]{1,20}", text) else None
 
 
@@ -136,22 +146,14 @@ def _began_utc_ns(
     return measured_ns - int(offset_ns) + utc_ahead_ns
 
 
-def _outputs(scan: Scan, start_ns: int) -> list[OutputBlock]:
-    messages = scan.on_topic(OUTPUT_TOPIC)
-    used = (scan.channels[message.channel_id].schema_id for message in messages)
-    schema = scan.schemas.get(next(used, 0))
-    if schema is None:
-        return []
-    codec = OutputCodec(schema.data)
-    return [
-        output_block(scan.path, codec, message, scan.channels[message.channel_id], start_ns)
-        for message in messages
-    ]
+def output_codec(scan: Scan) -> OutputCodec | None:
+    """Return the codec of the leader's output, or None if the file has none."""
+    of_topics = {channel.topic: channel.schema_id for channel in scan.channels.values()}
+    schema = scan.schemas.get(of_topics.get(OUTPUT_TOPIC, 0))
+    return None if schema is None else OutputCodec(schema.data)
 
 
-def output_block(
-    path: Path, codec: OutputCodec, message: Message, channel: Channel, start_ns: int
-) -> OutputBlock:
+def output_block(scan: Scan, codec: OutputCodec, message: Message, start_ns: int) -> OutputBlock:
     """Decode a message with the leader's output; `start_ns` is session time zero.
 
     Raises
@@ -161,37 +163,41 @@ def output_block(
     """
     mode, vibration_m_s2 = codec.decode(message.data)
     time_s = (message.log_time - start_ns) / 1e9
-    return OutputBlock(time_s, mode, vibration_m_s2, _samples_per_frame(path, channel))
+    channel = scan.channels[message.channel_id]
+    return OutputBlock(time_s, mode, vibration_m_s2, _samples_per_frame(scan.path, channel))
 
 
-def frame_codec(
-    path: Path,
-    channels: Mapping[int, Channel],
-    schemas: Mapping[int, Schema],
-    metadata: Mapping[str, str],
-) -> FrameCodec:
-    """Return the codec for a file's frames, from its channels, schemas and session metadata.
+def frame_codec(scan: Scan) -> FrameCodec:
+    """Return the codec for a file's frames.
 
     Raises
     ------
     InputError
-        The file is not a session, or of a newer version.
+        The file is not a session, of several sessions, or of a newer version.
     """
-    by_topic = {channel.topic: channel for channel in channels.values()}
-    channel = by_topic.get(FRAMES_TOPIC)
-    schema = None if channel is None else schemas.get(channel.schema_id)
-    if channel is None or schema is None or schema.name != FRAME_BLOCK:
+    path, topics = scan.path, sorted({channel.topic for channel in scan.channels.values()})
+    of_frames = [channel for channel in scan.channels.values() if channel.topic == FRAMES_TOPIC]
+    schemas = [scan.schemas.get(channel.schema_id) for channel in of_frames]
+    layouts = {bytes(each.data) for each in schemas if each and each.name == FRAME_BLOCK}
+    if not layouts:
         raise InputError(
             f"session {path}: an MCAP file without the topic {FRAMES_TOPIC} of "
-            f"{FRAME_BLOCK}; its topics: {', '.join(sorted(by_topic)) or 'none'}"
+            f"{FRAME_BLOCK}; its topics: {', '.join(topics) or 'none'}"
         )
-    version = metadata.get("format_version", "1")
-    if not version.isdecimal() or int(version) > FORMAT_VERSION:
+    about = scan.metadata_of(SESSION_METADATA)
+    told = [each.metadata for each in scan.metadata if each.name == SESSION_METADATA]
+    if len(layouts) > 1 or any(each != about for each in told):  # as after ``mcap merge``
+        raise InputError(
+            f"session {path}: it was merged of several recordings, whose frames are not told "
+            "apart; read each by itself"
+        )
+    version = about.get("format_version", "1")
+    if version.isdecimal() and int(version) > FORMAT_VERSION:  # else damaged: it has no checksum
         raise InputError(
             f"session {path}: format version {version}, this program reads up to "
             f"{FORMAT_VERSION}; update mmt-haptics"
         )
-    return FrameCodec(bytes(schema.data), _samples_per_frame(path, channel))
+    return FrameCodec(layouts.pop(), _samples_per_frame(path, of_frames[0]))
 
 
 def _samples_per_frame(path: Path, channel: Channel) -> int:
@@ -205,7 +211,7 @@ def _samples_per_frame(path: Path, channel: Channel) -> int:
     return int(text) // 1000
 
 
-def parse_event(path: Path, data: bytes, channel: Channel) -> dict[str, Any]:
+def parse_event(scan: Scan, message: Message) -> dict[str, Any]:
     """Decode an event of any format version: JSON, or a Protobuf message that holds JSON.
 
     Raises
@@ -213,12 +219,12 @@ def parse_event(path: Path, data: bytes, channel: Channel) -> dict[str, Any]:
     InputError
         The event does not parse.
     """
-    json_encoded = channel.message_encoding == MessageEncoding.JSON
-    text = data if json_encoded else event_codec().decode(data)
-    return json_object(text, f"session {path}: an event")
+    encoding, data = scan.channels[message.channel_id].message_encoding, message.data
+    text = data if encoding == MessageEncoding.JSON else event_codec().decode(data)
+    return json_object(text, f"session {scan.path}: an event")
 
 
-def recorded_event(path: Path, message: Message, channel: Channel, start_ns: int) -> JsonObject:
+def recorded_event(scan: Scan, message: Message, start_ns: int) -> JsonObject:
     """Decode an event; its ``time_s`` becomes the time since the first frame, at `start_ns`.
 
     In a recording that began in mid-session it was later than that.
@@ -228,5 +234,5 @@ def recorded_event(path: Path, message: Message, channel: Channel, start_ns: int
     InputError
         The event does not parse.
     """
-    event = parse_event(path, message.data, channel)
+    event = parse_event(scan, message)
     return {**event, "time_s": max(0.0, (message.log_time - start_ns) / 1e9)}
