@@ -13,6 +13,7 @@ from mmt.core.errors import InputError
 from mmt.core.frames import ALL_CHANNELS, channels_of
 from mmt.leader.publishing import Block, Marker
 from mmt.session.files import import_session, read_session
+from mmt.session.importing.recording import read_columns
 from mmt_bridges.lsl.streams import Streams
 
 pytestmark = pytest.mark.usefixtures("read_here")
@@ -88,6 +89,17 @@ def test_streams_of_other_programs_are_mapped_by_their_names(tmp_path, streamed)
     back = import_session(tmp_path / "b.xdf", columns=columns)
     np.testing.assert_array_equal(back.frames["force_n"][:, 2], -np.arange(600))
     assert back.began_utc_ns is None
+    labels = "<desc><channels>" + 2 * "<channel><label>F</label></channel>" + "</channels></desc>"
+    for described, name in (("", "EEG.2"), (labels, "EEG.F.2")):
+        xml = OTHER.replace("<desc></desc>", described)
+        write_xdf(tmp_path / "b.xdf", [other._replace(xml=xml)])
+        values = read_columns(tmp_path / "b.xdf", bool).values
+        np.testing.assert_array_equal(values[name], -np.arange(600))
+    content = (tmp_path / "b.xdf").read_bytes()
+    (tmp_path / "b.xdf").write_bytes(content[: content.rindex(b"<?xml") - 12])
+    cut = read_columns(tmp_path / "b.xdf", bool)
+    assert len(cut.values["EEG.F.1"]) == 600
+    assert "EEG was not finished: it was read as far as it goes" in cut.notes
     (tmp_path / "c.xdf").write_bytes(b"no XDF at all")
     with pytest.raises(InputError, match=r"c\.xdf: this is not an XDF file"):
         read_session(tmp_path / "c.xdf")

@@ -43,6 +43,7 @@ def read_xdf(path: Path, wanted: Callable[[str], bool], _options: ImportOptions)
         found, _ = pyxdf.load_xdf(file, dejitter_timestamps=False)
         called, notes = distinct([stream["info"]["name"][0] for stream in found])
         streams = [_Stream(name, stream) for name, stream in zip(called, found, strict=True)]
+        notes += [note for stream in streams for note in stream.notes]
         sampled = [each for each in streams if each.numeric and len(each.stamps_s)]
         begin_s = min((each.stamps_s.min() for each in sampled), default=0.0)
         values: dict[str, FloatArray] = {}
@@ -72,7 +73,13 @@ class _Stream:
 
     def __init__(self, name: str, stream: Mapping[str, Any]) -> None:
         self._name, self._stream = name, stream
-        self._told: Mapping[str, Any] = stream["info"]["desc"][0] or {}
+        self._told: Mapping[str, Any] = _first(stream["info"], "desc") or {}
+        described = _first(self._told, "channels") or {}
+        width = int(stream["info"]["channel_count"][0])
+        self._about = [*described.get("channel", []), *[{}] * width][:width]
+        self._labels, self.notes = distinct([_first(each, "label") for each in self._about])
+        if stream.get("footer") is None:
+            self.notes.append(f"{name} was not finished: it was read as far as it goes")
         self.stamps_s = stream["time_stamps"]
         self.numeric = stream["info"]["channel_format"][0] != "string"
         self._of_mmt = self._told.get("manufacturer") == [MANUFACTURER]
@@ -80,12 +87,9 @@ class _Stream:
 
     def channels(self) -> Iterator[tuple[str, str, Any]]:
         """Yield name, unit and samples of each channel."""
-        described = (self._told.get("channels") or [None])[0] or {}
-        each = described.get("channel", [])
-        for place, column in enumerate(self._stream["time_series"].T):
-            about = each[place] if place < len(each) else {}
-            label = (about.get("label") or [None])[0] or str(place + 1)
-            unit = (about.get("unit") or [None])[0] or ""
+        columns = self._stream["time_series"].T
+        for about, label, column in zip(self._about, self._labels, columns, strict=True):
+            unit = _first(about, "unit")
             yield f"{self._name}.{label}", unit, column
             if self._of_mmt and label in _STANDARD:
                 yield label, unit, column
@@ -100,3 +104,8 @@ class _Stream:
         """Convert a time by the recording computer's clock to UTC since 1970."""
         corrected_s = float(np.median(self._stream["clock_values"] or [0.0]))
         return round((time_s - corrected_s) * 1e9) + int(self._told[UTC_AHEAD][0])
+
+
+def _first(element: Mapping[str, Any], name: str) -> Any:
+    """Return what is in an element's first child of a name, or "" if there is nothing."""
+    return (element.get(name) or [None])[0] or ""
