@@ -339,6 +339,14 @@ def test_lists_keep_the_order_of_their_first_names(tmp_path_factory, orders, oth
     np.testing.assert_array_equal(read.values[f"/js.effort.{orders[0][0]}"], first[0] + 10 * rows)
 
 
+@pytest.mark.parametrize("names", [["a", "b", "a"], ["", "", ""], ["a", "", "b"]])
+def test_lists_whose_elements_are_not_told_apart_stay_whole(tmp_path, names):
+    values = ({"name": names, "effort": [row, 2 * row, 3 * row]} for row in range(ROWS))
+    read = read_json(tmp_path / "a.mcap", "/js", values)
+    assert list(read.values) == ["/js.effort"]
+    np.testing.assert_array_equal(read.values["/js.effort"][:, 1], 2 * np.arange(ROWS))
+
+
 def test_transforms_are_called_by_their_child(tmp_path):
     moved = ({"x": row, "y": 0, "z": 0} for row in range(ROWS))
     each = (

@@ -292,8 +292,7 @@ def _of_list(name: str, values: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _labels_in(members: Mapping[str, Any]) -> list[str]:
-    """Return the names that a message gives to the elements of its lists; [] if it gives none."""
-    labels = members.get("name")
-    if not isinstance(labels, list) or not all(isinstance(label, str) for label in labels):
-        return []
-    return labels
+    """Return the names that a message gives to the elements of its lists; [] if not one to each."""
+    labels: Any = members.get("name")
+    given = isinstance(labels, list) and all(label and isinstance(label, str) for label in labels)
+    return list(labels) if given and len({*labels}) == len(labels) else []
