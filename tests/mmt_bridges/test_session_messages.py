@@ -87,7 +87,7 @@ FORCES = np.random.default_rng(3).normal(size=(ROWS, 3))
 def test_sources_keep_their_values_and_have_one_clock(tmp_path_factory, data):
     """Publishers by channel and frames within one, with headers of any clock."""
     path = tmp_path_factory.mktemp("bag") / "a.mcap"
-    clocks = st.sampled_from(["utc", "uptime", "none", "some"])
+    clocks = st.sampled_from(["utc", "uptime", "none", "some", "first"])
     count = data.draw(st.integers(1, 3), "channels")
     frames = data.draw(st.lists(st.sampled_from(["", "left", "right"]), min_size=1, max_size=2))
     chosen = [data.draw(clocks) for _ in range(count)]
@@ -98,6 +98,7 @@ def test_sources_keep_their_values_and_have_one_clock(tmp_path_factory, data):
             "utc": received - 300_000,
             "uptime": received - BEGAN_NS + 5_000_000_000,
             "none": np.zeros(ROWS, dtype=int),
+            "first": np.full(ROWS, BEGAN_NS),
             "some": np.where(np.arange(ROWS) % 4, received - 300_000, 0),
         }[clock].tolist()
         values = FORCES + place

@@ -62,6 +62,8 @@ class SourceStamps:
             return f"{self.topic} has no stamps in its headers"
         if missing:
             return f"{missing} messages of {self.topic} have no stamp in their headers"
+        if len(set(self._header_ns)) == 1 < len(self._header_ns):
+            return f"the headers of {self.topic} all have one stamp"
         if len(self._header_ns) > 1 and np.abs(np.diff(self.behind_ns())).max() > _JUMP_NS:
             return f"the headers of {self.topic} are of several clocks"
         return ""
