@@ -26,9 +26,14 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.files.existing import exists_error, numbered
 from mmt.core.frames import FRAMES_HZ, Channel, frame_dtype, ordered_channels, samples_per_frame
-from mmt.session.assembling import BlockAssembler, OutputAssembler
+from mmt.session.assembling import BlockAssembler
 from mmt.session.data import JsonObject, to_json
-from mmt.session.mcap.writer import BACKFILL_TOPIC, FRAMES_TOPIC, SessionWriter
+from mmt.session.mcap.writer import (
+    BACKFILL_TOPIC,
+    FRAMES_PER_BLOCK,
+    FRAMES_TOPIC,
+    SessionWriter,
+)
 
 fcntl: Final[Any] = importlib.import_module("fcntl") if find_spec("fcntl") else None
 """None on Windows, which locks open files by itself."""
@@ -140,11 +145,12 @@ class McapRecorder:
             with suppress(OSError):
                 self._stream.close()
             raise InputError(f"recording {self.path}: {error.strerror or error}") from error
-        self._frame_assembler, self._backfill_assembler = (
-            BlockAssembler(self._dtype, partial(self._write_frames, topic))
-            for topic in (FRAMES_TOPIC, BACKFILL_TOPIC)
+        sizes = FRAMES_PER_BLOCK * self._dtype.itemsize, FRAMES_PER_BLOCK * samples_per_frame * 4
+        self._live, self._late, self._output = self._assemblers = (
+            BlockAssembler(sizes[0], partial(self._write_frames, FRAMES_TOPIC), divides=True),
+            BlockAssembler(sizes[0], partial(self._write_frames, BACKFILL_TOPIC), divides=True),
+            BlockAssembler(sizes[1], self._write_output, divides=False),
         )
-        self._output_assembler = OutputAssembler(self._writer.write_output, samples_per_frame)
         # A daemon thread does not keep a program alive that ends without `close`.
         self._thread = threading.Thread(target=self._run, name="mmt-recorder", daemon=True)
         self._thread.start()
@@ -177,7 +183,7 @@ class McapRecorder:
             self._start_ns = now_ns
             if self._session_time_s is not None:
                 self._begins_s = self._session_time_s() - len(frames) / FRAMES_HZ
-        self._record(self._frame_assembler, frames, now_ns)
+        self._record(self._live, frames, now_ns)
 
     def record_backfill(self, frames: RecordArray, log_time_ns: int) -> None:
         """Record frames (n,) that arrived late, ascending, with the log time of timely arrival.
@@ -188,7 +194,7 @@ class McapRecorder:
             The frames have other channels.
         """
         if len(frames):
-            self._record(self._backfill_assembler, frames, log_time_ns)
+            self._record(self._late, frames, log_time_ns)
 
     def _record(self, blocks: BlockAssembler, frames: RecordArray, log_time_ns: int) -> None:
         if frames.dtype is not self._dtype and frames.dtype != self._dtype:
@@ -205,7 +211,7 @@ class McapRecorder:
         """Record samples (n,) written to the actuator, the first at `time_ns` of `clock`."""
         data = np.asarray(vibration_m_s2, dtype="<f4").tobytes()
         if data:
-            self._put(_Record(self._output_assembler.add, (time_ns, mode, data)))
+            self._put(_Record(self._output.add, (time_ns, data, mode)))
 
     def record_event(self, event: JsonObject) -> None:
         """Record an event at its ``time_s`` (session time), or now if it has none."""
@@ -283,13 +289,17 @@ class McapRecorder:
                 record.write(*record.arguments)
 
     def _write_partial(self) -> None:
-        self._frame_assembler.flush()
-        self._backfill_assembler.flush()
-        self._output_assembler.flush()
+        for assembler in self._assemblers:
+            assembler.flush()
 
-    def _write_frames(self, topic: str, frames: RecordArray, log_time_ns: int) -> None:
+    def _write_frames(self, topic: str, block: bytes, log_time_ns: int, _mode: str) -> None:
+        frames = np.frombuffer(block, dtype=self._dtype)
         self._writer.write_frames(frames, log_time_ns, topic)
         self._written_frames += len(frames)
+
+    def _write_output(self, block: bytes, time_ns: int, mode: str) -> None:
+        samples = np.frombuffer(block, dtype="<f4").astype(np.float64)
+        self._writer.write_output(time_ns, mode, samples)
 
     def _fail(self, reason: str) -> None:
         if self.error is not None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, ParamSpec
+from typing import Any, BinaryIO
 
 from mmt.core.errors import InputError
 from mmt.core.files.existing import replacing
@@ -11,8 +11,6 @@ from mmt.session.data import duration_s, json_object, missing_frames
 from mmt.session.mcap.reader import parse_event, scanned_frames
 from mmt.session.mcap.scan import Scan, scan_mcap
 from mmt.session.mcap.writer import EVENTS_TOPIC, RECOVERY_METADATA, SCENE_METADATA, open_writer
-
-_P = ParamSpec("_P")
 
 
 @dataclass(frozen=True)
@@ -109,9 +107,9 @@ def _copy(scan: Scan, recovery: Recovery, stream: BinaryIO) -> None:
     writer.finish()  # type: ignore[no-untyped-call]
 
 
-def _is_valid(parse: Callable[_P, object], *args: _P.args, **kwargs: _P.kwargs) -> bool:
+def _is_valid(parse: Callable[..., object], *arguments: Any) -> bool:
     try:
-        parse(*args, **kwargs)
+        parse(*arguments)
     except InputError:
         return False
     return True
