@@ -5,7 +5,8 @@ Reading does not need the index at the end of the file. `Scan.problem` says what
 
 import os
 import struct
-from collections.abc import Iterator, Mapping
+from collections import ChainMap
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from io import BytesIO
@@ -143,26 +144,19 @@ def iterate_mcap(
             scan, indexed = Scan(path), None
             with suppress(*DAMAGE, OSError):
                 indexed = make_reader(stream).get_summary()
-            told = {} if indexed is None else indexed.schemas
+            schemas = ChainMap(scan.schemas, indexed.schemas if indexed else {})
             with open_records(stream) as records:
                 for opcode, content, _ in records:
                     if opcode not in (Opcode.ATTACHMENT, Opcode.METADATA):
                         _add_content(scan, opcode, content)
-                        yield from _taken(scan, told)
+                    for message in scan.messages:
+                        channel = scan.channels.get(message.channel_id)
+                        if channel is not None:
+                            yield schemas.get(channel.schema_id), channel, message
+                    scan.messages.clear()
     except OSError as error:
         raise InputError(f"session {path}: {error.strerror or error}") from error
     problems += [*_problems(scan), *(p for p in records.problems if p != INDEX_DAMAGED)]
-
-
-def _taken(
-    scan: Scan, told: Mapping[int, Schema]
-) -> Iterator[tuple[Schema | None, Channel, Message]]:
-    for message in scan.messages:
-        channel = scan.channels.get(message.channel_id)
-        if channel is not None:
-            number = channel.schema_id
-            yield scan.schemas.get(number, told.get(number)), channel, message
-    scan.messages.clear()
 
 
 def check_start(path: Path, stream: BinaryIO) -> None:
