@@ -153,8 +153,8 @@ class _Gathered:
 
     def columns(self, origin: str, options: ImportOptions, notes: list[str]) -> SourceColumns:
         """Return the columns, with their times by one clock."""
-        labels = _labels(list(self._sources.values()))
-        notes += _of_several(labels)
+        labels, of_several = _labels(list(self._sources.values()))
+        notes += of_several
         used = [source for source in self._sources.values() if source.values]
         receipt, remarks = choose_clock(used, options.stamps, origin)
         starts_ns = (int(source.times_ns(receipt=receipt).min()) for source in used)
@@ -205,23 +205,23 @@ class _Gathered:
         )
 
 
-def _labels(sources: list[_Source]) -> dict[_Source, str]:
-    """Return each source's name: its topic, with its frame or number if the topic has several."""
-    labels = {}
-    for source in sources:
-        same = [each for each in sources if each.topic == source.topic]
+def _labels(sources: list[_Source]) -> tuple[dict[_Source, str], list[str]]:
+    """Return each source's name, and a note for each topic that has several.
+
+    The name is the topic, with the source's frame or number if the topic has several.
+    """
+    labels, notes = dict[_Source, str](), list[str]()
+    for topic in dict.fromkeys(source.topic for source in sources):
+        same = [each for each in sources if each.topic == topic]
         frames = [each.frame for each in same]
         apart = len(set(frames)) == len(same) and "" not in frames
-        label = source.frame if apart else str(same.index(source) + 1)
-        labels[source] = source.topic if len(same) == 1 else f"{source.topic}@{label}"
-    return labels
-
-
-def _of_several(labels: Mapping[_Source, str]) -> Iterator[str]:
-    for topic in dict.fromkeys(source.topic for source in labels):
-        same = [label for source, label in labels.items() if source.topic == topic]
+        told = frames if apart else map(str, range(1, len(same) + 1))
+        names = [f"{topic}@{each}" for each in told] if len(same) > 1 else [topic]
+        labels |= zip(same, names, strict=True)
         if len(same) > 1:
-            yield f"{topic} has {len(same)} sources, none was taken for another: {', '.join(same)}"
+            several = f"{topic} has {len(same)} sources, none was taken for another"
+            notes.append(f"{several}: {', '.join(names)}")
+    return labels, notes
 
 
 def _members(message: Any) -> Mapping[str, Any]:
