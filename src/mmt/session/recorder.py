@@ -313,26 +313,22 @@ def _described(dtype: np.dtype[Any]) -> str:
     return f"{dtype.names} with {samples_per_frame(dtype)} samples of acceleration each"
 
 
-class _TakenError(Exception):
-    """The file may not be written to; the text says why."""
-
-
 def _create(path: Path, existing: Existing) -> tuple[Path, BinaryIO]:
     """Create a locked, empty file; return its name and the file."""
     names = numbered(path) if existing == "number" else iter([path])
     for name in names:
         try:
             return name, _claim(name, replace=existing == "replace")
-        except _TakenError as error:
+        except InputError:
             if existing != "number":
-                raise InputError(f"recording {error}") from error
+                raise
         except OSError as error:
             raise InputError(f"recording {name}: {error.strerror or error}") from error
     raise AssertionError("a number is free")
 
 
 def _claim(path: Path, *, replace: bool) -> BinaryIO:
-    """Open and lock a file; raise `_TakenError` if the file may not be replaced."""
+    """Open and lock a file; raise `InputError` if the file may not be replaced."""
     path.parent.mkdir(parents=True, exist_ok=True)
     stream = path.open("ab")  # truncated only once it is locked
     locked = _lock(stream)
@@ -341,7 +337,7 @@ def _claim(path: Path, *, replace: bool) -> BinaryIO:
     if not locked or (regular and status.st_size and not replace):
         stream.close()
         busy = f"{path}: another leader records into it: end that one, or record into another file"
-        raise _TakenError(exists_error(path) if locked else busy)
+        raise InputError(f"recording {exists_error(path) if locked else busy}")
     if regular:
         stream.truncate(0)
         stream.seek(0)  # the writer takes offsets from here, not from the old end
