@@ -133,7 +133,11 @@ def export_model(
         return
     source, model = sources[0], models[0]
     if suffix == ".xml":
-        _write_xml(model, target, material if material is not None else source.stem, friction)
+        from mmt_bridges.hatt.models import export_hatt
+
+        name = material if material is not None else source.stem
+        write_file(target, export_hatt(model, name, friction))
+        messages.print(f"model: {target}")
         return
     from mmt_bridges.haptics.effects import effect
 
@@ -196,14 +200,6 @@ def _write_page(models: "list[TextureModel]", names: list[str], target: Path) ->
         f"{'page' if page else 'model'}: {target}, {len(content) / 1e3:.0f} kB"
         + ("; open it in any browser" if page else "")
     )
-
-
-def _write_xml(model: "TextureModel", target: Path, material: str, friction: float | None) -> None:
-    from mmt_bridges.hatt.models import export_hatt
-
-    content = export_hatt(model, material, friction)
-    write_file(target, content)
-    messages.print(f"model: {target}")
 
 
 def _constant(

@@ -6,7 +6,6 @@ sound file, which is heard and not felt.
 """
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -125,21 +124,13 @@ def _curves(parameter: str, times_s: FloatArray, values: FloatArray) -> list[dic
         (round(time_s, 6), round(value, 5))
         for time_s, value in zip(times_s.tolist(), clipped, strict=True)
     ]
-    return [
-        _curve(parameter, points[first : first + _MOST_POINTS])
-        for first in range(0, len(points) - 1, _MOST_POINTS - 1)
-    ]
-
-
-def _curve(parameter: str, points: Sequence[tuple[float, float]]) -> dict[str, Any]:
-    begin_s = points[0][0]
-    listed = [
-        {"Time": round(time_s - begin_s, 6), "ParameterValue": value} for time_s, value in points
-    ]
-    return {
-        "ParameterCurve": {
-            "ParameterID": parameter,
-            "Time": begin_s,
-            "ParameterCurveControlPoints": listed,
-        }
-    }
+    curves = []
+    for first in range(0, len(points) - 1, _MOST_POINTS - 1):
+        begin_s = points[first][0]
+        listed = [
+            {"Time": round(time_s - begin_s, 6), "ParameterValue": value}
+            for time_s, value in points[first : first + _MOST_POINTS]
+        ]
+        curve = {"ParameterID": parameter, "Time": begin_s, "ParameterCurveControlPoints": listed}
+        curves.append({"ParameterCurve": curve})
+    return curves
