@@ -75,13 +75,7 @@ def _copy(scan: Scan, recovery: Recovery, stream: BinaryIO) -> None:
             RECOVERY_METADATA, {"problem": recovery.problem, "frames": str(recovery.frames)}
         )
     for attachment in scan.attachments:
-        writer.add_attachment(
-            attachment.create_time,
-            attachment.log_time,
-            attachment.name,
-            attachment.media_type,
-            attachment.data,
-        )
+        writer.add_attachment(**vars(attachment))
     schemas = {0: 0}  # 0 stands for "no schema" in MCAP
     for key, schema in scan.schemas.items():
         schemas[key] = writer.register_schema(schema.name, schema.encoding, schema.data)
@@ -97,13 +91,7 @@ def _copy(scan: Scan, recovery: Recovery, stream: BinaryIO) -> None:
             channel.topic == EVENTS_TOPIC and not _is_valid(parse_event, scan, message)
         ):
             continue  # its channel is damaged, or it is another record with a damaged channel
-        writer.add_message(
-            channels[message.channel_id],
-            message.log_time,
-            message.data,
-            message.publish_time,
-            message.sequence,
-        )
+        writer.add_message(**{**vars(message), "channel_id": channels[message.channel_id]})
     writer.finish()  # type: ignore[no-untyped-call]
 
 

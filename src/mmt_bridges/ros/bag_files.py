@@ -27,21 +27,17 @@ def decoded_messages(path: Path, notes: list[str]) -> Iterator[tuple[StoredMessa
 
     Each comes as it is stored and decoded: numbers, texts, lists, dictionaries and dataclasses.
     """
-    decoders: dict[tuple[int | str, str, str, bytes], Decode | None] = {}
+    decoders: dict[tuple[int | str, str, str, bytes], Decode] = {}
     lost: dict[str, list[Any]] = {}
     for raw in stored_messages(path, notes):
         key = raw.source, raw.topic, raw.kind, raw.definition
-        known = key in decoders
-        if known and (decoders[key] is None or len(raw.data) > _LARGE_BYTES):
-            if decoders[key] is None:
-                lost[raw.topic][0] += 1
+        if len(raw.data) > _LARGE_BYTES and decoders.get(key, _undecoded) is not _undecoded:
             continue
         try:
-            if not known:
-                decoders[key] = None
+            if key not in decoders:
+                decoders[key] = _undecoded  # unless there is a decoder
                 decoders[key] = _decoder(raw)
-            decode = decoders[key]
-            message = decode(_unpacked(raw)) if decode is not None else None
+            message = decoders[key](_unpacked(raw))
         except Exception as error:  # noqa: BLE001 - damage reaches every part of the libraries
             why = f"type {raw.kind or 'unknown'}, {raw.encoding}: {short_message(error)}"
             lost.setdefault(raw.topic, [0, why])[0] += 1
@@ -51,6 +47,10 @@ def decoded_messages(path: Path, notes: list[str]) -> Iterator[tuple[StoredMessa
         f"{count} messages of {topic} cannot be read and were left out ({why})"
         for topic, (count, why) in lost.items()
     ]
+
+
+def _undecoded(_: bytes) -> Any:
+    raise InputError("its messages have no decoder")
 
 
 def _decoder(raw: StoredMessage) -> Decode:
