@@ -1,5 +1,7 @@
 """``mmt model import`` and ``export``: models of other programs, and vibration as files."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -165,21 +167,15 @@ def _write_vibration(
     name: str,
     sound: Path | None,
 ) -> None:
-    if target.suffix.lower() == ".wav":
-        from mmt_bridges.haptics.effects import write_wav
+    from mmt_bridges.haptics import ahap, effects, hjif
 
-        kind, written = "sound", write_wav(target, samples, rate_hz, full_scale_m_s2)
-    elif target.suffix.lower() == ".hjif":
-        from mmt_bridges.haptics.hjif import write_hjif
-
-        written = write_hjif(target, samples, rate_hz, full_scale_m_s2, description=name)
-        kind = "haptics"
-    else:
-        from mmt_bridges.haptics.ahap import write_ahap
-
-        heard = None if sound is None else sound.name
-        kind = "pattern"
-        written = write_ahap(target, samples, rate_hz, full_scale_m_s2, sound=heard)
+    writers: dict[str, tuple[str, Callable[..., effects.EffectFile]]] = {
+        ".wav": ("sound", effects.write_wav),
+        ".hjif": ("haptics", partial(hjif.write_hjif, description=name)),
+        ".ahap": ("pattern", partial(ahap.write_ahap, sound=sound.name if sound else None)),
+    }
+    kind, write = writers[target.suffix.lower()]
+    written = write(target, samples, rate_hz, full_scale_m_s2)
     messages.print(
         f"{kind}: {target}, {written.seconds:.2f} s at {rate_hz} Hz, full scale "
         f"{written.full_scale_m_s2:.4g} m/s2"

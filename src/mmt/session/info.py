@@ -154,8 +154,6 @@ def _rate_hz(session: RecordedSession) -> float | None:
 
 
 def _scene_name(session: RecordedSession) -> str | None:
-    if session.scene is None:
-        return None
-    table = session.scene.get("session", {})
+    table = (session.scene or {}).get("session")
     name = table.get("name") if isinstance(table, dict) else None
     return None if name is None else str(name)
