@@ -30,11 +30,11 @@ class SharedSession:
     Parameters
     ----------
     settings
-        Settings of the session; may be replaced while it does not run.
+        Settings of the session.
     """
 
     def __init__(self, settings: Settings) -> None:
-        self._settings = settings
+        self.settings = settings
         self._scene: Scene | None = None
         self._users: set[object] = set()
         self._asking = threading.Lock()
@@ -45,20 +45,15 @@ class SharedSession:
         self.given: list[float] | None = None
         """Last action of the teleoperator."""
 
-    @property
-    def settings(self) -> Settings:
-        """Settings of the session; an `InputError` if they are changed while it runs."""
-        return self._settings
-
-    @settings.setter
-    def settings(self, settings: Settings) -> None:
-        if settings != self._settings:
+    def change(self, settings: Settings) -> None:
+        """Replace the settings; an `InputError` if they differ while the session runs."""
+        if settings != self.settings:
             if self.running:
                 raise InputError(
                     f"scene {settings.scene}: it runs already, with other settings; disconnect "
                     "what uses it first"
                 )
-            self._settings, self._scene = settings, None
+            self.settings, self._scene = settings, None
 
     @property
     def scene(self) -> Scene:
@@ -70,7 +65,7 @@ class SharedSession:
             The scene cannot be used.
         """
         if self._scene is None:
-            self._scene = session_scene(self._settings)
+            self._scene = session_scene(self.settings)
         return self._scene
 
     @property
@@ -145,12 +140,12 @@ class SharedSession:
     def _start(self) -> None:
         _ = self.scene  # raises if it cannot be used
         self.given, self._lines, self._owed = None, queue.Queue(), 0
-        settings = json.dumps(asdict(self._settings))
+        settings = json.dumps(asdict(self.settings))
         self._process = ChildProcess("-m", "mmt_bridges.lerobot.process", settings)
         atexit.register(self._close)  # LeRobot does not disconnect after each of its errors
         self._reading = threading.Thread(target=self._read, args=(self._process,), daemon=True)
         self._reading.start()
-        wait_s = self._settings.wait_s
+        wait_s = self.settings.wait_s
         begun: dict[str, Any] = {_ENDED: f"no frame of the follower has come within {wait_s:g} s"}
         try:
             with suppress(queue.Empty):
@@ -215,5 +210,5 @@ def shared_session(scene: str, settings: Settings | None = None) -> SharedSessio
     file = find_scene(Path(scene)).resolve()
     session = _SESSIONS.setdefault(file, SharedSession(settings or Settings(scene)))
     if settings is not None:
-        session.settings = settings
+        session.change(settings)
     return session
