@@ -90,6 +90,11 @@ def test_a_row_alone_with_the_time_and_values_of_another_gives_no_order():
     assert order_of(time_s, [np.ones(len(N))]) is not None
 
 
+@pytest.mark.parametrize("time_s", [TIME_S, np.floor(TIME_S * 250)])
+def test_rows_with_the_newest_first_are_turned_round(time_s):
+    np.testing.assert_array_equal(order_of(time_s[::-1], [FORCE_N]), N[::-1])
+
+
 def test_sixteen_rows_are_enough_for_an_order():
     rows = moved(3, 4, 6)[:16]
     np.testing.assert_array_equal(order_of(TIME_S[rows], []), np.argsort(rows))

@@ -147,8 +147,9 @@ class Samples:
         if len(falls):
             row = int(falls[0]) + 1
             raise InputError(
-                f"{self.origin}: the time of {channel} is {time_s[row]:.9g} s in "
-                f"{self.row_name(channel, row)}, after {time_s[row - 1]:.9g} s; times must not fall"
+                f"{self.origin}: the time of {channel} is {time_s[row]:.15g} s in "
+                f"{self.row_name(channel, row)}, after {time_s[row - 1]:.15g} s; times must not "
+                "fall"
             )
         span_s = time_s[-1] - time_s[0]
         steps_s = np.diff(time_s)
@@ -181,12 +182,15 @@ def order_of(time_s: FloatArray, columns: Iterable[FloatArray]) -> IntArray | No
     """Return the order of rows with falling times (n,), if they were written late or twice.
 
     Rows that repeat a time and all `columns` (n, ...) are left out. Late rows leave a jump behind
-    that is gone in the order of time; it is not if a clock was set, wrapped or began anew.
+    that is gone in the order of time; it is not if a clock was set, wrapped or began anew. Times
+    that never rise are those of rows with the newest first.
     """
     steps_s = np.diff(time_s)
     falls = np.count_nonzero(steps_s < 0)
     if not falls or len(time_s) < _FEW_ROWS or not np.isfinite(time_s).all():
         return None
+    if falls == np.count_nonzero(steps_s):  # the newest row first
+        return np.arange(len(time_s))[::-1]
     order = np.argsort(time_s, kind="stable")
     twice = np.diff(time_s[order]) == 0
     for column in columns:
