@@ -339,7 +339,13 @@ def test_jitter_and_missing_rows_are_said_once_for_the_channels_of_a_clock(
     }
     missing = "acceleration: 3 rows are missing by the stamps"
     assert report_of(SOUND, clocks=clocks).warnings == (f"position, force: {expected}", missing)
-    assert report_of(SOUND, clocks=clocks, resampled=False).warnings == ()
+    assert report_of(SOUND, clocks=clocks, resampled=False).warnings == (missing,)
+
+
+def test_channels_that_share_little_time_are_said():
+    far = {"acceleration": clock(rate_hz=1.0), "force": clock(), "position": clock()}
+    found = report_of(SOUND, clocks=far).warnings
+    assert any(text.startswith(f"{ROWS / 1000:g} s of {ROWS - 1} s are in all") for text in found)
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,8 @@ _FEW_VALUES: Final = 16
 how many values a square wave may have."""
 _NOTED_JITTER = 0.05
 """Least jitter for a warning, in periods."""
+_LEAST_COMMON: Final = 0.02
+"""Least share of the longest channel's time that is in all channels, without a warning."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,13 @@ def assess(
     speed_mm_s = None
     if "position" in samples.values:
         speed_mm_s = _high_speed_mm_s(frames)
-    warnings = _of_stamps(stamps) if resampled else []
+    warnings = _of_stamps(stamps, resampled=resampled)
+    longest_s = max(float(np.ptp(each.time_s)) for each in stamps.values())
+    if len(frames) < _LEAST_COMMON * longest_s * RATE_HZ:
+        warnings.append(
+            f"{len(frames) / RATE_HZ:g} s of {longest_s:.4g} s are in all channels: are their "
+            "times in one unit and of one clock (--unit, --offset), or gaps long (--longest-gap)?"
+        )
     if speed_mm_s is not None:
         warnings += _of_jumps(samples.values["position"], stamps["position"].time_s)
         warnings += _of_position(np.ptp(samples.values["position"], axis=0), speed_mm_s, options)
@@ -146,20 +154,20 @@ def _high_speed_mm_s(frames: RecordArray) -> float:
     return float(np.percentile(1e3 * distance / steps, 99))
 
 
-def _of_stamps(stamps: Mapping[Channel, Stamps]) -> list[str]:
+def _of_stamps(stamps: Mapping[Channel, Stamps], *, resampled: bool) -> list[str]:
     groups: dict[int, tuple[list[str], Stamps]] = {}
     for channel, assessed in stamps.items():
         groups.setdefault(id(assessed), ([], assessed))[0].append(channel)
     return [
         sentence
         for channels, assessed in groups.values()
-        for sentence in _of_clock(", ".join(channels), assessed)
+        for sentence in _of_clock(", ".join(channels), assessed, resampled=resampled)
     ]
 
 
-def _of_clock(channels: str, stamps: Stamps) -> list[str]:
+def _of_clock(channels: str, stamps: Stamps, *, resampled: bool) -> list[str]:
     sentences = []
-    if stamps.jitter_s > _NOTED_JITTER * stamps.period_s:
+    if resampled and stamps.jitter_s > _NOTED_JITTER * stamps.period_s:
         size = f"{1e3 * stamps.jitter_s:.2f} ms rms, {1e3 * stamps.largest_s:.1f} ms at most"
         clock = f"a clock of {1.0 / stamps.period_s:.1f} Hz"
         if stamps.regular:
