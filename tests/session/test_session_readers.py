@@ -373,6 +373,22 @@ def test_files_of_one_recording_are_joined_by_a_tap(late_s, seed):
             import_session(paths, columns={"force": "F"})
 
 
+def test_a_rate_is_that_of_the_files_without_times(tmp_path):
+    slow_s, fast_s = np.arange(0, 2, 1 / 240), np.arange(0, 2, 1 / 7000)
+    np.savez(tmp_path / "p.npz", t=slow_s, p=motion(slow_s))
+    np.savez(tmp_path / "f.npz", F=force(fast_s))
+    columns = {"position": "p.npz:p", "position_time": "p.npz:t", "force": "f.npz:F"}
+    paths = [tmp_path / "p.npz", tmp_path / "f.npz"]
+    frames = import_session(paths, columns=columns, rate_hz=7000.0).frames
+    for channel, made in {"position": motion, "force": force}.items():
+        np.testing.assert_allclose(
+            frames[FIELDS[channel]], made(frames["sequence"] / 1000), atol=1e-3
+        )
+    del columns["position_time"]  # of none with times, it is that of all
+    alike = import_session(paths, columns=columns, rate_hz=240.0).frames
+    np.testing.assert_allclose(alike["position_mm"], motion(alike["sequence"] / 1000), atol=1e-3)
+
+
 @given(
     blank=st.sets(st.integers(1, 998), max_size=30),
     fault=st.integers(1, 999),

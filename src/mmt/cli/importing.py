@@ -55,7 +55,11 @@ class ReadingOptions:
         ),
     ] = None
     rate: Annotated[
-        float | None, typer.Option(help="Rows a second (Hz), in place of the file's times.")
+        float | None,
+        typer.Option(
+            help="Rows a second (Hz), in place of the file's times; of several files, of those "
+            "without."
+        ),
     ] = None
     acceleration_rate: Annotated[
         int | None,

@@ -61,7 +61,8 @@ class ImportOptions:
     """Unit of a quantity ("time", "position", "force", "acceleration", "speed") or of one of
     `TARGETS`; overrides the file's unit."""
     rate_hz: float | None = None
-    """Rows per second; overrides the file's times."""
+    """Rows per second; overrides the file's times. Of several files, if some of them have times,
+    it is that of the others."""
     blanks_as_gaps: bool = False
     """Leave out rows with an empty cell or NaN, as gaps of their channel."""
     longest_gap_s: float | None = None

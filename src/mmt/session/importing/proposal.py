@@ -29,7 +29,12 @@ from mmt.session.importing.column_names import (
 from mmt.session.importing.columns import STANDARD_NAMES, SourceColumns, Wanted, wanted_names
 from mmt.session.importing.options import ImportOptions, quantity_of
 from mmt.session.importing.reading_child import read_limited
-from mmt.session.importing.recording import check_kinds, import_columns, read_columns
+from mmt.session.importing.recording import (
+    check_kinds,
+    import_columns,
+    is_timed,
+    read_columns,
+)
 
 _LAST: Final = ("date", "duration")
 """Names that are those of the time only if no other is."""
@@ -109,7 +114,7 @@ def propose(path: str | Path, options: ImportOptions | None = None) -> Proposal:
     options = replace(options, units={**options.units, **units})
     standard = {*names, *_with_vectors(names)}
     found = set(mapped) | {target for target, name in STANDARD_NAMES.items() if name in standard}
-    lacking = [] if _is_timed(read, options) else ["time"]
+    lacking = [] if is_timed(read, options) else ["time"]
     if "speed" in found:
         found.add("position")
     lacking += [channel for channel in CHANNELS if not {channel, f"{channel}_x"} & found]
@@ -145,10 +150,10 @@ def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOpti
     times = _own_times(read, guessed) or _times_beside(names, guessed)
     given, columns = options.columns, {**guessed, **times, **options.columns}
     options = replace(options, columns=columns)
-    if not _is_timed(read, options) and (dates := _dated(path, read.names, options)):
+    if not is_timed(read, options) and (dates := _dated(path, read.names, options)):
         columns["time"] = dates
         options = replace(options, columns=columns)
-    if not _is_timed(read, options):
+    if not is_timed(read, options):
         options = replace(options, rate_hz=_told_rate_hz(path, read.names, options))
     found = read_columns(path, wanted_names(options), options)
     position = guessed.get("position", "")
@@ -311,14 +316,6 @@ def _own_times(read: SourceColumns, columns: Mapping[str, str]) -> dict[str, str
     times = {quantity_of(target): own[name] for target, name in columns.items() if own.get(name)}
     times.setdefault("position", times.get("speed", ""))
     return {f"{channel}_time": times[channel] for channel in CHANNELS if times.get(channel)}
-
-
-def _is_timed(read: SourceColumns, options: ImportOptions) -> bool:
-    """Return whether rows have times: columns of them, a rate, or those of messages."""
-    standard = {target for target, name in STANDARD_NAMES.items() if name in read.names}
-    of_messages = any(text.startswith("/") for text in options.columns.values())
-    of_columns = any(target.endswith("time") for target in (*options.columns, *standard))
-    return bool(read.times) or options.rate_hz is not None or of_messages or of_columns
 
 
 def _dated(path: Path, names: Sequence[str], options: ImportOptions) -> str | None:

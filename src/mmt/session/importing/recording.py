@@ -155,6 +155,9 @@ def _gathered(
     options: ImportOptions,
 ) -> Samples:
     """Map, check and join the columns of the files of one recording."""
+    own = [is_timed(c, replace(o, rate_hz=None)) for c, o in zip(read, each, strict=True)]
+    rates = [None if timed and not all(own) else options.rate_hz for timed in own]
+    each = [replace(o, rate_hz=rate_hz) for o, rate_hz in zip(each, rates, strict=True)]
     parts = [to_samples(c, o) for c, o in zip(read, each, strict=True)]
     if options.blanks_as_gaps:
         parts = [part.without_blanks() for part in parts]
@@ -163,6 +166,14 @@ def _gathered(
     for part in parts:
         part.check()
     return joined(parts, names, options.offsets, list(map(_date_ns, read, each)))
+
+
+def is_timed(columns: SourceColumns, options: ImportOptions) -> bool:
+    """Return whether rows have times: columns of them, a rate, or those of messages."""
+    standard = {target for target, name in STANDARD_NAMES.items() if name in columns.names}
+    of_messages = any(text.startswith("/") for text in options.columns.values())
+    of_columns = any(target.endswith("time") for target in (*options.columns, *standard))
+    return bool(columns.times) or options.rate_hz is not None or of_messages or of_columns
 
 
 def _date_ns(columns: SourceColumns, options: ImportOptions) -> int | None:
