@@ -53,6 +53,8 @@ tip.data,tip.note -> position_xyz=tip.data,0,0
 Time in s,Force in mN,Acceleration m/s^2 ->
     time=Time in s force=Force in mN acceleration=Acceleration m/s^2
 t,pos_in,Position (mm) -> time=t position_xyz=pos_in,0,0
+t_pos,x,t_force,fz -> position_xyz=x,0,0 force_xyz=0,0,fz position_time=t_pos force_time=t_force
+host_time,device_time_us,load -> time=host_time force=load
 duration,load -> time=duration force=load
 duration,t,load -> time=t force=load
 t,linearAcceleration-x,linear_accel_y,LinearAccZ ->
@@ -249,6 +251,9 @@ def stepped(*steps, start=0.0):
         ("t", stepped(*[1e-8] * 9, start=45_000), "d"),
         *(("t", stepped(*[s] * 9, start=45_000), None) for s in (1e-3, -1e-8)),
         ("t", stepped(*[1e-8] * 9, start=19_000), None),
+        *(("t", stepped(*[1e4] * 9, start=start), "100ns") for start in (6.387e17, 1.338e17)),
+        ("t", stepped(*[40] * 9, start=1.7e15), "us"),
+        ("t", stepped(*[2e4] * 9, start=1.7e18), "ns"),
         *((name, stepped(*[1] * 9), None) for name in ("t_us", "t [us]")),
         ("time_s", stepped(*[1] * 9), "ms"),
         ("nsec,sec", stepped(*[1] * 9), None),

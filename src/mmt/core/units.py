@@ -45,6 +45,7 @@ _WORDS: Final = {
 _OTHERS: Final = {
     "time": {
         DATE: 1.0,
+        "100ns": 1e-7,  # the ticks of .NET and of Windows
         **dict.fromkeys(("min", "mins", "minute", "minutes"), 60.0),
         **dict.fromkeys(("h", "hr", "hrs", "hour", "hours"), 3600.0),
         **dict.fromkeys(("d", "day", "days"), 86400.0),

@@ -25,7 +25,7 @@ _WORDS: Final = {
     "speed": "v|vel|velocity|speed",
 }
 _TIME: Final = re.compile(
-    r"^(ts?|((abs|elapsed|relative|system|unix)_?)?times?|timestamps?|stamps?|epoch|clock|(tv)?secs?|seconds|zeit|temps|tiempo|tempo|duration|date|datetime|xvalue)$"
+    r"^(ts?|((abs|elapsed|relative|system|unix|host|local|ros|sim|robot|device|sensor)_?)?(times?|timestamps?)|stamps?|epoch|clock|(tv)?secs?|seconds|zeit|temps|tiempo|tempo|duration|date|datetime|xvalue)$"
 )
 _FRACTION: Final = re.compile(r"^(tv)?(n|nano|u|micro|m|milli)s(ecs?|econds?)?$")
 """Matches the name of a part of a second, which may stand beside one of `_SECONDS`."""

@@ -57,6 +57,10 @@ _PARTS: Final = (6, 7)
 """Columns of an array in which a vector comes first."""
 _TIME_STEPS: Final = (("s", 0.05), ("ms", 50.0), ("us", 50e3), ("ns", 50e6))
 """Largest step of times for each unit, if rows come at 20 Hz or faster."""
+_LATEST_S: Final = 7e10
+"""Latest time since any epoch, in seconds: about 2200 years."""
+_TICKS: Final = (1e17, 1e18)
+"""Times in ticks of 100 ns since the year 1 (.NET) or 1601 (Windows); in ns since 1970 are more."""
 _FIRST_OF_DAYS = 20_000.0
 """Least date in days, since 1900 (Excel), the year 0 (MATLAB) or 4713 BC; year 1954 in Excel."""
 _STEP_OF_DAYS = 6e-7
@@ -340,9 +344,16 @@ def _told_rate_hz(path: Path, names: Sequence[str], options: ImportOptions) -> f
 def _times_beside(names: Sequence[str], columns: Mapping[str, str]) -> dict[str, str]:
     """Return times that stand in a channel's group, or are named after its column.
 
-    As ``acc.t`` beside ``acc.data``, and ``acc_t`` or ``t_acc`` beside ``acc``.
+    As ``acc.t`` beside ``acc.data``, and ``acc_t`` or ``t_acc`` beside ``acc`` or ``ax``.
     """
     found: dict[str, str] = {}
+    for name in names:
+        first, *behind = words = re.split(r"[_ ]", name)
+        for word, others in ((first, behind), (words[-1], words[:-1])):
+            if target_of(word) == "time" and (channel := target_of("_".join(others))) in CHANNELS:
+                found.setdefault(f"{channel}_time", name)
+    held = {quantity_of(target).replace("speed", "position") for target in columns}
+    found = {target: name for target, name in found.items() if target[:-5] in held}
     for target, name in columns.items():
         channel = quantity_of(target).replace("speed", "position")
         if channel not in CHANNELS or name.startswith("/"):  # messages have their own
@@ -385,5 +396,12 @@ def _time_unit(columns: SourceColumns, options: ImportOptions) -> dict[str, str]
     step = float(np.median(steps) or np.mean(steps))  # rows in batches share a time
     if 0 < step < _STEP_OF_DAYS and time[0] > _FIRST_OF_DAYS:
         return {"time": "d"}
-    unit = next((unit for unit, largest in _TIME_STEPS if step <= largest), "s")
+    if _TICKS[0] < time[0] < _TICKS[1]:
+        return {"time": "100ns"}
+    fitting = (
+        unit
+        for unit, largest in _TIME_STEPS
+        if step <= largest and time[0] * (unit_factor("time", unit) or 1.0) < _LATEST_S
+    )
+    unit = next(fitting, "s")
     return {} if unit == "s" else {"time": unit}
