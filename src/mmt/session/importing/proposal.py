@@ -55,16 +55,17 @@ _OF_ROBOTS: Final = (
 """Channel, name, first element and unit of what robots and their sensors call by one name."""
 _PARTS: Final = (6, 7)
 """Columns of an array in which a vector comes first."""
-_TIME_STEPS: Final = (("s", 0.05), ("ms", 50.0), ("us", 50e3), ("ns", 50e6))
-"""Largest step of times for each unit, if rows come at 20 Hz or faster."""
-_LATEST_S: Final = 7e10
-"""Latest time since any epoch, in seconds: about 2200 years."""
-_TICKS: Final = (1e17, 1e18)
-"""Times in ticks of 100 ns since the year 1 (.NET) or 1601 (Windows); in ns since 1970 are more."""
-_FIRST_OF_DAYS = 20_000.0
-"""Least date in days, since 1900 (Excel), the year 0 (MATLAB) or 4713 BC; year 1954 in Excel."""
-_STEP_OF_DAYS = 6e-7
-"""Largest step of dates in days, if rows come at 20 Hz or faster."""
+_TIME_UNITS: Final = (
+    ("d", 6e-7, 2e4, np.inf),  # since 1900 (Excel), the year 0 (MATLAB) or 4713 BC
+    ("s", 0.05, -np.inf, 7e10),
+    ("ms", 50.0, -np.inf, 7e13),
+    ("us", 50e3, -np.inf, 7e16),
+    ("100ns", 500e3, 1e17, 1e18),  # since the year 1 (.NET) or 1601 (Windows)
+    ("ns", 50e6, -np.inf, np.inf),
+)
+"""Units of times: the largest step if rows come at 20 Hz or faster, and bounds of the first time.
+
+No time is 7e10 s, 2200 years, after its epoch; that of dates in days is after 1954 in Excel."""
 
 
 @dataclass(frozen=True)
@@ -393,15 +394,11 @@ def _time_unit(columns: SourceColumns, options: ImportOptions) -> dict[str, str]
     if told or named or time.ndim != 1 or len(time) < 2:
         return {}
     steps = np.diff(time)
-    step = float(np.median(steps) or np.mean(steps))  # rows in batches share a time
-    if 0 < step < _STEP_OF_DAYS and time[0] > _FIRST_OF_DAYS:
-        return {"time": "d"}
-    if _TICKS[0] < time[0] < _TICKS[1]:
-        return {"time": "100ns"}
+    step = abs(float(np.median(steps) or np.mean(steps)))  # rows in batches share a time
     fitting = (
         unit
-        for unit, largest in _TIME_STEPS
-        if step <= largest and time[0] * (unit_factor("time", unit) or 1.0) < _LATEST_S
+        for unit, largest, first, last in _TIME_UNITS
+        if 0 < step <= largest and first < time[0] < last
     )
     unit = next(fitting, "s")
     return {} if unit == "s" else {"time": unit}
