@@ -101,9 +101,6 @@ def assess(
     resampled
         Whether `frames` differ from the rows of the file.
     """
-    speed_mm_s = None
-    if "position" in samples.values:
-        speed_mm_s = _high_speed_mm_s(frames)
     warnings = _of_stamps(stamps, resampled=resampled)
     longest_s = max(float(np.ptp(each.time_s)) for each in stamps.values())
     if len(frames) < _LEAST_COMMON * longest_s * RATE_HZ:
@@ -111,7 +108,9 @@ def assess(
             f"{len(frames) / RATE_HZ:g} s of {longest_s:.4g} s are in all channels: are their "
             "times in one unit and of one clock (--unit, --offset), or gaps long (--longest-gap)?"
         )
-    if speed_mm_s is not None:
+    speed_mm_s = None
+    if "position" in samples.values:
+        speed_mm_s = _high_speed_mm_s(frames)
         warnings += _of_jumps(samples.values["position"], stamps["position"].time_s)
         warnings += _of_position(np.ptp(samples.values["position"], axis=0), speed_mm_s, options)
     if "force" in samples.values:
@@ -126,22 +125,20 @@ def assess(
     for channel in ("force", "acceleration"):
         if channel in samples.values:
             warnings += _of_sensor(channel, samples.values[channel], 1.0 / stamps[channel].period_s)
-    channels = tuple(_describe(c, v, stamps[c]) for c, v in samples.values.items())
-    return ImportReport(channels, speed_mm_s, tuple(warnings), samples.told)
-
-
-def _describe(channel: Channel, values: FloatArray, stamps: Stamps) -> ChannelReport:
-    low, mean, high = (f(values, axis=0).tolist() for f in (np.min, np.mean, np.max))
-    return ChannelReport(
-        channel=channel,
-        rows=len(values),
-        rate_hz=1.0 / stamps.period_s,
-        jitter_ms=1e3 * stamps.jitter_s,
-        missing_rows=stamps.missing_rows,
-        low=tuple(low),
-        mean=tuple(mean),
-        high=tuple(high),
+    channels = tuple(
+        ChannelReport(
+            channel,
+            rows=len(values),
+            rate_hz=1.0 / stamps[channel].period_s,
+            jitter_ms=1e3 * stamps[channel].jitter_s,
+            missing_rows=stamps[channel].missing_rows,
+            low=tuple(np.min(values, axis=0).tolist()),
+            mean=tuple(np.mean(values, axis=0).tolist()),
+            high=tuple(np.max(values, axis=0).tolist()),
+        )
+        for channel, values in samples.values.items()
     )
+    return ImportReport(channels, speed_mm_s, tuple(warnings), samples.told)
 
 
 def _high_speed_mm_s(frames: RecordArray) -> float:
@@ -155,38 +152,27 @@ def _high_speed_mm_s(frames: RecordArray) -> float:
 
 
 def _of_stamps(stamps: Mapping[Channel, Stamps], *, resampled: bool) -> list[str]:
-    groups: dict[int, tuple[list[str], Stamps]] = {}
-    for channel, assessed in stamps.items():
-        groups.setdefault(id(assessed), ([], assessed))[0].append(channel)
-    return [
-        sentence
-        for channels, assessed in groups.values()
-        for sentence in _of_clock(", ".join(channels), assessed, resampled=resampled)
-    ]
-
-
-def _of_clock(channels: str, stamps: Stamps, *, resampled: bool) -> list[str]:
     sentences = []
-    if resampled and stamps.jitter_s > _NOTED_JITTER * stamps.period_s:
-        size = f"{1e3 * stamps.jitter_s:.2f} ms rms, {1e3 * stamps.largest_s:.1f} ms at most"
-        clock = f"a clock of {1.0 / stamps.period_s:.1f} Hz"
-        if stamps.regular:
-            sentences.append(
-                f"{channels}: the stamps lie {size} off {clock}; the rows were put at its times "
-                "(--stamps kept takes the stamps)"
-            )
-        elif stamps.periodic:
-            sentences.append(
-                f"{channels}: the stamps lie {size} off {clock}, but the rows fit the stamps "
-                "better, which were kept (--stamps regular takes the clock)"
-            )
-        else:
-            sentences.append(
-                f"{channels}: the intervals are uneven ({size}) and follow no clock; the stamps "
-                "were taken as they are, and speeds are as uncertain as they"
-            )
-    if stamps.missing_rows:
-        sentences.append(f"{channels}: {stamps.missing_rows} rows are missing by the stamps")
+    for clock in {id(each): each for each in stamps.values()}.values():
+        channels = ", ".join(channel for channel, each in stamps.items() if each is clock)
+        if resampled and clock.jitter_s > _NOTED_JITTER * clock.period_s:
+            size = f"{1e3 * clock.jitter_s:.2f} ms rms, {1e3 * clock.largest_s:.1f} ms at most"
+            off = f"the stamps lie {size} off a clock of {1.0 / clock.period_s:.1f} Hz"
+            if clock.regular:
+                told = f"{off}; the rows were put at its times (--stamps kept takes the stamps)"
+            elif clock.periodic:
+                told = (
+                    f"{off}, but the rows fit the stamps better, which were kept (--stamps "
+                    "regular takes the clock)"
+                )
+            else:
+                told = (
+                    f"the intervals are uneven ({size}) and follow no clock; the stamps were "
+                    "taken as they are, and speeds are as uncertain as they"
+                )
+            sentences.append(f"{channels}: {told}")
+        if clock.missing_rows:
+            sentences.append(f"{channels}: {clock.missing_rows} rows are missing by the stamps")
     return sentences
 
 
@@ -235,8 +221,9 @@ def _of_force(force_n: FloatArray, options: ImportOptions) -> list[str]:
     mean_n = np.mean(force_n[size_n > max(_SMALLEST_FORCE_N, 0.2 * high_n)], axis=0)
     axis = int(np.argmax(np.abs(mean_n)))
     if abs(mean_n[axis]) > 2.0 * abs(mean_n[2]):
+        mean = ", ".join(f"{value:.2g}" for value in mean_n)
         return [
-            f"force: in contact it points along {'xyz'[axis]} ({_vector(mean_n)} N on average), "
+            f"force: in contact it points along {'xyz'[axis]} (({mean}) N on average), "
             "where z is taken for the surface's normal; map the axes anew (position and "
             "acceleration too), or set normal in the scene's [texture]"
         ]
@@ -382,7 +369,3 @@ def _turned(options: ImportOptions) -> str:
         mapped = {"force": FIELD_OF_CHANNEL["force"]}
     texts = (f"--map {t}={n[1:] if n.startswith('-') else f'-{n}'}" for t, n in mapped.items())
     return " ".join(texts)
-
-
-def _vector(values: FloatArray) -> str:
-    return "(" + ", ".join(f"{value:.2g}" for value in values) + ")"

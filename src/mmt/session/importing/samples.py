@@ -93,44 +93,40 @@ class Samples:
 
     def without_blanks(self) -> "Samples":
         """Return the samples without those rows of a channel whose value or time is not finite."""
-        values, times, names = {}, {}, {}
-        shared: dict[tuple[int, bytes], FloatArray] = {}
-        for channel, vectors in self.values.items():
-            time_s = self.times[channel]
-            whole = np.isfinite(vectors).all(axis=1) & np.isfinite(time_s)
-            values[channel] = vectors[whole]
-            names[channel] = partial(name_of, self.row_names[channel], np.flatnonzero(whole))
-            times[channel] = shared.setdefault((id(time_s), whole.tobytes()), time_s[whole])
-        return replace(self, values=values, times=times, row_names=names)
+        whole = {
+            channel: np.isfinite(values).all(axis=1) & np.isfinite(self.times[channel])
+            for channel, values in self.values.items()
+        }
+        return self._with_rows({channel: np.flatnonzero(rows) for channel, rows in whole.items()})
 
     def without_repeats(self) -> "Samples":
         """Return the samples without rows that repeat the time and all values of the row before.
 
         If there is any row of an equal time and other values, rows came in batches: all are kept.
         """
-        shared: dict[int, list[Channel]] = {}
-        for channel, time_s in self.times.items():
-            shared.setdefault(id(time_s), []).append(channel)
-        values, times, names, notes = dict(self.values), dict(self.times), dict(self.row_names), []
-        for channels in shared.values():
-            alike = np.flatnonzero(np.diff(times[channels[0]]) == 0)
-            steps = (
-                self.values[channel][alike + 1] - self.values[channel][alike]
-                for channel in channels
-            )
-            if not len(alike) or any(map(np.any, steps)):
-                continue
-            rows = np.delete(np.arange(len(times[channels[0]])), alike + 1)
-            time_s = times[channels[0]][rows]
-            notes.append(
-                f"{', '.join(channels)}: {len(alike)} rows were written twice and left out"
-            )
-            for channel in channels:
-                values[channel], times[channel] = values[channel][rows], time_s
-                names[channel] = partial(name_of, names[channel], rows)
-        return replace(
-            self, values=values, times=times, row_names=names, notes=(*self.notes, *notes)
-        )
+        rows, notes = {c: np.arange(len(values)) for c, values in self.values.items()}, []
+        for time_s in {id(each): each for each in self.times.values()}.values():
+            channels = [channel for channel, each in self.times.items() if each is time_s]
+            alike = np.flatnonzero(np.diff(time_s) == 0)
+            steps = (self.values[c][alike + 1] - self.values[c][alike] for c in channels)
+            if len(alike) and not any(map(np.any, steps)):
+                rows |= {c: np.delete(rows[c], alike + 1) for c in channels}
+                told = f"{len(alike)} rows were written twice and left out"
+                notes.append(f"{', '.join(channels)}: {told}")
+        if not notes:
+            return self
+        return replace(self._with_rows(rows), notes=(*self.notes, *notes))
+
+    def _with_rows(self, rows: Mapping[Channel, IntArray]) -> "Samples":
+        """Return the samples with some rows of each channel; times stay shared where they are."""
+        shared: dict[tuple[int, bytes], FloatArray] = {}
+        times, names = {}, {}
+        for channel, kept in rows.items():
+            time_s = self.times[channel]
+            times[channel] = shared.setdefault((id(time_s), kept.tobytes()), time_s[kept])
+            names[channel] = partial(name_of, self.row_names[channel], kept)
+        values = {channel: self.values[channel][kept] for channel, kept in rows.items()}
+        return replace(self, values=values, times=times, row_names=names)
 
     def _check_time(self, channel: Channel, time_s: FloatArray) -> None:
         if len(time_s) < 2:
