@@ -11,7 +11,7 @@ the straight line between the ends continued. The cost is linear in the number o
 """
 
 from collections.abc import Iterator, Mapping
-from functools import cache
+from functools import cache, reduce
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -61,8 +61,7 @@ def resample(
     than two samples gives no frame. `samples` must have been checked.
     """
     origin_s = min(float(stamps[channel].time_s[0]) for channel in samples.values)
-    numbers: IntArray | None = None
-    resampled: dict[Channel, FloatArray] = {}
+    found: dict[Channel, tuple[IntArray, FloatArray]] = {}
     for channel, values in samples.values.items():
         own = stamps[channel]
         vibrates = channel == "acceleration"
@@ -79,20 +78,15 @@ def resample(
             -(-fine // several), return_index=True, return_counts=True
         )
         whole = counts == several
-        present = present[whole]
         rows = rows[first[whole][:, None] + np.arange(several)]
         if channel == "orientation":
             rows /= np.linalg.norm(rows, axis=2, keepdims=True)
-        if numbers is None:
-            numbers = present
-        else:
-            numbers, kept, new = np.intersect1d(
-                numbers, present, assume_unique=True, return_indices=True
-            )
-            resampled = {name: earlier[kept] for name, earlier in resampled.items()}
-            rows = rows[new]
-        resampled[channel] = rows
-    return (np.zeros(0, dtype=np.int64) if numbers is None else numbers), resampled
+        found[channel] = present[whole], rows
+    numbers = reduce(np.intersect1d, (present for present, _ in found.values()))
+    return numbers, {
+        channel: rows[np.searchsorted(present, numbers)]
+        for channel, (present, rows) in found.items()
+    }
 
 
 def _resample_channel(
