@@ -86,8 +86,8 @@ def assess_stamps(
         return kept
     off_s = stamps_s - line.time_s
     explained = _explains(off_s, np.diff(stamps_s), own_s)
-    share = 1.0 if rows is None else _error_share(line.time_s, stamps_s, rows)
-    better = share <= (1.0 if explained else _MUCH_BETTER)
+    most = 1.0 if explained else _MUCH_BETTER
+    better = _prediction_error(line.time_s, rows) <= most * _prediction_error(stamps_s, rows)
     regular = choice == "regular" or (choice == "auto" and better)
     if not (explained or regular):
         return kept
@@ -285,17 +285,13 @@ def _block_medians(values: FloatArray, block: int) -> FloatArray:
     return np.asarray(np.median(values[:rows].reshape(-1, block), axis=1))
 
 
-def _error_share(regular_s: FloatArray, stamps_s: FloatArray, rows: FloatArray) -> float:
-    """Return the prediction error of regular times relative to that of the stamps."""
-    least = np.finfo(float).tiny  # for constant rows both errors are zero
-    return (_prediction_error(regular_s, rows) + least) / (
-        _prediction_error(stamps_s, rows) + least
-    )
-
-
-def _prediction_error(time_s: FloatArray, rows: FloatArray) -> float:
+def _prediction_error(time_s: FloatArray, rows: FloatArray | None) -> float:
+    """Return the mean error of rows (n, k) that are predicted from their neighbours, above 0."""
+    least = float(np.finfo(float).tiny)
+    if rows is None:
+        return least
     span_s = time_s[2:] - time_s[:-2]
     valid = span_s > 0
     share = ((time_s[1:-1] - time_s[:-2])[valid] / span_s[valid])[:, None]
     predicted = (1.0 - share) * rows[:-2][valid] + share * rows[2:][valid]
-    return float(np.mean(np.abs(rows[1:-1][valid] - predicted)))
+    return float(np.mean(np.abs(rows[1:-1][valid] - predicted))) + least
