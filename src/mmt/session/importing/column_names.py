@@ -154,7 +154,9 @@ def target_of_column(name: str, unit: str, owners: Collection[str]) -> str | Non
     elif re.fullmatch("[xyz]", plain, re.IGNORECASE) and (quantity := _of_unit(unit)):
         target = f"{quantity}_{plain.lower()}"
     else:
-        target = _of_owner(plain)
+        owner = VALUES.sub("", plain)  # whose name tells before .data and the like
+        of_owner = target_of(f".{owner}") if owner != plain else None
+        target = of_owner if quantity_of(of_owner or "") in CHANNELS else target_of(plain)
     if plain != name and (target not in _COMPONENTS or unit_factor("time", unit)):
         return None
     return None if name in STANDARD_NAMES.values() else target
@@ -212,13 +214,6 @@ def _numbered(name: str) -> list[tuple[str, str, str]]:
             before, rest = f"{before}{{", ".".join(filter(None, (last.strip("{"), rest)))
         found.append((before, match[0], rest))
     return found
-
-
-def _of_owner(name: str) -> str | None:
-    """Return the target that a name suggests, or the owner's name before ``.data`` and the like."""
-    owner = VALUES.sub("", name)
-    of_owner = target_of(f".{owner}") if owner != name else None
-    return of_owner if of_owner and quantity_of(of_owner) in CHANNELS else target_of(name)
 
 
 def _target_of_axis(owner: str, letter: str, unit: str, owners: Collection[str]) -> str | None:

@@ -1,7 +1,6 @@
 """Map the columns of a recording to channels, in the units of frames."""
 
 import re
-from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from typing import Any, Final
@@ -45,12 +44,6 @@ def to_samples(columns: SourceColumns, options: ImportOptions) -> Samples:
         A column is missing or has a wrong shape, or there are no times.
     """
     return _Mapping(columns, options).samples()
-
-
-def _shared(time_s: FloatArray, others: Iterable[FloatArray]) -> FloatArray:
-    """Return the first of `others` that equals `time_s` (n,), else `time_s`."""
-    alike = (other for other in others if np.array_equal(other, time_s, equal_nan=True))
-    return next(alike, time_s)
 
 
 def _to_length(values: FloatArray, length: int) -> FloatArray:
@@ -101,7 +94,10 @@ class _Mapping:
                 rows = np.repeat(np.arange(len(vectors)), several)
                 names[channel] = partial(name_of, names[channel], rows)
             values[channel] = vectors.reshape(-1, vectors.shape[-1])
-            times[channel] = _shared(time_s, times.values())
+            alike = (
+                each for each in times.values() if np.array_equal(each, time_s, equal_nan=True)
+            )
+            times[channel] = next(alike, time_s)
         if not self._has_part:
             raise InputError(
                 f"{self._origin}: --episode {self._options.episode}: it has no such episode or "
