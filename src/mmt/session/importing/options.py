@@ -166,22 +166,16 @@ class ImportOptions:
         text = self.columns.get(target)
         if text is None or text in names:
             return None if text is None else Source(text)
-        found = _SOURCE.match(text)
-        if found is None:
-            return Source(text)
-        sign, name, component, factor = found.groups()
+        sign, name, component, factor = _SOURCE.findall(text)[0]
         scale = (-1.0 if sign else 1.0) * float(factor or 1.0)
-        if component is not None and f"{name}[{component}]" in names:
+        if component and f"{name}[{component}]" in names:
             return Source(f"{name}[{component}]", None, scale)
-        return Source(name, None if component is None else int(component), scale)
+        return Source(name, int(component) if component else None, scale)
 
     def mapped_names(self) -> set[str]:
         """Return every name that a mapped column may have."""
-        names = set(self.columns.values())
-        for text in self.columns.values():
-            if found := _SOURCE.match(text):
-                names.add(found.group(2))
-        return names
+        texts = self.columns.values()
+        return {*texts, *(_SOURCE.findall(text)[0][1] for text in texts)}
 
 
 def quantity_of(target: str) -> str:
