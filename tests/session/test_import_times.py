@@ -252,7 +252,8 @@ INFINITE = "the time of force is inf in row 3; --blanks-as-gaps leaves out such 
         (np.where(N == 3, np.inf, TIME_S), INFINITE),
         (
             np.where(N == 3, 1.5, TIME_S),
-            "the time of force is 1.5 s in row 3, after 7.002 s; times must not fall",
+            "the time of force is 1.5 s in row 3, after 7.002 s; times must not fall (--rate HZ "
+            "takes even rows without them)",
         ),
         (np.where(N < 9, TIME_S, 5e6), SET),
         (np.r_[TIME_S[:9], 2.15e6 + 3.5, np.full(5, 4.3e6)], LONG.format("4.3e+06")),

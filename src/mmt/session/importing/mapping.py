@@ -94,10 +94,8 @@ class _Mapping:
                 rows = np.repeat(np.arange(len(vectors)), several)
                 names[channel] = partial(name_of, names[channel], rows)
             values[channel] = vectors.reshape(-1, vectors.shape[-1])
-            alike = (
-                each for each in times.values() if np.array_equal(each, time_s, equal_nan=True)
-            )
-            times[channel] = next(alike, time_s)
+            same = partial(np.array_equal, time_s, equal_nan=True)
+            times[channel] = next(filter(same, times.values()), time_s)
         if not self._has_part:
             raise InputError(
                 f"{self._origin}: --episode {self._options.episode}: it has no such episode or "

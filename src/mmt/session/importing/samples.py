@@ -145,7 +145,7 @@ class Samples:
             raise InputError(
                 f"{self.origin}: the time of {channel} is {time_s[row]:.15g} s in "
                 f"{self.row_name(channel, row)}, after {time_s[row - 1]:.15g} s; times must not "
-                "fall"
+                "fall (--rate HZ takes even rows without them)"
             )
         span_s = time_s[-1] - time_s[0]
         steps_s = np.diff(time_s)
