@@ -685,6 +685,41 @@ def test_the_unit_of_a_group_is_that_of_its_columns(tmp_path, name, unit):
         import_recording(tmp_path / name, propose(tmp_path / name).options)
 
 
+def units_beside_rows(path, units):
+    """Forces in mN, or others, as rows of JSON beside their units, or behind these."""
+    rows = [
+        {"t": t, "force": (1e3 * fs).tolist()} for t, fs in zip(TIME_S, force(TIME_S), strict=True)
+    ]
+    whole = {"about": units, "rows": rows}
+    texts = map(json.dumps, [units, *rows] if path.suffix == ".jsonl" else [whole])
+    path.write_text("\n".join(texts))
+
+
+def units_of_a_file(path, units):
+    """The same with the units as attributes of the file, or in a group."""
+    if path.suffix == ".mat":
+        savemat(path, {"log": {"t": TIME_S, "force": 1e3 * force(TIME_S), **units}})
+        return
+    with hdf5(path) as file:
+        file["t"], file["force"] = TIME_S, 1e3 * force(TIME_S)
+        if "units" in units:
+            file.update({f"units/{name}": unit for name, unit in units["units"].items()})
+        else:
+            file.attrs.update(units)
+
+
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [("a.json", units_beside_rows), ("a.jsonl", units_beside_rows),
+     ("a.h5", units_of_a_file), ("a.mat", units_of_a_file)],
+)  # fmt: skip
+@pytest.mark.parametrize("units", [{"force_unit": "mN"}, {"units": {"t": "s", "force": "mN"}}])
+def test_units_that_are_named_beside_the_columns_are_theirs(tmp_path, name, write, units):
+    write(tmp_path / name, units)
+    frames = imported(tmp_path / name).frames
+    np.testing.assert_allclose(frames["force_n"], force(TIME_S), atol=1e-5)
+
+
 @pytest.mark.parametrize(
     "head",
     ["Units: mN", "# Units: mN", "Unit,mN", "Date,2024-01-01\nForce Units,mN,Length Units,m",
@@ -700,6 +735,14 @@ def test_a_line_above_a_table_tells_its_unit(tmp_path, head):
     (tmp_path / "a.csv").write_text(text.replace("mN", "V"))
     with pytest.raises(InputError, match="which is in 'V' by the file"):
         import_recording(tmp_path / "a.csv", propose(tmp_path / "a.csv").options)
+
+
+def test_each_column_may_have_a_column_of_its_unit(tmp_path):
+    rows = zip(TIME_S, force(TIME_S) * [1e3, 1, 1e-3], strict=True)
+    cells = ([t, *fs, "mN", "N", "kN"] for t, fs in rows)
+    lines(tmp_path / "a.csv", "t,Fx,Fy,Fz,Fx_unit,fy_units,Fz_Unit", cells)
+    frames = imported(tmp_path / "a.csv").frames
+    np.testing.assert_allclose(frames["force_n"], force(TIME_S), atol=1e-5)
 
 
 @pytest.mark.parametrize("names", ["t,fx,fy,fz,unit", "t,fx,fy,fz,force_unit"])

@@ -46,6 +46,8 @@ _UNITS: Final = re.compile(
     r"((?P<length>length|distance|displacement)|.*?)[ _]?units?", re.IGNORECASE
 )
 """Matches the name of units, perhaps of one quantity."""
+_OF_UNITS: Final = re.compile(r"(?<![^.])(units)\.([^.]+)$", re.IGNORECASE)
+"""Matches a member of a group of units."""
 _TRIAL: Final = re.compile(
     r"_?(trial|run|episode|take|session|rep(etition)?|versuch|subject|participant"
     r"|(source[ _]?)?file)([ _.]*(id|no|nr|num|number|name|index|idx|#))?[.:]?",
@@ -105,9 +107,14 @@ def gives_unit(name: str) -> bool:
     return unit_of_what(name) is not None
 
 
+def unit_name(name: str) -> str:
+    """Return a name, that of a member of a group of units as if beside it: ``force_units``."""
+    return _OF_UNITS.sub(r"\2_\1", name)
+
+
 def unit_of_what(name: str) -> str | None:
     """Return the quantity whose units a name says that it holds, "" if those of any, or None."""
-    found = _UNITS.fullmatch(last_part(name))
+    found = _UNITS.fullmatch(last_part(unit_name(name)))
     if found is None or not found[1]:
         return found and ""
     target = "position" if found["length"] else target_of(found[1])
@@ -123,7 +130,8 @@ def target_of(name: str) -> str | None:
         return of_message or (other if other and quantity_of(other) in CHANNELS else None)
     own = re.split(r"\.|: ", name)[-1]
     spaced = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", own).replace("^", "")
-    words = re.findall(r"[a-z]+[0-9]?", re.sub(r" in (?=\w)", " ", spaced.lower()))
+    plain = "" if gives_unit(name) else re.sub(r" in (?=\w)", " ", spaced.lower())
+    words = re.findall(r"[a-z]+[0-9]?", plain)
     for end in range(len(words), max(0, len(words) - 3), -1):  # the last words may be a unit
         joined, behind = "".join(words[:end]), "_".join(words[end:])
         if not behind and (target := _target_of_whole(joined)):

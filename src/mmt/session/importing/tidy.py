@@ -25,6 +25,7 @@ from mmt.session.importing.column_names import (
     target_of,
     tells_apart,
     tells_trials,
+    unit_name,
     unit_of_what,
 )
 from mmt.session.importing.columns import SHOWN_COLUMNS, SourceColumns, Wanted
@@ -372,18 +373,19 @@ def _in_told_unit(columns: SourceColumns) -> SourceColumns:
     units, told, notes = dict(columns.units), _told_units(columns), list(columns.notes)
     plain = {n: _channel_of(n) for n in columns.names if n not in units}
     plain = {n: q for n, q in plain.items() if not (q and unit_in_name(q, n))}
-    beside = Counter((_owner([name]), unit_of_what(name)) for name in told)
+    beside = Counter((_owner([unit_name(name)]), unit_of_what(name)) for name in told)
     for name, texts in sorted(told.items(), key=lambda each: -each[0].count(".")):
-        owner, quantity = _owner([name]), unit_of_what(name)
+        owner, quantity = _owner([unit_name(name)]), unit_of_what(name)
         channels = {n: _channel_of(n) for n in columns.names if _is_within(n, owner)}
         lengths = [1, *(len(column) for n, column in columns.values.items() if n in channels)]
         of_rows = columns.ends_left_out or len(texts) in lengths
         several = not quantity and len({*channels.values()} & {*CHANNELS}) > 1
-        alone = of_rows and not several and beside[owner, quantity] == 1
-        if alone and all(map(is_unit, {*texts.tolist()} - {""})):
+        own = [n for n in plain if unit_name(name).lower().removesuffix("s") == f"{n}_unit".lower()]
+        certain = own or (not several and beside[owner, quantity] == 1)
+        if certain and of_rows and all(map(is_unit, {*texts.tolist()} - {""})):
             unit = _one_unit(columns, [texts], "the table")
             fits = [quantity, ""] if quantity else [*CHANNELS, "", "orientation", "speed"]
-            of_it = [n for n in channels if n in plain and channels[n] in fits]
+            of_it = own or [n for n in channels if n in plain and channels[n] in fits]
             units = {**dict.fromkeys(of_it, unit), **units}
         elif {plain.get(n) for n in channels} & {quantity, *CHANNELS}:
             notes.append(f"{name} was not taken for the unit of columns (--unit says theirs)")

@@ -12,6 +12,7 @@ import numpy as np
 
 from mmt.core.errors import InputError
 from mmt.core.extras import require
+from mmt.session.importing.column_names import unit_of_what
 from mmt.session.importing.columns import (
     BEGAN,
     SHOWN_COLUMNS,
@@ -96,7 +97,9 @@ def _data_sets(
 
     Links to what is not there are told in `lost`, the units of groups in `units`.
     """
-    units |= {f"{prefix}units": unit} if (unit := told_unit(group.attrs)) else {}
+    told = {"units": told_unit(group.attrs)}
+    told |= {n: told_unit({"unit": text}) for n, text in group.attrs.items() if unit_of_what(n)}
+    units |= {f"{prefix}{name}": unit for name, unit in told.items() if unit}
     for name, item in group.items():
         if "#" in name or name.startswith("_i_") or item in above:  # of MATLAB, of PyTables
             continue

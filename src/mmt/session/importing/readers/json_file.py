@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.errors import InputError
-from mmt.session.importing.column_names import gives_unit, names_of
+from mmt.session.importing.column_names import gives_unit, last_part, names_of, unit_name
 from mmt.session.importing.columns import SourceColumns, distinct, reading
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.readers.cells import columns_of
@@ -98,11 +98,19 @@ def _named(rows: Sequence[Any], names: Sequence[str] = ()) -> dict[str, list[Any
 
 
 def _rows_in(content: dict[str, Any]) -> Any:
-    """Return the one list of rows in an object, if it is longer than any array; else the object."""
+    """Return the one list of rows in an object, if it is longer than any array; else the object.
+
+    The first row gets the units that are beside the rows.
+    """
     tables = [member for member in content.values() if _is_table(member)]
     beside = {name: member for name, member in content.items() if not _is_table(member)}
     longest = max((len(each) for _, each in _leaves(beside) if isinstance(each, list)), default=0)
-    return tables[0] if len(tables) == 1 and len(tables[0]) > longest else content
+    if len(tables) != 1 or len(tables[0]) <= longest:
+        return content
+    told = {n: text for n, text in _leaves(beside) if gives_unit(n) and isinstance(text, str)}
+    units = {last_part(unit_name(name)): text for name, text in told.items()}
+    first, *rows = tables[0]
+    return [units | first if isinstance(first, dict) else first, *rows]
 
 
 def _is_table(member: Any) -> bool:
