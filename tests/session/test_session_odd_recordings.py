@@ -436,10 +436,11 @@ def molten(path):
     lines(path, "time,variable,value,unit", each)
 
 
-@kind("longer.csv")
-def pivoted(path):
-    """As databases and R's pivot_longer write it."""
-    each = ((r[0], f"{r[1]}_{axis}", v) for r in readings() for axis, v in axes_of(r).items())
+@kind("longer.csv", "_")
+@kind("paths.csv", ".")
+def pivoted(path, sign):
+    """As databases, R's pivot_longer and Foxglove write it."""
+    each = ((r[0], f"{r[1]}{sign}{a}", v) for r in readings() for a, v in axes_of(r).items())
     lines(path, "_time,_field,_value", each)
 
 

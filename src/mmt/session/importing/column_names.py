@@ -29,7 +29,7 @@ _TIME: Final = re.compile(
 )
 _FRACTION: Final = re.compile(r"^(tv)?(n|nano|u|micro|m|milli)s(ecs?|econds?)?$")
 """Matches the name of a part of a second, which may stand beside one of `_SECONDS`."""
-AXIS_OF: Final = re.compile(r"(.+)[./]([xyzwXYZW])")
+_AXIS_OF: Final = re.compile(r"(.+)[./]([xyzwXYZW])")
 """Matches an axis of something, as in ``wrench.force.x``."""
 VALUES: Final = re.compile(r"(\.signals)?(\.(_?values?|data|samples|v|xyz))+$", re.IGNORECASE)
 """Matches the end of names of values that their owner's name tells, as in ``acc.data``."""
@@ -154,10 +154,15 @@ def target_of(name: str) -> str | None:
     return target_of(name.replace(": ", " ")) if ": " in name else None  # what is behind is a unit
 
 
+def axis_of(name: str) -> re.Match[str] | None:
+    """Match a name of an axis of something, its owner being the first group."""
+    return _AXIS_OF.fullmatch(VALUES.sub("", NUMBER.sub("", name)))
+
+
 def target_of_column(name: str, unit: str, owners: Collection[str]) -> str | None:
     """Return the target that a column's name and unit suggest, None if it needs no mapping."""
     plain = NUMBER.sub("", name)
-    if axis := AXIS_OF.fullmatch(plain):
+    if axis := axis_of(plain):
         target = _target_of_axis(axis[1], axis[2].lower(), unit, owners)
     elif re.fullmatch("[xyz]", plain, re.IGNORECASE) and (quantity := _of_unit(unit)):
         target = f"{quantity}_{plain.lower()}"

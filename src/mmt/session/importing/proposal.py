@@ -16,9 +16,9 @@ from mmt.core.frames import CHANNELS
 from mmt.core.units import DATE, unit_factor, unit_in_name
 from mmt.session.importing.checks import ImportReport, unit_by_gravity, unit_by_speed
 from mmt.session.importing.column_names import (
-    AXIS_OF,
     NUMBER,
     VALUES,
+    axis_of,
     is_commanded,
     last_part,
     of_file,
@@ -211,7 +211,7 @@ def _suggested(names: Sequence[str], units: Mapping[str, str], stem: str) -> dic
     """Return the columns that names and units suggest for each target, the likeliest first."""
     suggested = {target: [name] for target, name in _of_robots(names).items()}
     suggested |= {target: [name] for target, name in _numbered_axes(names).items()}
-    found = [match for name in names if (match := AXIS_OF.fullmatch(NUMBER.sub("", name)))]
+    found = list(filter(None, map(axis_of, names)))
     owners = {match[0 if match[2] in "wW" else 1] for match in found}  # a quaternion is no position
     owners = {owner for owner in owners if not is_commanded(owner)} or owners
     last = sorted(
