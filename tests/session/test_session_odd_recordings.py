@@ -85,6 +85,16 @@ def dataset_of_structures(path):
     savemat(path, {"logsout": {"force": {"Values": series}, "Name": "logsout"}})
 
 
+@kind("importdata.mat", "A", "colheaders", "N", channels=ONLY_FORCE)
+@kind("acqknowledge.mat", "", "labels", "mN", channels=ONLY_FORCE)
+def matrix_with_names_beside_it(path, owner, heads, unit):
+    scale = {"N": 1, "mN": 1e3}[unit]
+    content = {"data": np.column_stack([TIME_S, scale * force(TIME_S)])}
+    content |= {heads: np.array(["t ", "Fx", "Fy", "Fz"]), "gain": 2.0}
+    content |= {"units": np.array(["s ", unit, unit, unit])} if unit != "N" else {}
+    savemat(path, {owner: content} if owner else content)
+
+
 @kind("sparse.mat", channels=["force", "acceleration"])
 def sparse_matrix_and_time_series(path):
     waves = {"Time": TIME_S[:, None], "Data": vibration(TIME_S).T[:, None, :]}

@@ -1,6 +1,6 @@
 """Read MATLAB files: variables, and the fields of structures as ``structure.field``."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -9,13 +9,22 @@ import numpy.typing as npt
 
 from mmt.core.extras import require
 from mmt.session.importing.column_names import gives_unit
-from mmt.session.importing.columns import OF_THE_SESSION, SourceColumns, beside_columns, reading
+from mmt.session.importing.columns import (
+    OF_THE_SESSION,
+    SourceColumns,
+    beside_columns,
+    distinct,
+    reading,
+)
 from mmt.session.importing.options import ImportOptions
-from mmt.session.importing.readers.cells import columns_of
+from mmt.session.importing.readers.cells import columns_of, text_of
 from mmt.session.importing.readers.hdf5_file import read_hdf5
 
 _OF_MMT: Final = {"sequence", "time_s"}
 """Variables that identify an exported session."""
+
+_HEADS: Final = ("colheaders", "labels")
+"""Names of the columns of ``data`` beside them, as of importdata and AcqKnowledge."""
 
 _LARGEST_SPARSE: Final = 1 << 27
 """Elements; a sparse matrix may hold few of far more."""
@@ -51,12 +60,30 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
         if not variable.startswith("__")
         for name, values in _flattened(variable, content)
     }
+    named, units = _named(variables)
+    variables = {name: c for columns in named.values() for name, c in columns.items()} | variables
     return SourceColumns(
         origin=origin,
-        names=list(variables),
-        **columns_of({n: v for n, v in variables.items() if wanted(n)}, origin),
+        names=[name for name in variables if name not in named],
+        **columns_of({n: v for n, v in variables.items() if wanted(n)}, origin, units),
         **beside,
     )
+
+
+def _named(variables: Mapping[str, Any]) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
+    """Return the columns of each matrix that are named beside it, as by importdata, and units."""
+    named, units = dict[str, dict[str, Any]](), dict[str, str]()
+    for name, data in variables.items():
+        owner = name.removesuffix("data")
+        if name == owner or np.ndim(data) != 2:
+            continue
+        beside = {n: np.ravel(variables.get(f"{owner}{n}", ())) for n in (*_HEADS, "units")}
+        texts = {n: [*map(text_of, x)] for n, x in beside.items() if len(x) == data.shape[1]}
+        if heads := next((texts[head] for head in _HEADS if head in texts), []):
+            columns = [f"{owner}{head}" for head in distinct(heads)[0]]
+            named[name] = dict(zip(columns, data.T, strict=True))
+            units |= dict(zip(columns, texts.get("units", ()), strict=False))
+    return named, units
 
 
 def _flattened(name: str, value: Any) -> Iterator[tuple[str, npt.NDArray[Any]]]:
