@@ -207,6 +207,17 @@ def lists_a_line_each(path, form):
     path.write_text("\n".join(printed(row, form) for row in rows_of(force)))
 
 
+@kind("sign.csv", ",", channels=ONLY_FORCE)
+@kind("sign.txt", "\t", channels=ONLY_FORCE)
+def with_names_behind_a_comments_sign(path, sign):
+    lines(path, sign.join(["#", "t", *NAMED.values()]), rows_of(force), sign)
+
+
+@kind("counted.csv", channels=ONLY_FORCE)
+def with_row_numbers_and_a_column_without_values(path):
+    lines(path, ",t,Fx,Fy,Fz,Comment", ((n, *row) for n, row in enumerate(rows_of(force))))
+
+
 @kind("no names.csv", channels=ONLY_FORCE, columns=NUMBERED)
 @kind("names.csv", "0,1,2,3", channels=ONLY_FORCE,
       columns=dict(zip(NUMBERED, "0123", strict=True)))  # fmt: skip

@@ -155,7 +155,8 @@ def _header_rows(
         wide = max(width, len(above[-1]))
         cells = zip_longest(above[-1], over[:wide], index[:wide], range(1, wide + 1))
         each = [tuple(map(text_of, column)) for column in cells]
-        names = [_named(*texts) for texts in each]
+        begins_late = _is_shifted([above[-1], *rows[first:]])
+        names = [_named(*texts) for texts in each[int(begins_late) :]]
         if len(above[-1]) == width - 1 and _are_counted(rows[first:]):
             return _Rows(["", *names[:-1]], first, units=units)
         few = text_of(rows[first][-1]) and not any(each[width - 1][:-1])
@@ -192,6 +193,13 @@ def _are_counted(rows: Sequence[Sequence[Cell]]) -> bool:
     return len(filled) > 1 and all(
         row[0] == str(number) and row[-1] for number, row in enumerate(filled, start=begin)
     )
+
+
+def _is_shifted(rows: Sequence[Sequence[Cell]]) -> bool:
+    """Return whether names stand behind a blank that no row below has, that of a comment's sign."""
+    (first, *names), widest = rows[0], max(map(len, rows[1:]))
+    fits = len(names) == widest and not text_of(first) and bool(text_of(names[-1]))
+    return fits and not _are_counted(rows[1:])
 
 
 def _begins(row: Sequence[Cell], following: Sequence[Cell], number: Numbers) -> bool:
