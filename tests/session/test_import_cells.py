@@ -14,6 +14,7 @@ from mmt.session.importing.readers import cells
 
 FORMS = "%Y-%m-%d %H:%M:%S.%f|%Y-%m-%dT%H:%M:%S.%fZ|%Y-%m-%d %H:%M:%S+02:00|%d.%m.%Y %H:%M:%S,%f"
 FORMS += "|%d.%m.%Y %H:%M:%S|%Y/%m/%d %H:%M:%S.%f| %H:%M:%S.%f |%H:%M|%M:%S.%f|%I:%M:%S %p"
+FORMS += "|%m/%d/%Y %I:%M:%S %p|%m/%d/%Y %I:%M:%S.%f %p"
 FORMS += "|%I:%M:%S.%f %p|0 days %H:%M:%S.%f|7 days, +%H:%M:%S"
 
 

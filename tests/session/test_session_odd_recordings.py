@@ -226,10 +226,12 @@ def with_columns_that_are_numbered(path, *head):
     path.write_text("\n".join([*head, *rows]) + "\n")
 
 
-@kind("arduino.log", channels=["acceleration"])
-def behind_arduinos_time(path):
-    texts = ((f"10:30:{t:06.3f} -> {ax}", ay, az) for t, ax, ay, az in rows_of(vibration))
-    lines(path, "10:30:00.000 -> ax,ay,az", texts)
+@kind("arduino.log", "10:30:", " -> ", channels=["acceleration"])
+@kind("terminal.log", "[2026-05-01 10:30:", "] ", channels=["acceleration"])
+def behind_a_monitors_time(path, day, sign):
+    """As Arduino's monitor and Tera Term write it."""
+    texts = ((f"{day}{t:06.3f}{sign}{ax}", ay, az) for t, ax, ay, az in rows_of(vibration))
+    lines(path, f"{day}00.000{sign}ax,ay,az", texts)
 
 
 @kind("force.csv", channels=ONLY_FORCE)

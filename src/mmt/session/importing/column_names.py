@@ -20,8 +20,8 @@ _OF_TOOL: Final = "(?:(?:robot[0-9]?)?(?:cursor|eef?|tool|tip|tcp|probe|stylus|p
 _WORDS: Final = {
     "position": f"p|{_OF_TOOL}(?:pos|position)|tip|tcp|pen|stylus|tool",
     "force": f"f|{_OF_TOOL}forces?|load(?:cell)?|kraft|ati",
-    "acceleration": "(?:linear|total)?a(?:cc(?:el(?:eration)?)?)?|accelerometer(?:uncalibrated)?"
-    "|imu|adxl|vibration|beschleunigung",
+    "acceleration": "(?:linear|total|free)?a(?:cc(?:el(?:eration)?)?)?"
+    "|accelerometer(?:uncalibrated)?|imu|adxl|vibration|beschleunigung",
     "speed": "v|vel|velocity|speed",
 }
 _TIME: Final = re.compile(

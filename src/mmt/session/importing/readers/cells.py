@@ -28,6 +28,7 @@ _DATES: Final = (
     *(f"%d.%m.%Y %H:%M:%S{part}" for part in (".%f", "")),
     *(f"%Y/%m/%d %H:%M:%S{part}" for part in (".%f", "")),
     *(f"%d-%b-%Y %H:%M:%S{part}" for part in (".%f", "")),  # as MATLAB writes them
+    *(f"%m/%d/%Y %I:%M:%S{part} %p" for part in (".%f", "")),  # of the United States
 )
 _TIMES: Final = ("%H:%M:%S.%f", "%H:%M:%S", "%M:%S.%f", "%I:%M:%S.%f %p", "%I:%M:%S %p")
 _DURATION: Final = re.compile(r"(\d+) days?[.,]? \+?(.+)")

@@ -29,8 +29,8 @@ _VECTOR: Final = re.compile(
 """Matches a cell with several numbers, as programs in Python write arrays and lists."""
 _TUPLE: Final = re.compile(r"(?<![^,\s])[(\[]\s*[-+\d.][^()\[\]]*[)\]]")
 """Matches a vector with commas between its numbers, as Unity writes it."""
-_STAMP: Final = re.compile(r"^(\d\d:\d\d:\d\d\.\d{3}) -> ")
-"""Matches the time that Arduino's monitor puts before a line."""
+_STAMP: Final = re.compile(r"^\[?((?:\d{4}-\d\d-\d\d )?\d\d:\d\d:\d\d[.,]\d{3})(?: -> |\]\s*)")
+"""Matches the time that monitors of a serial port, as of Arduino, put before a line."""
 _LABEL: Final = re.compile(
     r"[\s,;|]*(?P<name>[A-Z_][\w ./()-]{0,30}?)[ \t]*[:=][ \t]*"
     r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan)"
@@ -173,7 +173,7 @@ def _rows(lines: Iterator[str], delimiter: str) -> Iterator[Sequence[str]]:
 
 def _separated(line: str, delimiter: str) -> str:
     """Return a line whose stamp and vectors are cells of their own; most lines have neither."""
-    if " -> " in line:
+    if " -> " in line or line[:1] == "[":
         line = _STAMP.sub(lambda found: found[1] + delimiter, line)
     if delimiter == "," and ("(" in line or "[" in line) and '"' not in line:
         line = _TUPLE.sub(_quoted, line)
