@@ -109,18 +109,17 @@ def reading(
     InputError
         Instead of `damage` and OSError.
     """
+    caught: tuple[type[Exception], ...] = (*damage, OSError)
     try:
         yield
     except InputError as error:
         texts = str(error)
         raise InputError(texts if texts.startswith(origin) else f"{origin}: {texts}") from error
-    except damage as error:
-        reason = getattr(error, "strerror", None) if isinstance(error, OSError) else None
-        raise InputError(
-            f"{origin}: {reason or f'this is not {kind}: {short_message(error)}'}"
-        ) from error
-    except OSError as error:
-        raise InputError(f"{origin}: {error.strerror or error}") from error
+    except caught as error:
+        other = (
+            f"this is not {kind}: {short_message(error)}" if isinstance(error, damage) else error
+        )
+        raise InputError(f"{origin}: {getattr(error, 'strerror', None) or other}") from error
 
 
 class Wanted(frozenset[str]):

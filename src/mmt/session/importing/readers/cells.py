@@ -4,6 +4,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, date, datetime, time, timedelta
 from decimal import Decimal
 from typing import Any, Final, TypeAlias
@@ -280,9 +281,7 @@ def _moment(text: str) -> datetime | time | timedelta | None:
         except ValueError:
             continue
     for form in (*_DATES, *_TIMES):
-        try:
+        with suppress(ValueError):
             found = datetime.strptime(text, form).replace(tzinfo=UTC)
-        except ValueError:
-            continue
-        return found if form in _DATES else found.time()
+            return found if form in _DATES else found.time()
     return None

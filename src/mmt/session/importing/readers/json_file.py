@@ -71,9 +71,8 @@ def _of_pandas(content: dict[str, Any]) -> Any:
     if not first or any(isinstance(cell, dict) for cell in cells):
         return None
     if len(content) > len(first) and max(lists, default=0) <= _LONGEST_CELL:
-        names, labels = first, list(content)
-        columns = {name: [row[name] for row in content.values()] for name in names}
-        return columns | _index(labels)
+        columns = {name: [row[name] for row in content.values()] for name in first}
+        return columns | _index(list(content))
     columns = {name: list(column.values()) for name, column in content.items()}
     return None if lists else columns | _index(first)
 

@@ -106,7 +106,6 @@ def _flattened(name: str, value: Any) -> Iterator[tuple[str, npt.NDArray[Any]]]:
             len(shapes) == 1
             and len(shape := shapes.pop()) < 2
             and max(shape, default=1) <= len(elements)  # else each is a series of its own
-            and all(isinstance(each, int | float | np.ndarray) for each in elements)
         ):
             joined = np.asarray(elements)
             if joined.dtype.kind in "iufb":
@@ -116,8 +115,5 @@ def _flattened(name: str, value: Any) -> Iterator[tuple[str, npt.NDArray[Any]]]:
             yield from _flattened(f"{name}{{{number}}}", each)
     elif kind is not None and kind.kind == "U" and (value.size > 1 or gives_unit(name)):
         yield name, value
-    elif (
-        isinstance(value, np.ndarray | np.number | int | float)
-        and np.asarray(value).dtype.kind in "iufbc"
-    ):
+    elif np.asarray(value).dtype.kind in "iufbc":
         yield name, np.asarray(value)

@@ -137,16 +137,13 @@ def _numbers(column: Any, name: str, origin: str) -> npt.NDArray[Any]:
             raise InputError(f"{origin}: the lists of {name} are not all of one length")
         inner = _numbers(pa.chunked_array([flat]), name, origin)
         rows = inner.reshape(-1, width * inner.size // max(1, len(inner)))
-        return rows if given.all() else _spread(rows, given)
+        if given.all():
+            return rows
+        spread = np.full((len(given), rows.shape[1]), np.nan)
+        spread[given] = rows
+        return spread
     numbers: npt.NDArray[Any] = array.to_numpy(zero_copy_only=False)
     return numbers
-
-
-def _spread(rows: npt.NDArray[Any], given: npt.NDArray[np.bool_]) -> npt.NDArray[Any]:
-    """Return rows (m, k) at the places that are `given` (n,), as (n, k) with NaN elsewhere."""
-    spread = np.full((len(given), rows.shape[1]), np.nan)
-    spread[given] = rows
-    return spread
 
 
 def _frames(columns: Mapping[str, npt.NDArray[Any]]) -> RecordArray | None:

@@ -2,10 +2,12 @@
 
 import csv
 import gzip
+import json
 import re
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import chain, islice
@@ -27,7 +29,7 @@ _VECTOR: Final = re.compile(
     r"(?:(?:np\.|numpy\.)?(?:array|tensor)\()?[\[(]\s*([-+\d.][^\[\]()]*)[\])](?:[^\[\]()]*\))?"
 )
 """Matches a cell with several numbers, as programs in Python write arrays and lists."""
-_TUPLE: Final = re.compile(r"(?<![^,\s])[(\[]\s*[-+\d.][^()\[\]]*[)\]]")
+_TUPLE: Final = re.compile(r"(?<![^,\s])[(\[]\s*[-+\d.][^()\[\],]*,[^()\[\]]*[)\]]")
 """Matches a vector with commas between its numbers, as Unity writes it."""
 _STAMP: Final = re.compile(r"^\[?((?:\d{4}-\d\d-\d\d )?\d\d:\d\d:\d\d[.,]\d{3})(?: -> |\]\s*)")
 """Matches the time that monitors of a serial port, as of Arduino, put before a line."""
@@ -39,11 +41,6 @@ _LABEL: Final = re.compile(
     re.IGNORECASE,
 )
 """Matches a name with its number, as sketches for microcontrollers print them."""
-_BEGINNINGS: Final = {
-    b"\xef\xbb\xbf": "utf-8-sig",
-    b"\xff\xfe": "utf-16",
-    b"\xfe\xff": "utf-16",
-}
 
 
 def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions) -> SourceColumns:
@@ -86,21 +83,12 @@ def _opened(path: Path, encoding: str) -> TextIO:
 def _encoding(path: Path) -> str:
     with _opened(path, "latin-1") as stream:
         begin = stream.read(4).encode("latin-1")
-    for mark, encoding in _BEGINNINGS.items():
-        if begin.startswith(mark):
-            return encoding
-    for name, zeros, others in (
-        ("utf-16-le", begin[1::2], begin[::2]),
-        ("utf-16-be", begin[::2], begin[1::2]),
-    ):
-        if len(begin) == 4 and not any(zeros) and all(others):
-            return name
+    if (found := json.detect_encoding(begin)) != "utf-8":
+        return found
     try:
-        with _opened(path, "utf-8") as stream:
+        with suppress(EOFError), _opened(path, "utf-8") as stream:  # a packed file may be cut off
             while stream.read(1 << 20):
                 pass
-    except EOFError:
-        return "utf-8"  # it is cut off
     except UnicodeDecodeError:
         return "cp1252"  # such as a degree or mu sign from a measuring program
     return "utf-8"
@@ -176,12 +164,8 @@ def _separated(line: str, delimiter: str) -> str:
     if " -> " in line or line[:1] == "[":
         line = _STAMP.sub(lambda found: found[1] + delimiter, line)
     if delimiter == "," and ("(" in line or "[" in line) and '"' not in line:
-        line = _TUPLE.sub(_quoted, line)
+        line = _TUPLE.sub(r'"\g<0>"', line)
     return line
-
-
-def _quoted(cell: re.Match[str]) -> str:
-    return f'"{cell[0]}"' if "," in cell[0] else cell[0]
 
 
 def _unpacked(rows: Iterator[list[str]]) -> Iterator[Sequence[str]]:
