@@ -4,7 +4,7 @@ import numpy as np
 
 from mmt.testing.simulation.surfaces.known_surfaces import vibration_of
 from mmt.testing.simulation.surfaces.vibration import Stroke
-from mmt.texture import TextureModel
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space import InputSpace, TextureSamples
 
 
