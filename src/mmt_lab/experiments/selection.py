@@ -106,13 +106,10 @@ def run_texture(
 
 
 def _run(method: Method, data: ModelPoints) -> tuple[BoolArray, BoolArray]:
-    if method == "published":
-        published = select_published(data)
-        return published.outlier, published.kept
     if method == "ours, model's data":
         data = ModelPoints(data.points, data.lsf, data.variance)
-    ours = select(data)
-    return ours.outlier, ours.kept
+    found = select_published(data) if method == "published" else select(data)
+    return found.outlier, found.kept
 
 
 class _Probes:

@@ -21,12 +21,8 @@ from mmt_lab.selection.concatenated import (
 )
 from mmt_lab.selection.knocks import SHARE
 from mmt_lab.selection.sessions import fitted
-from mmt_methods.selection import select
-from mmt_methods.selection.published import (
-    SMOOTHING,
-    PublishedSelection,
-    select_published,
-)
+from mmt_methods.selection import Selection, select
+from mmt_methods.selection.published import SMOOTHING, select_published
 
 FRESH_S: Final = 10.0
 """Length of the stroke that no model has seen."""
@@ -123,9 +119,7 @@ def select_from(row: PaperRow, seed: int, spectra: Spectra) -> Selected:
     )
 
 
-def select_with_variation(
-    variation: Variation, found: DataSet
-) -> tuple[PublishedSelection, Removed]:
+def select_with_variation(variation: Variation, found: DataSet) -> tuple[Selection, Removed]:
     """Select as published from a data set, with a variation of the selection or its filters."""
     data = found.data
     if variation.order != ORDER:

@@ -66,10 +66,11 @@ def select_samples(
         require_absent(target, force=force)
     from mmt_methods.selection import SelectionSettings, select
     from mmt_methods.selection.pooling import left_out_errors
+    from mmt_methods.selection.published import select_published
 
     pool = _pool(sources, scene_file)
     if (method or pool.settings.method) == "published":
-        result = _published(pool)
+        result = select_published(pool.data)
     else:
         result = select(pool.data, SelectionSettings(false_alarms, tau, largest))
     errors = left_out_errors(pool.data, result.outlier, result.kept)
@@ -101,21 +102,6 @@ def _pool(sources: list[Path], scene_file: Path | None) -> "Pool":
     scene = scene_of(sessions[0], scene_file)
     texture = scene.texture or Texture()
     return pool_sessions(sessions, texture.settings(common_samples_per_frame(sessions)))
-
-
-def _published(pool: "Pool") -> "Selection":
-    import numpy as np
-
-    from mmt_methods.selection import Selection
-    from mmt_methods.selection.published import select_published
-
-    found = select_published(pool.data)
-    words = [
-        f"its spectral error {error:.2f} exceeds {threshold:.2f}" if bad else ""
-        for error, threshold, bad in zip(found.error, found.threshold, found.outlier, strict=True)
-    ]
-    score = np.nan_to_num(found.error)
-    return Selection(found.outlier, found.kept, found.minimal, score, tuple(words), score)
 
 
 def _print(pool: "Pool", result: "Selection", errors: dict[str, Any]) -> None:

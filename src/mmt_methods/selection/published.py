@@ -21,7 +21,6 @@ Choices, if the paper leaves one or contradicts itself:
   weights: see `SMOOTHING`.
 """
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -35,6 +34,7 @@ from mmt_methods.selection.points import (
     hull_of,
     spectral_error,
 )
+from mmt_methods.selection.selecting import Selection
 
 SMOOTHING: Final = 0.03
 """Ridge regression. A network through every point would also follow the scatter of the fits, and
@@ -119,22 +119,6 @@ def valid_filter(lsf: FloatArray, variance: float) -> tuple[FloatArray, float]:
     return np.clip(ordered, 0.0, top) + steps, variance
 
 
-@dataclass(frozen=True)
-class PublishedSelection:
-    """Result of algorithm 1 for n points, arrays of shape (n,).
-
-    ``minimal``: corners of the hull. ``outlier``: removed by the first stage. ``kept``: in the
-    selected set. ``error``: relative spectral error of the first stage at the moment of the
-    test, ``threshold`` its threshold; both NaN for points that were not tested.
-    """
-
-    minimal: BoolArray
-    outlier: BoolArray
-    kept: BoolArray
-    error: FloatArray
-    threshold: FloatArray
-
-
 def _amplitude(model: NetworkNeighbours, index: int, count: int) -> FloatArray | None:
     """Return the spectrum (count,) predicted without a point; None if the others are too few."""
     values = model.predict(index)
@@ -165,8 +149,11 @@ def thresholds(points: FloatArray) -> FloatArray:
     return np.asarray(TAU_1 + alpha * (sparsity / average - 1.0))
 
 
-def select_published(data: ModelPoints, *, smoothing: float = SMOOTHING) -> PublishedSelection:
+def select_published(data: ModelPoints, *, smoothing: float = SMOOTHING) -> Selection:
     """Run algorithm 1 in the order in which the points stand.
+
+    Score and error of the result are the relative spectral error of the first stage at the moment
+    of the test, 0 and NaN for points that were not tested.
 
     Parameters
     ----------
@@ -191,7 +178,11 @@ def select_published(data: ModelPoints, *, smoothing: float = SMOOTHING) -> Publ
     outlier = error > limit  # false if not tested
     model = NetworkNeighbours(points, values, minimal, smoothing)
     kept = _condense(model, truth, minimal, ~outlier)
-    return PublishedSelection(minimal, outlier, kept, error, limit)
+    words = [
+        f"its spectral error {wrong:.2f} exceeds {most:.2f}" if wrong > most else ""
+        for wrong, most in zip(error, limit, strict=True)
+    ]
+    return Selection(outlier, kept, minimal, np.nan_to_num(error), tuple(words), error)
 
 
 def _edit(model: NetworkNeighbours, truth: FloatArray, limit: FloatArray) -> FloatArray:
