@@ -170,18 +170,6 @@ _STEPS: Final = np.arange(5) / 2.0
 a stationary texture's level, 1 that of its shape, and 2 another m times that."""
 
 
-class ConsensusPrediction(NamedTuple):
-    """Level (n, 1) and shape (n, f) of n points as the others predict them."""
-
-    level: LeaveOneOutPrediction
-    shape: LeaveOneOutPrediction
-
-    @property
-    def logarithm(self) -> FloatArray:
-        """The logarithm of the spectra, (n, f)."""
-        return np.asarray(self.level.mean + self.shape.mean)
-
-
 class Consensus:
     """Predictor of the spectra of a model's points from each other.
 
@@ -205,8 +193,8 @@ class Consensus:
         factors = np.power(float(self._order), _STEPS)
         self._others = LeaveOneOut(data.points, 2.0 / data.samples(), np.unique(factors).tolist())
 
-    def predict_from(self, present: BoolArray) -> ConsensusPrediction:
-        """Predict every point from the other points in the mask `present`, at least two.
+    def predict_from(self, present: BoolArray) -> list[LeaveOneOutPrediction]:
+        """Predict level (n, 1) and shape (n, f) from the others in the mask `present`, two or more.
 
         Notes
         -----
@@ -214,11 +202,12 @@ class Consensus:
         """
         groups, effective = (self.level - self._law, self.shape), (1.0, float(self._order))
         level, shape = self._others.predict(groups, effective, present)
-        return ConsensusPrediction(level._replace(mean=level.mean + self._law), shape)
+        return [level._replace(mean=level.mean + self._law), shape]
 
-    def smoothed(self, agreed: ConsensusPrediction) -> FloatArray:
+    def smoothed(self) -> FloatArray:
         """Return log spectra (n, f) that combine each point's own with its prediction."""
-        total = np.zeros_like(self.shape)
+        total, everyone = np.zeros_like(self.shape), np.ones(len(self.shape), np.bool_)
+        agreed = self.predict_from(everyone)
         for own, others in zip((self.level, self.shape), agreed, strict=True):
             share = (others.scatter / others.variance)[:, None]  # weight of the prediction
             total += share * others.mean + (1.0 - share) * own

@@ -131,7 +131,7 @@ def limit_of(scores: FloatArray, false_alarms: float) -> float:
 def _evidence(data: ModelPoints, consensus: Consensus, present: BoolArray) -> FloatArray:
     """Return the parts of the score, (n, 2), or (n, 3) with segments; `present` (n,) predict."""
     order = data.lsf.shape[1]
-    level, shape = agreed = consensus.predict_from(present)
+    level, shape = consensus.predict_from(present)
     louder = np.maximum(consensus.level - level.mean, 0.0)[:, 0]
     more = np.maximum(consensus.shape - shape.mean, 0.0)
     parts = [
@@ -139,7 +139,7 @@ def _evidence(data: ModelPoints, consensus: Consensus, present: BoolArray) -> Fl
         order * np.square(more).mean(axis=1) / shape.variance,
     ]
     if data.segments is not None:
-        filters = whitening(np.exp(agreed.logarithm), order)
+        filters = whitening(np.exp(level.mean + shape.mean), order)
         parts.append(2.0 * tone_evidence(data.segments, filters, level.variance, data.rate_hz))
     return np.column_stack(parts)
 

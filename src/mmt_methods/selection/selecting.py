@@ -178,8 +178,7 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
     minimal[hull_of(data.points)] = True
     if minimal.all() or n < 3:
         return Condensed(minimal, np.ones(n, dtype=np.bool_), np.zeros(n))
-    consensus = Consensus(data)
-    agreed = np.exp(0.5 * consensus.smoothed(consensus.predict_from(np.ones(n, dtype=np.bool_))))
+    agreed = np.exp(0.5 * Consensus(data).smoothed())
     own = amplitude_of(data.lsf, data.variance, data.frequencies)
     nearest = cKDTree(data.points)
     near = min(n, _NEAR * (data.points.shape[1] + 1))
