@@ -37,7 +37,7 @@ def test_around_the_samples_a_line_goes_on_following_the_speed(directed):
         points[:, :2] = 0.6 * scattered(40, directed)[:, :2]
     random = np.random.default_rng(4)
     lsf = truth(points) + random.normal(0.0, 0.01, (40, 4))
-    around = boundary(points.shape[1]).points
+    around = boundary(points.shape[1])
     result = smoothed(points, lsf, np.full(40, 300.0), around)
     np.testing.assert_array_equal(
         result[:40], smoothed(points, lsf, np.full(40, 300.0), points[:0])

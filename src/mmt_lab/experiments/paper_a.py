@@ -165,7 +165,7 @@ def _sentences(alike: float, spectra: Spectra) -> list[str]:
 
 def _settings() -> list[Target]:
     """Return the figures of the product's set-up, with those of the paper as targets."""
-    edge = len(boundary(2).points) / 4.0
+    edge = len(boundary(2)) / 4.0
     jnd_percent = 100.0 * (10.0 ** (0.05 * JND_DB) - 1.0)
     return [
         Target("rate of position, force, acceleration (Hz)", SETTINGS.rate_hz, "about", 1000.0),

@@ -106,7 +106,7 @@ def smoothed_shapes(samples: TextureSamples) -> FloatArray:
     Samples are weighted by their lengths, or equally if these are not known.
     """
     weights = np.ones(len(samples)) if samples.counts is None else samples.counts
-    around = boundary(samples.space.dimensions).points
+    around = boundary(samples.space.dimensions)
     return smoothed(samples.points, samples.lsf, weights, around)
 
 

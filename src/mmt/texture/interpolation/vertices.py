@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from mmt.core.arrays import BoolArray, FloatArray, IntArray
+from mmt.core.arrays import FloatArray, IntArray
 
 COINCIDENT: Final = 1e-6
 """Normalised distance below which two samples are one vertex, with their mean as value."""
@@ -67,7 +67,8 @@ def vertex_table(points: FloatArray, level: FloatArray, lsf: FloatArray) -> Vert
     Coincident samples become one vertex with the mean of their filters (a convex
     combination of ordered LSF is ordered) and of their level. A boundary point copies its
     nearest sample, except for the LSF if its own are given. On the edges of zero speed and zero
-    force its level is zero.
+    force its level is zero. Over velocity and force, the level table makes a hand at rest feel
+    nothing: see `mmt.texture.interpolation.interpolant`.
 
     Parameters
     ----------
@@ -86,10 +87,11 @@ def vertex_table(points: FloatArray, level: FloatArray, lsf: FloatArray) -> Vert
     merged /= counts[:, None]
 
     around = boundary(dimensions)
-    distance = cdist(around.points, merged[:, :dimensions])
+    distance = cdist(around, merged[:, :dimensions])
     extension = merged[distance.argmin(axis=1)]
-    extension[:, :dimensions] = around.points
-    extension[around.silent, dimensions] = 0.0
+    extension[:, :dimensions] = around
+    if dimensions == 2:
+        extension[(around == 0.0).any(axis=1), dimensions] = 0.0
     if len(lsf) > count:
         extension[:, dimensions + 1 :] = lsf[count:]
     apart = distance.min(axis=1) > COINCIDENT
@@ -125,32 +127,16 @@ def _coincident(points: FloatArray) -> IntArray:
     return vertex.reshape(-1).astype(np.int64)
 
 
-class Boundary(NamedTuple):
-    """Points, shape (b, d), and whether the level there is zero, shape (b,)."""
+def boundary(dimensions: int) -> FloatArray:
+    """Return the boundary points (b, d) of the space of 2 or 3 inputs.
 
-    points: FloatArray
-    silent: BoolArray
-
-
-def boundary(dimensions: int) -> Boundary:
-    """Return the boundary of the space of 2 or 3 inputs.
-
-    In the plane 20 points: positions 0, 1/5 ... 1 of each edge, corners shared.
+    In the plane 20 points: positions 0, 1/5 ... 1 of each edge, corners shared. Around the cylinder
+    80 points: rings, and points inside the faces.
     """
-    if dimensions == 3:
-        return _cylinder()
-    steps, ends = np.arange(6) / 5, (0.0, 1.0)
-    edges = [(s, e) for s in steps for e in ends] + [(e, s) for s in steps[1:-1] for e in ends]
-    points = np.array(edges)
-    return Boundary(points, (points == 0.0).any(axis=1))
-
-
-def _cylinder() -> Boundary:
-    """Return rings, and points inside the faces: 80 points, none of them silent.
-
-    The level table makes a hand at rest feel nothing: see
-    `mmt.texture.interpolation.interpolant`.
-    """
+    if dimensions == 2:
+        steps, ends = np.arange(6) / 5, (0.0, 1.0)
+        edges = [(s, e) for s in steps for e in ends] + [(e, s) for s in steps[1:-1] for e in ends]
+        return np.array(edges)
     headings = np.linspace(0.0, 2.0 * np.pi, HEADINGS, endpoint=False)
     rings = [
         _at(RIM, headings + (number % 2) * np.pi / HEADINGS, number / (LEVELS_OF_FORCE - 1))
@@ -159,8 +145,7 @@ def _cylinder() -> Boundary:
     turn = np.arange(FACE_POINTS, dtype=np.float64)
     radius: FloatArray = _FACE_RADIUS * np.sqrt((turn + 0.5) / FACE_POINTS)
     faces = [_at(radius, turn * _GOLDEN_ANGLE, force) for force in (0.0, 1.0)]
-    points = np.vstack([*rings, *faces])
-    return Boundary(points, np.zeros(len(points), np.bool_))
+    return np.vstack([*rings, *faces])
 
 
 def _at(radius: float | FloatArray, heading: FloatArray, force: float | FloatArray) -> FloatArray:
