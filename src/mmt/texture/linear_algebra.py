@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.arrays import FloatArray
 from mmt.core.compiled import kernel
 
 _BLOCK: Final = 8
@@ -85,21 +85,6 @@ def solve_backward(factor: FloatArray, rows: FloatArray) -> FloatArray:
     solved = np.array(np.atleast_2d(rows), np.float64, order="C")
     backward(factor, solved)
     return solved.reshape(np.shape(rows))
-
-
-@kernel("i8[::1](f8[:, :], f8[:, :])")
-def nearest_rows(among: FloatArray, points: FloatArray) -> IntArray:
-    """Return the index (k,) of the nearest of n >= 1 points (n, d) to each of k points (k, d)."""
-    nearest = np.zeros(len(points), np.int64)
-    for i in range(len(points)):
-        least = np.inf
-        for j in range(len(among)):
-            squared = 0.0
-            for axis in range(among.shape[1]):
-                squared += (among[j, axis] - points[i, axis]) ** 2
-            if squared < least:
-                least, nearest[i] = squared, j
-    return nearest
 
 
 @kernel("f8[:, ::1](f8[:, :], f8[:, :], i8)")

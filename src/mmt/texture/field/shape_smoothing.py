@@ -26,11 +26,11 @@ from itertools import product
 from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.field.cells import distinct_rows
 from mmt.texture.interpolation.vertices import boundary
-from mmt.texture.linear_algebra import nearest_rows
 from mmt.texture.linear_algebra import product as matrix_product
 from mmt.texture.space import TextureSamples
 from mmt.texture.tridiagonal import (
@@ -82,7 +82,7 @@ def smoothed(
         Further points to which the process is continued, shape (b, d).
     """
     asked = np.vstack([points, around])
-    fitted = np.vstack([lsf, lsf[nearest_rows(points, around)]])
+    fitted = np.vstack([lsf, lsf[cdist(around, points, "sqeuclidean").argmin(axis=1)]])
     if len(points) < LEAST_SAMPLES:
         return fitted.copy()
     nodes, values, known = _pooled(points, lsf, weights)

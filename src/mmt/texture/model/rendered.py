@@ -16,6 +16,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.burg import period_of, reflection_of
@@ -24,7 +25,6 @@ from mmt.texture.interpolation.delaunay import triangulate
 from mmt.texture.interpolation.interpolant import Interpolant
 from mmt.texture.interpolation.networks import network_arrays
 from mmt.texture.interpolation.vertices import Vertices, vertex_table
-from mmt.texture.linear_algebra import nearest_rows
 from mmt.texture.model.file import ModelContents
 from mmt.texture.settings import Method, usual_order
 from mmt.texture.space import TextureSamples
@@ -103,7 +103,7 @@ class FieldRendered(PublishedRendered):
         """
         from mmt.texture.model.fits import gain_without_high_pass
 
-        nearest = nearest_rows(self._samples.points, points)
+        nearest = cdist(points, self._samples.points, "sqeuclidean").argmin(axis=1)
         used = np.bincount(nearest) > 0
         gain = gain_without_high_pass(self._samples.lsf[: len(used)][used], self._rate_hz)
         return np.asarray(gain[(used.cumsum() - 1)[nearest]])
@@ -132,7 +132,7 @@ def resampled(contents: ModelContents, rate_hz: float) -> ModelContents:
     power = samples.power * share
     field = contents.field
     if field is not None:
-        nearest = nearest_rows(samples.points, field.points)
+        nearest = cdist(field.points, samples.points, "sqeuclidean").argmin(axis=1)
         field = field.scaled(share[nearest][field.cell_of_row])
     resized = replace(
         samples,
