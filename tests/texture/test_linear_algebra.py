@@ -14,7 +14,7 @@ from mmt.texture.linear_algebra import (
     solve_backward,
     solve_forward,
 )
-from mmt.texture.tridiagonal import rotated, shifted_solutions, shifted_squares, tridiagonal
+from mmt.texture.tridiagonal import shifted_systems
 
 EPSILON = np.finfo(float).eps
 SIZES = [0, 1, 2, 7, 8, 9, 15, 16, 17, 64, 101, 230]
@@ -143,10 +143,9 @@ def test_shifted_systems_have_the_solutions_of_numpy(kind, size, seed, scale):
     random = np.random.default_rng(seed)
     shifts = max(np.abs(matrix).max(), 1.0) * 10.0 ** random.uniform(-4.0, 1.0, 5)
     sides = random.normal(size=(size, 5))
-    reduced = tridiagonal(scale * matrix)
-    turned = rotated(reduced, sides)
-    squares, logarithms = shifted_squares(reduced, turned, scale * shifts)
-    solved = shifted_solutions(reduced, turned, scale * shifts)
+    systems = shifted_systems(scale * matrix, sides)
+    squares, logarithms = systems.squares(scale * shifts)
+    solved = systems.solutions(scale * shifts)
     for number, shift in enumerate(shifts):
         system = matrix + shift * np.eye(size)
         expected = np.linalg.solve(system, sides)
@@ -161,9 +160,9 @@ def test_shifted_systems_have_the_solutions_of_numpy(kind, size, seed, scale):
 def test_rows_are_rotated(size, seed):
     matrix, random = matrices("full", size, seed), np.random.default_rng(seed)
     sides = random.normal(size=(size, 3))
-    reduced = tridiagonal(matrix)
-    turned = rotated(reduced, sides)
-    np.testing.assert_allclose(np.linalg.norm(turned, axis=0), np.linalg.norm(sides, axis=0))
-    full = np.diag(reduced.diagonal) + np.diag(reduced.beside, 1) + np.diag(reduced.beside, -1)
+    found = shifted_systems(matrix, sides)
+    lengths = np.linalg.norm(found.rotated, axis=0)
+    np.testing.assert_allclose(lengths, np.linalg.norm(sides, axis=0))
+    full = np.diag(found.diagonal) + np.diag(found.beside, 1) + np.diag(found.beside, -1)
     own, expected = np.linalg.eigvalsh(full), np.linalg.eigvalsh(matrix)
     np.testing.assert_allclose(own, expected, atol=1e-10 * expected.max())

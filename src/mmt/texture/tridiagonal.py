@@ -17,50 +17,36 @@ from mmt.core.arrays import FloatArray
 from mmt.core.compiled import kernel
 
 
-class Tridiagonal(NamedTuple):
-    """A symmetric matrix (k, k): the reflectors (k, k) of Q, and T by two of its diagonals."""
+class ShiftedSystems(NamedTuple):
+    """``(C + s I) x = y`` for a symmetric matrix C (k, k) and any right-hand sides y (k, m)."""
 
     reflectors: FloatArray
+    """Those of Q, (k, k)."""
     diagonal: FloatArray
-    """Shape (k,)."""
+    """Diagonal of T, (k,)."""
     beside: FloatArray
-    """Shape (k - 1,)."""
+    """The diagonal beside it, (k - 1,)."""
+    rotated: FloatArray
+    """``Q' y``, (k, m)."""
+
+    def squares(self, shifts: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ``y' inverse(C + s I) y`` (s, m), and the logarithms of the determinants (s,)."""
+        return squares_of(self.diagonal, self.beside, self.rotated, shifts)
+
+    def solutions(self, shifts: FloatArray) -> FloatArray:
+        """Return ``inverse(C + s I) y`` (k, m), each column with its own shift s (m,)."""
+        solved = self.rotated.copy()
+        solve_in_place(self.diagonal, self.beside, shifts, solved)
+        turn_in_place(self.reflectors, solved, True)
+        return solved
 
 
-def tridiagonal(matrix: FloatArray) -> Tridiagonal:
-    """Make a symmetric matrix (k, k), k > 0, tridiagonal."""
-    reflectors = np.array(matrix, np.float64, order="C")
-    return Tridiagonal(reflectors, *reduce_in_place(reflectors))
-
-
-def rotated(matrix: Tridiagonal, rows: FloatArray) -> FloatArray:
-    """Return ``Q' y`` (k, m) for right-hand sides y."""
-    turned = np.array(rows, np.float64, order="C")
-    turn_in_place(matrix.reflectors, turned, False)
-    return turned
-
-
-def shifted_squares(
-    matrix: Tridiagonal, rows: FloatArray, shifts: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return ``y' inverse(C + s I) y`` (s, m), and the logarithms of the determinants (s,).
-
-    `rows` are those of `rotated`, (k, m).
-    """
-    squares, logarithms = np.zeros((len(shifts), rows.shape[1])), np.zeros(len(shifts))
-    add_squares(matrix.diagonal, matrix.beside, rows, shifts, squares, logarithms)
-    return squares, logarithms
-
-
-def shifted_solutions(matrix: Tridiagonal, rows: FloatArray, shifts: FloatArray) -> FloatArray:
-    """Return ``inverse(C + s I) y`` (k, m), each column with its own shift s (m,).
-
-    `rows` are those of `rotated`, (k, m).
-    """
-    solved = rows.copy()
-    solve_in_place(matrix.diagonal, matrix.beside, shifts, solved)
-    turn_in_place(matrix.reflectors, solved, True)
-    return solved
+def shifted_systems(matrix: FloatArray, rows: FloatArray) -> ShiftedSystems:
+    """Make a symmetric matrix (k, k), k > 0, tridiagonal, for right-hand sides (k, m)."""
+    reflectors, rotated = (np.array(each, np.float64, order="C") for each in (matrix, rows))
+    diagonal, beside = reduce_in_place(reflectors)
+    turn_in_place(reflectors, rotated, False)
+    return ShiftedSystems(reflectors, diagonal, beside, rotated)
 
 
 @kernel("UniTuple(f8[::1], 2)(f8[:, ::1])")
@@ -145,16 +131,12 @@ def solve_in_place(
             row[m] /= pivot[m]
 
 
-@kernel("void(f8[::1], f8[::1], f8[:, ::1], f8[::1], f8[:, ::1], f8[::1])")
-def add_squares(
-    diagonal: FloatArray,
-    beside: FloatArray,
-    rotated: FloatArray,
-    shifts: FloatArray,
-    squares: FloatArray,
-    logarithms: FloatArray,
-) -> None:
-    """Add the results of `shifted_squares`, from ``Q' y`` (k, m), to zeros (s, m) and (s,)."""
+@kernel("Tuple((f8[:, ::1], f8[::1]))(f8[::1], f8[::1], f8[:, ::1], f8[::1])")
+def squares_of(
+    diagonal: FloatArray, beside: FloatArray, rotated: FloatArray, shifts: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the results of `ShiftedSystems.squares`."""
+    squares, logarithms = np.zeros((len(shifts), rotated.shape[1])), np.zeros(len(shifts))
     rest = np.zeros(rotated.shape[1])
     for s in range(len(shifts)):
         pivot, square = 1.0, squares[s]
@@ -166,3 +148,4 @@ def add_squares(
             for m in range(len(rest)):
                 rest[m] = row[m] - ratio * rest[m]
                 square[m] += rest[m] ** 2 / pivot
+    return squares, logarithms

@@ -23,7 +23,7 @@ most `LARGEST`; more samples are first pooled by cells. Then each noise takes O(
 """
 
 from itertools import product
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -33,13 +33,7 @@ from mmt.texture.field.cells import distinct_rows
 from mmt.texture.interpolation.vertices import boundary
 from mmt.texture.linear_algebra import product as matrix_product
 from mmt.texture.space import TextureSamples
-from mmt.texture.tridiagonal import (
-    Tridiagonal,
-    rotated,
-    shifted_solutions,
-    shifted_squares,
-    tridiagonal,
-)
+from mmt.texture.tridiagonal import ShiftedSystems, shifted_systems
 
 LARGEST: Final = 128
 """Largest number of nodes of the process; more samples are pooled."""
@@ -54,15 +48,6 @@ _USUAL_NOISE: Final = (np.log(0.1), 1.2)  # mean and deviation of the logarithm
 _FREE: Final = 4.0
 _RETURN: Final = 0.9
 _TINY: Final = 1e-12
-
-
-class _Reduced(NamedTuple):
-    """The whitened covariance of k nodes, and Q' times their whitened frequencies, (k, order)."""
-
-    matrix: Tridiagonal
-    rotated: FloatArray
-    roots: FloatArray
-    """Of the weights, (k,)."""
 
 
 def smoothed(
@@ -90,12 +75,11 @@ def smoothed(
     middle = (known @ values) / known.sum()
     values = values - middle
     chosen = np.unique(np.linspace(0, len(nodes) - 1, min(len(nodes), _CHOICE)).round().astype(int))
-    scales, reduced = _best_scales(nodes[chosen], values[chosen], known[chosen])
+    scales, white = _best_scales(nodes[chosen], values[chosen], known[chosen])
     if len(chosen) < len(nodes):
-        reduced = _reduced(_covariances(nodes, nodes, *scales)[0], values, known)
-    noise = _costs(reduced).argmin(axis=0)
-    filtered = shifted_solutions(reduced.matrix, reduced.rotated, np.square(_NOISE[noise]))
-    gains = reduced.roots[:, None] * filtered
+        white = _whitened(_covariances(nodes, nodes, *scales)[0], values, known)
+    noise = _costs(white).argmin(axis=0)
+    gains = np.sqrt(known)[:, None] * white.solutions(np.square(_NOISE[noise]))
     result = matrix_product(_covariances(asked, nodes, *scales)[0], gains) + middle
     return _kept_apart(result, fitted)
 
@@ -135,27 +119,27 @@ def _covariances(a: FloatArray, b: FloatArray, *scales: tuple[float, ...]) -> li
     return [linear + motion * force for motion, force in product(along, forces)]
 
 
-def _reduced(covariance: FloatArray, values: FloatArray, weights: FloatArray) -> _Reduced:
+def _whitened(covariance: FloatArray, values: FloatArray, weights: FloatArray) -> ShiftedSystems:
+    """Return the systems of whitened nodes and frequencies (k, order); their noise is the shift."""
     roots = np.sqrt(weights)
-    matrix = tridiagonal(covariance * np.multiply.outer(roots, roots))
-    return _Reduced(matrix, rotated(matrix, roots[:, None] * values), roots)
+    return shifted_systems(covariance * np.multiply.outer(roots, roots), roots[:, None] * values)
 
 
-def _costs(reduced: _Reduced) -> FloatArray:
+def _costs(white: ShiftedSystems) -> FloatArray:
     """Return minus the log evidence of each noise for each frequency, shape (16, order)."""
-    squares, logarithms = shifted_squares(reduced.matrix, reduced.rotated, np.square(_NOISE))
+    squares, logarithms = white.squares(np.square(_NOISE))
     middle, spread = _USUAL_NOISE
     off = (np.log(_NOISE) - middle) / spread
-    half = 0.5 * len(reduced.rotated) * np.log(squares + _TINY)
+    half = 0.5 * len(white.diagonal) * np.log(squares + _TINY)
     return np.asarray(half + (0.5 * logarithms + 0.5 * off * off)[:, None])
 
 
 def _best_scales(
     points: FloatArray, values: FloatArray, weights: FloatArray
-) -> tuple[tuple[tuple[float, ...], ...], _Reduced]:
+) -> tuple[tuple[tuple[float, ...], ...], ShiftedSystems]:
     covariances = _covariances(points, points, *_SCALES)
-    every = [_reduced(covariance, values, weights) for covariance in covariances]
-    best = int(np.argmin([_costs(reduced).min(axis=0).sum() for reduced in every]))
+    every = [_whitened(covariance, values, weights) for covariance in covariances]
+    best = int(np.argmin([_costs(white).min(axis=0).sum() for white in every]))
     speed, force = list(product(*_SCALES))[best]
     return ((speed,), (force,)), every[best]
 
