@@ -16,7 +16,7 @@ from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.signals.aligned import SignalFaults
 from mmt.texture.surfaces import modeller as modelling
 from mmt.texture.surfaces.modeller import SurfaceModeller
-from mmt.texture.surfaces.tracking import NAMED_S, surface_changes
+from mmt.texture.surfaces.tracking import NAMED_S, follow_surfaces, surface_changes
 
 SETTINGS = ModellingSettings(method="published", order=10, surfaces=SurfaceSettings())
 Changes = dict[int, list[SurfaceChange]]
@@ -207,6 +207,8 @@ def test_what_a_person_says_is_found_again_in_the_events(over_two):
     said = surface_statements([*({"kind": c.kind} | asdict(c) for c in found), {"event": "mark"}])
     assert said == [SurfaceStatement(13_500, 1)]
     assert list(surface_changes(over_two, SETTINGS, said)) == found
+    told = [c.surface for c in follow_surfaces(over_two, SETTINGS, statements=said)]
+    assert told == [c.surface for c in found]
 
 
 def tracked(frames, *said):

@@ -241,7 +241,7 @@ class FoundSurface(NamedTuple):
 def follow_surfaces(
     frames: RecordArray,
     settings: ModellingSettings | None = None,
-    statement: Iterable[SurfaceStatement] = (),
+    statements: Iterable[SurfaceStatement] = (),
 ) -> Iterator[FoundSurface]:
     """Yield each change of surface in a session, as the live leader finds it.
 
@@ -254,7 +254,7 @@ def follow_surfaces(
     settings
         Settings of the modelling; ``surfaces`` sets how surfaces are told apart. None takes the
         defaults, for both. The number of samples per frame is taken from the frames.
-    statement
+    statements
         Statements of persons, which `mmt.texture.online.updates.surface_statements` returns
         from the events of a recording.
 
@@ -269,7 +269,7 @@ def follow_surfaces(
     settings = settings or ModellingSettings()
     settings = replace(settings, samples_per_frame=samples_per_frame(frames.dtype))
     first = int(frames["sequence"][0]) if len(frames) else 0
-    for change in surface_changes(frames, settings, statement):
+    for change in surface_changes(frames, settings, statements):
         yield FoundSurface(
             time_s=(change.at_sample - first) / settings.rate_hz,
             surface=change.surface,
@@ -279,12 +279,12 @@ def follow_surfaces(
 
 
 def surface_changes(
-    frames: RecordArray, settings: ModellingSettings, statement: Iterable[SurfaceStatement] = ()
+    frames: RecordArray, settings: ModellingSettings, statements: Iterable[SurfaceStatement] = ()
 ) -> Iterator[SurfaceChange]:
     """Yield each change of surface in frames (n,) by sample numbers, see `follow_surfaces`."""
     tracker = SurfaceTracker(settings, settings.surfaces or SurfaceSettings())
-    for word in statement:
-        tracker.state_surface(word)
+    for statement in statements:
+        tracker.state_surface(statement)
     look = surface_check_frames(settings.rate_hz)
     numbering = StreamNumbering()
     for start in range(0, len(frames), look):
