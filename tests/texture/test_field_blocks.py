@@ -42,7 +42,7 @@ def test_how_the_stream_comes_changes_no_block(step):
     whole = stroke(1003, first=13)
     one, parts = cutter().cut([whole]), cutter()
     found = [parts.cut([whole[at : at + step]]) for at in range(0, 1003, step)]
-    for name in ("start", "number", "points", "power"):
+    for name in ("start", "points", "power"):
         joined = np.concatenate([getattr(each, name) for each in found])
         np.testing.assert_array_equal(joined, getattr(one, name))
 

@@ -27,13 +27,12 @@ than the detection of a change takes."""
 
 @dataclass(frozen=True, eq=False)
 class Blocks(Columns):
-    """n blocks: first sample and number in time (n,), points (n, d), powers (n,).
+    """n blocks: first sample (n,), points (n, d), powers (n,).
 
     With a measure of c features, ``power`` holds these, (n, c).
     """
 
     start: IntArray
-    number: IntArray
     points: FloatArray
     power: FloatArray
 
@@ -112,7 +111,7 @@ class BlockCutter:
             else (speed.mean(axis=1), force.mean(axis=1))
         )
         points = self._space.normalise(self._space.stack(*mean))
-        return Blocks(first, first // length, points, power)[used]
+        return Blocks(first, points, power)[used]
 
 
 class BlockSums:
@@ -155,4 +154,4 @@ class BlockSums:
         return self._settled.joined(self._cells(self._recent))
 
     def _cells(self, blocks: Blocks) -> FieldCells:
-        return FieldCells.from_blocks(blocks.points, blocks.power, blocks.number)
+        return FieldCells.from_blocks(blocks.points, blocks.power, blocks.start // self._length)
