@@ -72,15 +72,13 @@ def ar_to_reflection(ar: FloatArray) -> FloatArray:
     InputError
         A filter is not stable, within that error, or the order is out of range.
     """
-
-    def step_down(rows: FloatArray, result: FloatArray) -> None:
-        if ar_to_reflection_each_into(rows, result) == np.inf:
-            raise InputError(
-                "ar: the filter is not stable, or so near to it that its coefficients do not"
-                " tell: give reflection coefficients or line spectral frequencies"
-            )
-
-    return _convert(_checked("ar", ar), step_down)
+    result = _convert(_checked("ar", ar), ar_to_reflection_each_into)
+    if np.isnan(result).any():
+        raise InputError(
+            "ar: the filter is not stable, or so near to it that its coefficients do not"
+            " tell: give reflection coefficients or line spectral frequencies"
+        )
+    return result
 
 
 def reflection_to_lsf(reflection: FloatArray) -> FloatArray:
@@ -164,7 +162,7 @@ def lsf_output_power(variance: FloatArray, lsf: FloatArray) -> FloatArray:
 
 
 def _convert(
-    values: FloatArray, convert_rows: Callable[[FloatArray, FloatArray], object]
+    values: FloatArray, convert_rows: Callable[[FloatArray, FloatArray], None]
 ) -> FloatArray:
     result = np.empty_like(values)
     convert_rows(np.atleast_2d(values), np.atleast_2d(result))

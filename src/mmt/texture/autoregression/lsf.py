@@ -251,13 +251,12 @@ def ar_to_reflection_into(ar: FloatArray, reflection: FloatArray) -> float:
     return loss
 
 
-@kernel("f8(f8[:, ::1], f8[:, ::1])")
-def ar_to_reflection_each_into(ar: FloatArray, reflection: FloatArray) -> float:
-    """Do `ar_to_reflection_into` for every row (n, m); return the largest loss."""
-    loss = 1.0
+@kernel("void(f8[:, ::1], f8[:, ::1])")
+def ar_to_reflection_each_into(ar: FloatArray, reflection: FloatArray) -> None:
+    """Do `ar_to_reflection_into` for every row (n, m); NaN for a filter that is not stable."""
     for row in range(len(ar)):
-        loss = max(loss, ar_to_reflection_into(ar[row], reflection[row]))
-    return loss
+        if ar_to_reflection_into(ar[row], reflection[row]) == np.inf:
+            reflection[row, :] = np.nan
 
 
 _TRUSTED: Final = 1e10
