@@ -153,7 +153,7 @@ def describe(model: "TextureModel") -> dict[str, Any]:
         "rate_hz": model.rate_hz,
         "inputs": model.space.name,
         "method": model.method,
-        "tetrahedra" if model.space.directed else "triangles": len(model.triangles),
+        "tetrahedra" if model.space.directed else "triangles": len(model.triangulation.triangles),
         "distance": round(distance_sum(model.points), 3),
         "speed_mm_s": _range(samples.speed_mm_s, 1),
         "force_n": _range(samples.force_n, 3),

@@ -180,7 +180,7 @@ def export_hatt(model: TextureModel, material: str, friction: float | None = Non
             lsf=model.vertices[:, 3:],
             zeros=np.ones((len(inputs), 1)),
             variance=variance,
-            triangles=model.triangles[:, :3],
+            triangles=model.triangulation.triangles[:, :3],
         )
     )
 
@@ -212,7 +212,7 @@ def _same_triangles(content: HattModelSet, model: TextureModel) -> float | None:
     points = model.vertices[:, :2]
     wanted = model.points[content.triangles]
     vertex = np.linalg.norm(points[None, None] - wanted[:, :, None], axis=-1).argmin(axis=-1)
-    found = _sets(model.triangles[:, :3])
+    found = _sets(model.triangulation.triangles[:, :3])
     return len(_sets(vertex) & found) / len(content.triangles)
 
 

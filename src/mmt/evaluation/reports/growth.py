@@ -112,7 +112,7 @@ def _draw_cells(
 
 def _draw_model(axis: Axes, model: TextureModel) -> None:
     vertices = model.vertices[:, :2] * model.space.scale
-    corners = model.triangles[:, :3]
+    corners = model.triangulation.triangles[:, :3]
     axis.triplot(vertices[:, 0], vertices[:, 1], corners, color=LIGHT["faint"], lw=0.5, zorder=1)
     axis.scatter(
         vertices[:, 0],

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 import numpy as np
 import numpy.typing as npt
 
-from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.arrays import FloatArray
 from mmt.core.bounds import RateHz, check
 from mmt.core.errors import InputError
 from mmt.core.files.existing import replacing
@@ -126,7 +126,7 @@ class TextureModel(Plottable):
             return self
         from mmt.texture.model.rendered import resampled
 
-        return TextureModel(**resampled(self.contents, float(rate_hz))._asdict())
+        return TextureModel.from_contents(resampled(self.contents, float(rate_hz)))
 
     def __repr__(self) -> str:
         samples, space = self.samples, self.space
@@ -214,11 +214,6 @@ class TextureModel(Plottable):
     def order(self) -> int:
         """The order that all filters share."""
         return int(self.samples.lsf.shape[1])
-
-    @property
-    def triangles(self) -> IntArray:
-        """Corners and neighbours, shape (t, 2 (d + 1)); see `Triangulation`."""
-        return self.triangulation.triangles
 
     @cached_property
     def triangulation(self) -> "Triangulation":

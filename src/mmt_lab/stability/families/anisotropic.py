@@ -99,7 +99,7 @@ def _is_silent_at_rest(model: TextureModel) -> bool:
 
 def _missing_volume(model: TextureModel) -> float:
     """Return the share of the convex hull that no tetrahedron covers."""
-    corners = model.triangulation.points[model.triangles[:, :4]]
+    corners = model.triangulation.points[model.triangulation.triangles[:, :4]]
     volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6.0
     return 1.0 - float(volumes.sum()) / float(ConvexHull(model.triangulation.points).volume)
 

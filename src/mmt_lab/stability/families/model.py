@@ -71,7 +71,7 @@ def _plane(points: FloatArray, queries: int) -> CaseResult:
 
 def _areas(model: TextureModel) -> tuple[float, float]:
     """Return the sum and the least of the triangles' areas."""
-    corners = model.vertices[model.triangles[:, :3], :2]
+    corners = model.vertices[model.triangulation.triangles[:, :3], :2]
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     areas = 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
     return float(areas.sum()), float(areas.min())
