@@ -49,14 +49,10 @@ class RateConverter:
             )
         self.phases = _polyphase(self._up, self._down)
         self._reach = self.phases.shape[1]
-        self._delay_s = float((self._up * self._reach - 1) / (2 * self._up * from_hz))
+        self.delay_s = float((self._up * self._reach - 1) / (2 * self._up * from_hz))
+        """Delay of the filter, 0 if the rates are the same."""
         self._history = np.zeros(self._reach)
         self._taken = self._given = 0
-
-    @property
-    def delay_s(self) -> float:
-        """Delay of the filter, 0 if the rates are the same."""
-        return self._delay_s
 
     def needed(self, count: int) -> int:
         """Return how many samples must be put in before `count` more can be returned."""

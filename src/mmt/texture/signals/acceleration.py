@@ -229,18 +229,13 @@ class AccelerationFilter:
         self._limits = np.array([per_frame * delay, settling, per_frame * longest_bridged])
         self._per_frame = per_frame
         self._least = least
-        self._channels = ChannelStates(axes, per_frame)
+        self.channels = ChannelStates(axes, per_frame)
         self._axes = np.zeros((axes, 4))
         self._all = np.zeros(5, np.int64)
         self._history = 0
         self._samples, self._motion = np.zeros((0, axes)), np.zeros((0, 3))
         self._cause = np.zeros(0, np.int64)
         self._restart = np.zeros(0, np.bool_)
-
-    @property
-    def changed(self) -> bool:
-        """Whether any axis has ever given another value than its first."""
-        return self._channels.changed
 
     def process(
         self, samples: FloatArray, motion: FloatArray, missing: BoolArray, restart: BoolArray
@@ -268,7 +263,7 @@ class AccelerationFilter:
         starts = np.concatenate([self._restart, begins])
         leaving = slice(self._history, max(self._history, len(joined) - int(self._limits[0])))
         vibration, valid = np.zeros_like(joined), np.zeros(len(joined), np.bool_)
-        channels = self._channels
+        channels = self.channels
         _process(
             joined,
             cause,

@@ -206,7 +206,7 @@ class StreamFilter:
             not_finite_s=self._gaps.not_finite / rate_hz,
             missing_s=self._gaps.missing / rate_hz,
             bridged_s=self._bridged / rate_hz,
-            throughout=constant > 0 and not self._vibration.changed,
+            throughout=constant > 0 and not self._vibration.channels.changed,
         )
 
     def process(self, frames: RecordArray) -> AlignedBlock:

@@ -101,7 +101,7 @@ class ChannelStates:
 
     @property
     def changed(self) -> bool:
-        """Whether any axis has ever changed."""
+        """Whether any axis has ever given another value than its first."""
         return bool(self.axes[:, _CHANGES].any())
 
 
