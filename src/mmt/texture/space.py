@@ -136,14 +136,9 @@ class InputSpace:
 
 
 ISOTROPIC: Final = InputSpace("isotropic")
-
-
 """Speed and force, up to 300 mm/s and 3 N."""
 
-
 ANISOTROPIC: Final = InputSpace("anisotropic")
-
-
 """Velocity vector and force, up to 300 mm/s and 3 N."""
 
 

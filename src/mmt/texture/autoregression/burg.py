@@ -169,22 +169,10 @@ def _predict(forward: FloatArray, backward: FloatArray, plus: float, minus: floa
 def burg_into(
     x: FloatArray, reflection: FloatArray, variances: FloatArray, work: FloatArray
 ) -> bool:
-    """Write the reflection coefficients (m,) and the residual variances of orders 0 ... m.
+    """Write the reflection coefficients (m,) and variances (m + 1,) that `burg` gives for x (n,).
 
-    Returns False, with nothing written, if a sample is not finite.
-
-    Parameters
-    ----------
-    x : (n,)
-        n > m.
-    reflection : (m,)
-        Receives numbers of magnitude below one. Once the residual has vanished to the
-        rounding of the signal itself (2^-100 of its power), the remaining ones are zero.
-    variances : (m + 1,)
-        Receives the mean squares of x and of the residual of each order, limited to the
-        largest floating-point number.
-    work : (2 * n,) or longer
-        Scratch.
+    The residual has vanished at 2^-100 of the signal's power. Returns False, with nothing written,
+    if a sample is not finite. `work` is scratch, (2 n,) or longer.
     """
     n = len(x)
     forward, backward = work[:n], work[n : 2 * n]

@@ -75,7 +75,7 @@ def stationary_pieces(
     Parameters
     ----------
     starts
-        Shape (cells,): True where a piece has to begin, whatever the cost.
+        As of `straight_pieces`.
     moments
         Shape (cells, channels, 2), from `cell_moments`. In cells that may be joined, means
         must be positive, except those of the vector.
@@ -89,7 +89,7 @@ def stationary_pieces(
     Returns
     -------
     BoolArray
-        Shape (cells,): True where a piece begins.
+        As of `straight_pieces`.
 
     Notes
     -----

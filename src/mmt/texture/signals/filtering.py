@@ -6,11 +6,10 @@ frames, the speed (a backward difference) by 0.5 more, and the vibration by less
 samples in a frame lie before the frame's time. A frame is therefore output only when its motion has
 passed the filter, `StreamFilter.delay_samples` frames later, with its own sequence number and time.
 
-A few missing frames in a row are filled: motion and force by a straight line, acceleration as in
-`mmt.texture.signals.bridging`. A longer gap restarts the filters of motion; that of the vibration
-keeps its offset. `mmt.texture.signals.validity` finds acceleration that is no measurement. Position
-and force are not judged in this way, as a tool at rest and a well controlled force repeat their
-values. They only show when an acceleration may repeat its values.
+`mmt.texture.signals.bridging` fills a few missing frames in a row, and
+`mmt.texture.signals.validity` finds acceleration that is no measurement. Position and force are not
+judged in this way, as a tool at rest and a well controlled force repeat their values. They only
+show when an acceleration may repeat its values.
 
 Vibration for the actuator cannot wait for this delay: before the switch to the model the leader
 filters the acceleration along one axis by a `mmt.texture.signals.biquad.BiquadFilter`.

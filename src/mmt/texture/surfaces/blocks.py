@@ -1,23 +1,21 @@
 """Blocks of vibration by which surfaces are told apart, and their regression on the strokes.
 
-The stream is cut by `mmt.texture.field.blocks`. Each block has its sample numbers, its stroke, the
-components of its spectrum minus their prior means, and the start of its contact. The components are
-the block's level, its tilt and coarser to finer features: its spectrum is estimated with sine
-tapers (Riedel and Sidorenko, "Minimum bias multiple taper spectral estimation", IEEE Trans. Signal
+The stream is cut by `mmt.texture.field.blocks`. A block's spectrum is estimated with sine tapers
+(Riedel and Sidorenko, "Minimum bias multiple taper spectral estimation", IEEE Trans. Signal
 Processing 43(1), 1995) and added up in eight bands of 60 Hz from 10 to 490 Hz. The logarithms of
 the powers are close to normal, with a spread that does not depend on the level. An orthogonal
 cosine transform turns them into their mean, the *level*, their *tilt*, and ever finer features of
 the *shape*, of which the first `COMPONENTS` are kept: the finer ones are mostly scatter in so short
 a time.
 
-Each component is linear in u and v
-(`mmt.texture.field.covariance`) plus a smooth departure: a Gaussian process with Matern covariances
-of smoothness 3/2, in the reduced-rank form of Solin and Sarkka ("Hilbert space methods for
-reduced-rank Gaussian process regression", Statistics and Computing 30, 2020), sines whose weights
-have the process's spectral density as variance. If the heading counts, its first two harmonics are
-added. The variance of blocks about the regression is learned too: it has an inverse gamma prior, so
-that blocks are predicted by Student's t distribution. All is conjugate and in closed form (Bishop,
-Pattern Recognition and Machine Learning, 2006, section 3.3).
+Each component is linear in u and v (`mmt.texture.field.covariance`) plus a smooth departure: a
+Gaussian process with Matern covariances of smoothness 3/2, in the reduced-rank form of Solin and
+Sarkka ("Hilbert space methods for reduced-rank Gaussian process regression", Statistics and
+Computing 30, 2020), sines whose weights have the process's spectral density as variance. If the
+heading counts, its first two harmonics are added. The variance of blocks about the regression is
+learned too: it has an inverse gamma prior, so that blocks are predicted by Student's t
+distribution. All is conjugate and in closed form (Bishop, Pattern Recognition and Machine Learning,
+2006, section 3.3).
 
 The figures of the prior are the spread among the development half of HaTT's models, component by
 component, rounded up.

@@ -2,14 +2,11 @@
 
 Awan et al., section VI: white Gaussian noise of the interpolated variance drives the filter
 at the present speed and force, whose memory is carried over every change of filter. Here the
-filter is a normalised lattice of unit power (`mmt.texture.autoregression.lsf`), and its output
-is multiplied by the interpolated amplitude: the same spectrum, but the power is the model's at
-every sample, also while speed and force change.
+filter is a lattice of unit power, which stays bounded (`mmt.texture.synthesis.generation`), and its
+output is multiplied by the interpolated amplitude: the same spectrum, but the power is the model's
+at every sample, also while speed and force change.
 
-Stability: an interpolated filter is a convex combination of ordered LSF and hence stable, and
-the lattice stays bounded for every course of stable filters, also one that changes at every
-sample; see `mmt.texture.synthesis.generation`. Cost: O(order^2) for a renewal of the filter,
-O(order) for a sample.
+Cost: O(order^2) for a renewal of the filter, O(order) for a sample.
 """
 
 import math
