@@ -1,4 +1,4 @@
-"""Cholesky factors, triangular systems, products of small matrices, and nearest points.
+"""Cholesky factors, triangular systems, and products of small matrices.
 
 A threaded linear algebra library splits matrices of some 64 rows or more among its threads, and
 waits for all of them. While other processors are busy, as on a teleoperation machine, a factor
@@ -85,33 +85,6 @@ def solve_backward(factor: FloatArray, rows: FloatArray) -> FloatArray:
     solved = np.array(np.atleast_2d(rows), np.float64, order="C")
     backward(factor, solved)
     return solved.reshape(np.shape(rows))
-
-
-@kernel("f8[:, ::1](f8[:, :], f8[:, :], i8)")
-def nearest_distances(among: FloatArray, points: FloatArray, count: int) -> FloatArray:
-    """Return the `count` least distances to n points (n, d) from k points (k, d), (k, count).
-
-    They ascend. Where there are fewer points, the others are infinite.
-    """
-    nearest = np.empty((len(points), count))
-    for i in range(len(points)):
-        own = nearest[i]
-        for place in range(count):
-            own[place] = np.inf
-        for j in range(len(among)):
-            squared = 0.0
-            for axis in range(among.shape[1]):
-                squared += (among[j, axis] - points[i, axis]) ** 2
-            place = count
-            while place > 0 and squared < own[place - 1]:
-                place -= 1
-                if place + 1 < count:
-                    own[place + 1] = own[place]
-            if place < count:
-                own[place] = squared
-        for place in range(count):
-            own[place] = np.sqrt(own[place])
-    return nearest
 
 
 @kernel("void(f8[:, ::1], u8, u8, u8, f8[:, ::1], f8[:, ::1], u8)", inner=True)

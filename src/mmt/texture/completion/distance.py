@@ -25,7 +25,6 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.completion.criterion import Criterion, Progress
-from mmt.texture.linear_algebra import nearest_distances
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, ModellingSettings
 from mmt.texture.space import InputSpace
 
@@ -97,10 +96,11 @@ def cell_distances(points: FloatArray) -> FloatArray:
     FloatArray
         Shape (c,), in the order of the cells' centres. O(n).
     """
-    points = np.array(points, np.float64)
     cells = cells_of(points.shape[1])
-    nearest = nearest_distances(points, cells.centres, cells.neighbours)
-    return np.asarray(np.where(np.isfinite(nearest), nearest, cells.farthest).sum(axis=1))
+    missing = np.full((len(cells.centres), cells.neighbours), cells.farthest)
+    squares = np.square(points - cells.centres[:, np.newaxis]).sum(axis=2)
+    nearest = np.partition(np.hstack([np.sqrt(squares), missing]), cells.neighbours - 1, axis=1)
+    return np.asarray(np.sort(nearest[:, : cells.neighbours], axis=1).sum(axis=1))
 
 
 def distance_sum(points: FloatArray) -> float:
