@@ -166,16 +166,9 @@ def normalise_into(
     per_force: float,
     point: FloatArray,
 ) -> None:
-    """Write the normalised point (d,) of one moment's inputs, as `InputSpace.normalise` does.
+    """Write the normalised point (d,) of one moment's d inputs, as `InputSpace.normalise` does.
 
-    Parameters
-    ----------
-    first, second, third
-        The d inputs; `third` is not read if d is 2.
-    per_speed, per_force
-        One over the maxima.
-    point
-        Shape (d,), written.
+    `third` is not read if d is 2. `per_speed` and `per_force` are one over the maxima.
     """
     if len(point) == 2:
         point[0] = normalised_magnitude(first, per_speed)

@@ -7,9 +7,4 @@ The result of `select` does not depend on the order of the points;
 from mmt_methods.selection.points import ModelPoints
 from mmt_methods.selection.selecting import Selection, SelectionSettings, select
 
-__all__ = [
-    "ModelPoints",
-    "Selection",
-    "SelectionSettings",
-    "select",
-]
+__all__ = ["ModelPoints", "Selection", "SelectionSettings", "select"]

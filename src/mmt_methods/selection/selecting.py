@@ -162,12 +162,8 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
     ----------
     data
         The points, outliers left out.
-    tau
-        Largest relative spectral error between the model of the kept points and the
-        consensus, at any point's place.
-    largest
-        Largest number of points kept, whatever the error; corners of the hull are kept even if
-        they alone are more.
+    tau, largest
+        As in `SelectionSettings`; errors are those against the consensus, at any point's place.
 
     Notes
     -----

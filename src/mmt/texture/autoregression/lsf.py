@@ -75,20 +75,10 @@ def _half_product(lsf: FloatArray, first: int, count: int, half: FloatArray) -> 
 
 @kernel("void(f8[::1], f8[::1], f8[::1])", inner=True)
 def lsf_to_ar_into(lsf: FloatArray, ar: FloatArray, work: FloatArray) -> None:
-    """Write the coefficients of the filter with these line spectral frequencies.
+    """Write the coefficients (m,) of the filter with line spectral frequencies (m,), m to 64.
 
-    Parameters
-    ----------
-    lsf : (m,)
-        Ascending within (0, pi), not checked; m from 1 to 64.
-    ar : (m,)
-        Receives the coefficients without the leading 1.
-    work : (m + 3,) or longer
-        Scratch.
-
-    Notes
-    -----
-    Costs about m^2/2 multiplications and m cosines.
+    These ascend within (0, pi), which is not checked. `work` holds m + 3 numbers or more. Costs
+    about m^2/2 multiplications and m cosines.
     """
     order = len(lsf)
     symmetric_count = (order + 1) // 2
@@ -146,15 +136,9 @@ def _cosine_difference(low: float, high: float, low_mirror: float, high_mirror: 
 def lsf_inverse_gain(lsf: FloatArray, work: FloatArray) -> float:
     """Return ``prod (1 - k_i^2)``, the excitation's variance over the output's power.
 
-    Parameters
-    ----------
-    lsf : (m,)
-        Ascending within (0, pi), not checked.
-    work : (2 * m,) or longer
-        Scratch.
+    The frequencies (m,) ascend within (0, pi), which is not checked. `work` holds 2 m numbers or
+    more.
 
-    Notes
-    -----
     The output's power is the integral of ``1/|A|^2``, which the Szego quadrature on the
     zeros of P sums exactly: the weights ``2 / |P'(w_i) Q(w_i)|`` (with the linear phase taken
     out) are positive, so that nothing cancels and the result is good to about m roundings,
@@ -268,19 +252,11 @@ reflection coefficients are then right to 1e-5 of their distance from one."""
 def lsf_to_lattice_into(
     lsf: FloatArray, reflection: FloatArray, complement: FloatArray, work: FloatArray
 ) -> None:
-    """Write the sines and cosines of the stages of a filter with these frequencies.
+    """Write k and ``sqrt(1 - k^2)``, both (m,), of the stages of a filter with frequencies (m,).
 
-    It uses the polynomial's coefficients if these are accurate enough, else it converts directly,
-    which takes some ten times longer.
-
-    Parameters
-    ----------
-    lsf : (m,)
-        Strictly ascending within (0, pi), not checked.
-    reflection, complement : (m,)
-        Receive k and ``sqrt(1 - k^2)`` of each stage.
-    work : (5 * (m // 2 + 2),) or longer
-        Scratch.
+    These ascend strictly within (0, pi), which is not checked. It uses the polynomial's
+    coefficients if these are accurate enough, else it converts directly, which takes some ten times
+    longer. `work` holds 5 (m // 2 + 2) numbers or more.
     """
     order = len(lsf)
     lsf_to_ar_into(lsf, complement, work)

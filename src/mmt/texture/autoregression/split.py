@@ -118,18 +118,11 @@ def _bisect(
 
 @kernel("void(f8[:, ::1], f8[:, ::1])")
 def reflection_to_lsf_each_into(reflection: FloatArray, lsf: FloatArray) -> None:
-    """Write the line spectral frequencies (n, m), ascending, of reflection coefficients (n, m).
+    """Write the line spectral frequencies (n, m) of reflection coefficients (n, m), m to 64.
 
     The upper half of (0, pi) is searched in cos(w/2), the lower half in sin(w/2), by the mirrored
-    filter A(-z), whose frequencies are pi - w: the arc sine is exact where either is small. Cost:
-    some 240 m^2 operations a row.
-
-    Parameters
-    ----------
-    reflection : (n, m)
-        Each of magnitude below one, not checked; m from 1 to 64.
-    lsf : (n, m)
-        Receives radians in (0, pi), strictly ascending.
+    filter A(-z), whose frequencies are pi - w: the arc sine is exact where either is small. That
+    magnitudes are below one is not checked. Cost: some 240 m^2 operations a row.
     """
     order = reflection.shape[1]
     signed, t, pivot, above = np.empty(order), np.empty(order), np.empty(order), np.empty(order)
@@ -222,16 +215,9 @@ def lsf_to_reflection_into(lsf: FloatArray, reflection: FloatArray, work: FloatA
     """Write the reflection coefficients (m,) of line spectral frequencies (m,).
 
     The recurrences of P and Q are recovered from the frequencies, and give the ratios
-    ``(1 + k_j) / (1 - k_j)`` from the highest order down by products alone.
-
-    Parameters
-    ----------
-    lsf : (m,)
-        Ascending within (0, pi), not checked.
-    reflection : (m,)
-        Receives numbers of magnitude below one.
-    work : (5 * (m // 2 + 2),) or longer
-        Scratch.
+    ``(1 + k_j) / (1 - k_j)`` from the highest order down by products alone. The frequencies ascend
+    within (0, pi), which is not checked; the coefficients are of magnitude below one. `work` holds
+    5 (m // 2 + 2) numbers or more.
     """
     order = len(lsf)
     half = order // 2 + 2
