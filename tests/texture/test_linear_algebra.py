@@ -160,9 +160,8 @@ def test_shifted_systems_have_the_solutions_of_numpy(kind, size, seed, scale):
 def test_rows_are_rotated(size, seed):
     matrix, random = matrices("full", size, seed), np.random.default_rng(seed)
     sides = random.normal(size=(size, 3))
-    found = shifted_systems(matrix, sides)
-    lengths = np.linalg.norm(found.rotated, axis=0)
-    np.testing.assert_allclose(lengths, np.linalg.norm(sides, axis=0))
-    full = np.diag(found.diagonal) + np.diag(found.beside, 1) + np.diag(found.beside, -1)
+    made = shifted_systems(matrix, sides)
+    np.testing.assert_allclose(np.linalg.norm(made.rotated, axis=0), np.linalg.norm(sides, axis=0))
+    full = np.diag(made.diagonal) + np.diag(made.beside, 1) + np.diag(made.beside, -1)
     own, expected = np.linalg.eigvalsh(full), np.linalg.eigvalsh(matrix)
     np.testing.assert_allclose(own, expected, atol=1e-10 * expected.max())
