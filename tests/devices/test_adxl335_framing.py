@@ -3,6 +3,7 @@
 import pickle
 import subprocess
 from binascii import crc_hqx
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -109,7 +110,7 @@ def one(sequence, time_us, n=1):
 )
 def test_every_sample_has_its_own_time_and_lost_ones_are_counted(period_us, steps):
     """Also where a counter wraps."""
-    timeline, start, number, lost = Timeline(), 2**32 - 100, 0, 0
+    timeline, start, number, lost = Timeline(Counter()), 2**32 - 100, 0, 0
     timeline.place(one(start, start))
     for step, n in steps:
         before, number = number, number + step
@@ -127,7 +128,7 @@ def test_every_sample_has_its_own_time_and_lost_ones_are_counted(period_us, step
 
 
 def test_a_repeated_frame_is_left_out_and_after_a_restart_the_boards_own_time_holds():
-    timeline, samples = Timeline(), ((7, 8, 9), (1, 2, 3))
+    timeline, samples = Timeline(Counter()), ((7, 8, 9), (1, 2, 3))
     begun = timeline.place(BoardFrame(500_000, 10**9, samples))
     assert begun == ((10**12, (1, 2, 3)),)
     assert timeline.place(one(500_000, 10**9)) == ()

@@ -2,6 +2,7 @@
 
 import math
 import struct
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -127,23 +128,23 @@ def test_a_record_is_the_documented_thirteen_bytes():
     total = sum(bytes.fromhex("0102 0506 090a 0304 0708 ffff"))
     assert record == bytes.fromhex("0102 0506 090a 0304 0708 ffff") + bytes([total & 0x7F])
     assert pack_record((0,) * 6, error=True)[-1] == 0x80
-    stream, records = RecordStream(), numbered(8, 3)
+    stream, records = RecordStream(Counter()), numbered(8, 3)
     content = b"".join(map(pack_record, records)) + pack_record((1,) * 6, error=True)
     assert stream.feed(content) == [*records, None]
-    assert (stream.errors, stream.bad) == (1, 0)
+    assert stream.faults == {"error bit": 1}
 
 
 @given(st.lists(GAUGES, min_size=3, max_size=12), st.data())
 def test_records_are_found_however_the_bytes_are_split(gauges, data):
     content = b"".join(pack_record(each) for each in gauges)
-    stream = RecordStream()
+    stream = RecordStream(Counter())
     found = []
     while content:
         size = data.draw(st.integers(1, len(content)))
         found += stream.feed(content[:size])
         content = content[size:]
     assert found == gauges
-    assert (stream.bad, stream.errors) == (0, 0)
+    assert not stream.faults
 
 
 def numbered(first, count):
@@ -157,20 +158,20 @@ def test_a_flipped_bit_costs_its_record_alone(bit):
     before, hit, after = numbered(1, 5), numbered(2, 1), numbered(3, 6)
     broken = bytearray(pack_record(hit[0]))
     broken[bit // 8] ^= 1 << bit % 8
-    stream = RecordStream()
+    stream = RecordStream(Counter())
     content = b"".join(pack_record(each) for each in before)
     content += bytes(broken) + b"".join(pack_record(each) for each in after)
     found = stream.feed(content)
     in_a_bit_that_is_not_summed = bit % 8 == 7 and bit // 8 < 12
     if not in_a_bit_that_is_not_summed:
         assert found == [*before, None, *after]
-        assert stream.bad + stream.errors == 1
+        assert stream.faults.total() == 1
 
 
 @given(st.integers(1, 12))
 def test_a_half_record_costs_one_record_alone(size):
     before, hit, after = numbered(4, 5), numbered(5, 1), numbered(6, 6)
-    stream = RecordStream()
+    stream = RecordStream(Counter())
     content = b"".join(pack_record(each) for each in before)
     content += pack_record(hit[0])[:size] + b"".join(pack_record(each) for each in after)
     assert stream.feed(content) == [*before, None, *after]
@@ -178,7 +179,7 @@ def test_a_half_record_costs_one_record_alone(size):
 
 @given(st.binary(max_size=300))
 def test_any_garbage_is_survived(garbage):
-    stream = RecordStream()
+    stream = RecordStream(Counter())
     stream.feed(garbage)
     records = numbered(7, 40)
     found = [r for each in records for r in stream.feed(pack_record(each))]

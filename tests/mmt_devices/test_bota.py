@@ -3,6 +3,7 @@
 import itertools
 import random
 import sys
+from collections import Counter
 
 import pytest
 from sensor_reading import (
@@ -77,23 +78,23 @@ def test_a_frame_is_37_bytes_in_the_documented_order():
     assert wire[:3] == b"\xaa\x05\x00"
     assert wire[3:7] == b"\x00\x00\x80\x3f"
     assert wire[27:31] == b"\x04\x03\x02\x01"
-    assert FrameStream().feed(wire) == [frame]
+    assert FrameStream(Counter()).feed(wire) == [frame]
 
 
 def test_frames_are_found_however_the_bytes_are_split():
     generator = random.Random(5)
     frames = [BotaFrame(0, (k, 0.0, 1.0, 0.0, 0.0, 0.0), 1000 * k, 20.0) for k in range(50)]
     content = b"App Init\r\n\xaa" + b"".join(map(pack_frame, frames))
-    stream = FrameStream()
+    stream = FrameStream(Counter())
     found = []
     while content:
         length = generator.randrange(1, 60)
         found += stream.feed(content[:length])
         content = content[length:]
     assert found == frames
-    assert stream.broken == 1
+    assert stream.faults["broken frame"] == 1
     stream.feed(bytes(10 * SIZE))
-    assert stream.broken == 11
+    assert stream.faults["broken frame"] == 11
 
 
 def test_forces_come_at_the_rate_of_the_filter_by_the_sensors_clock(emulated, sensor):

@@ -1,6 +1,7 @@
 """A sensor's clock from its records: by the number or the time of each record, or by counting."""
 
 import math
+from collections import Counter
 from typing import Final
 
 _MODULUS: Final = 1 << 32
@@ -25,17 +26,14 @@ class SequenceClock:
     ----------
     rate_hz
         Records a second.
+    faults
+        Counts go here: ``lost record`` (its number was skipped, perhaps because it is late), ``late
+        record`` (after a newer one, or twice), ``impossible number`` and ``counted anew``.
     """
 
-    def __init__(self, rate_hz: float) -> None:
+    def __init__(self, rate_hz: float, faults: Counter[str]) -> None:
         self.period_ns = 1e9 / rate_hz
-        self.lost = 0
-        """Records whose number was skipped; a late record counts as lost."""
-        self.late = 0
-        """Records that came after a newer one, or twice."""
-        self.strange = 0
-        """Records whose number cannot be right."""
-        self.restarts = 0
+        self.faults = faults
         self._sequence: int | None = None
         self._index = 0
         self._arrival_ns = 0
@@ -67,12 +65,12 @@ class SequenceClock:
                 return self._begin(sequence, arrival_ns)
         if step != 1:
             if _MODULUS - step <= _BEHIND or step == 0:
-                self.late += 1
+                self.faults["late record"] += 1
                 return self._doubt(sequence, arrival_ns, _LATE_RUN)
             if (step - 1) * self.period_ns > arrival_ns - self._arrival_ns + _SLACK_NS:
-                self.strange += 1
+                self.faults["impossible number"] += 1
                 return self._doubt(sequence, arrival_ns, _STRANGE_RUN)
-            self.lost += step - 1
+            self.faults["lost record"] += step - 1
         self._agreeing = 0
         self._sequence = sequence
         self._index += step
@@ -90,7 +88,7 @@ class SequenceClock:
         if self._sequence is not None:
             passed = round((arrival_ns - self._arrival_ns) / self.period_ns)
             self._index += max(1, passed)
-            self.restarts += 1
+            self.faults["counted anew"] += 1
         self._sequence = sequence
         self._arrival_ns = arrival_ns
         self._agreeing = 0
@@ -107,14 +105,17 @@ class StampClock:
 
     The period is learnt from the first steps. If a stamp is ahead of the time passed on the host,
     as after a restart, the sensor's time is continued by the time passed on the host.
+
+    Parameters
+    ----------
+    faults
+        Counts go here: ``lost frame``, ``repeated frame`` and ``restart``.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, faults: Counter[str]) -> None:
         self.period_ns = 0.0
         """Time between two records, 0 while it is not known."""
-        self.lost = 0
-        self.repeated = 0
-        self.restarts = 0
+        self.faults = faults
         self._last_us: int | None = None
         self._time_ns = 0
         self._arrival_ns = 0
@@ -149,10 +150,10 @@ class StampClock:
             self._interrupted = False
             self._time_ns += max(1000, passed_ns)
         elif step_ns == 0:
-            self.repeated += 1
+            self.faults["repeated frame"] += 1
             return None
         elif step_ns > passed_ns + _SLACK_NS:
-            self.restarts += 1
+            self.faults["restart"] += 1
             self._time_ns += max(1000, passed_ns)
         else:
             self._time_ns += step_ns
@@ -162,7 +163,7 @@ class StampClock:
     def _learn(self, step_ns: int) -> None:
         if self.period_ns:
             if step_ns > _LONG * self.period_ns:
-                self.lost += round(step_ns / self.period_ns) - 1
+                self.faults["lost frame"] += round(step_ns / self.period_ns) - 1
             return
         self._steps.append(step_ns)
         if len(self._steps) == _LEARNT_STEPS:
@@ -189,12 +190,13 @@ class CountingClock:
     ----------
     rate_hz
         Records a second.
+    faults, lost
+        The records lost in silences are counted here, under this name.
     """
 
-    def __init__(self, rate_hz: float) -> None:
+    def __init__(self, rate_hz: float, faults: Counter[str], lost: str) -> None:
         self.period_ns = 1e9 / rate_hz
-        self.missing = 0
-        """Records lost in silences."""
+        self.faults, self._lost = faults, lost
         self._index = -1
         self._arrival_ns: int | None = None
         self._interrupted = False
@@ -239,7 +241,7 @@ class CountingClock:
         if self._silent_ns and grown_ns > _MISSING * self._silent_ns:
             lost = round(grown_ns / self.period_ns)
             self._index += lost
-            self.missing += lost
+            self.faults[self._lost] += lost
             self._least -= lost * self.period_ns
         self._silent_ns = 0
         self._usual, self._least = self._least, math.inf

@@ -153,8 +153,11 @@ class FrameDecoder(ABC, Generic[Content]):
         self.faults: Counter[str] = Counter()
         """``bad frames`` (not COBS, or with impossible content), ``bad checksums``,
         ``other versions``."""
-        self._buffer = b""
-        self._synchronised = False
+        self.reset()
+
+    def reset(self) -> None:
+        """Discard everything received."""
+        self._buffer, self._synchronised = b"", False
 
     @abstractmethod
     def _parse(self, content: bytes) -> Content | None:

@@ -2,6 +2,7 @@
 
 import math
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from typing import Annotated, Final, Literal
 
@@ -104,15 +105,20 @@ class WrenchConverter:
         The calibrated range of forces and torques.
     options
         Mounting of the sensor.
+    faults
+        Counts go here: ``overload`` (records beyond the calibrated range), and ``impossible
+        value`` (records left out).
     """
 
     def __init__(
-        self, matrix: Matrix, range_n: Vector, range_n_mm: Vector, options: WrenchOptions
+        self,
+        matrix: Matrix,
+        range_n: Vector,
+        range_n_mm: Vector,
+        options: WrenchOptions,
+        faults: Counter[str],
     ) -> None:
-        self.overloads = 0
-        """Records beyond the calibrated range."""
-        self.impossible = 0
-        """Records with impossible values, left out."""
+        self.faults = faults
         self._matrix = matrix
         self._limits = (*range_n, *range_n_mm)
         self._x, self._y, self._z = (
@@ -134,9 +140,9 @@ class WrenchConverter:
         ):  # fmt: skip
             beyond = self._is_beyond((p, q, r, s, t, u))
             if beyond is None:
-                self.impossible += 1
+                self.faults["impossible value"] += 1
                 return None
-            self.overloads += beyond
+            self.faults["overload"] += beyond
         (a, b, c, d, e, f), (aa, bb, cc, dd, ee, ff) = self._x, self._y
         x = a * p + b * q + c * r + d * s + e * t + f * u
         y = aa * p + bb * q + cc * r + dd * s + ee * t + ff * u

@@ -43,8 +43,6 @@ class WrenchSensor(ABC):
         self._mounting = options
         self._converter: WrenchConverter | None = None
         self._counts: Counter[str] = Counter()
-        self._overloads = 0
-        self._impossible = 0
         self._notice = RareWarning()
         self._all_impossible = False  # the newest records
         self._arrival_ns = 0
@@ -97,7 +95,7 @@ class WrenchSensor(ABC):
             self._check_silence(now_ns)
             return ()
         readings = []
-        force, overloads = converter.force, converter.overloads
+        force, overloads = converter.force, self._counts["overload"]
         for time_ns, raw in records:
             if self._stuck.add(raw, time_ns):
                 raise DeviceLost(self._explain_stuck())
@@ -105,23 +103,14 @@ class WrenchSensor(ABC):
             if value is not None:
                 readings.append(SensorReading(time_ns, value))
         self._all_impossible = not readings
-        if converter.overloads != overloads:
+        if self._counts["overload"] != overloads:
             self._tell_overload()
         return readings
 
     @property
     def faults(self) -> Mapping[str, int]:
         """Counts of tolerated faults, by kind."""
-        counts = dict(self._counts)
-        if self._converter is not None:
-            counts["overload"] = self._overloads + self._converter.overloads
-            counts["impossible value"] = self._impossible + self._converter.impossible
-        counts.update(self._further_faults())
-        return {reason: count for reason, count in counts.items() if count}
-
-    def _further_faults(self) -> Mapping[str, int]:
-        """Return the counts that the subclass keeps elsewhere."""
-        return {}
+        return {reason: count for reason, count in dict(self._counts).items() if count}
 
     def _take(self, now_ns: int) -> list[Stamped]:
         """Receive records, and note their arrival.
@@ -175,11 +164,9 @@ class WrenchSensor(ABC):
 
     def _set_matrix(self, matrix: Matrix, range_n: Vector, range_n_mm: Vector) -> None:
         """Convert by this calibration from now on; the bias stays. See `WrenchConverter`."""
-        converter = WrenchConverter(matrix, range_n, range_n_mm, self._mounting)
+        converter = WrenchConverter(matrix, range_n, range_n_mm, self._mounting, self._counts)
         if self._converter is not None:
             converter.bias = self._converter.bias
-            self._overloads += self._converter.overloads
-            self._impossible += self._converter.impossible
         self._converter = converter
         self._arrival_ns = time.monotonic_ns()
 

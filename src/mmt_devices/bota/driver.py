@@ -1,6 +1,7 @@
 """``bota-serial``: a force sensor by Bota Systems on a serial line."""
 
 import time
+from collections import Counter
 from typing import Any, Final, Literal
 
 from pydantic import Field
@@ -156,8 +157,8 @@ class BotaSerial(WrenchSensor):
         super().__init__(f"Bota sensor at {options.port}", options)
         self._options = options
         self._line = BotaLine(self.name, options.port, options.baud)
-        self._stream = FrameStream()
-        self._clock = StampClock()
+        self._stream = FrameStream(self._counts)
+        self._clock = StampClock(self._counts)
         self._status = 0  # of the newest frame that could not be used
         self._set_latency(1e9 * _FRAME_BITS / options.baud)
         x, y, z = options.range_n_m
@@ -214,7 +215,7 @@ class BotaSerial(WrenchSensor):
         received = bytes(self._line.received)
         if not received:
             return f"nothing comes; {self._where()}"
-        if FrameStream().feed(received):
+        if FrameStream(Counter()).feed(received):
             return (
                 "its frames come, but what is sent to it does not arrive: check the wires from the "
                 "adapter to it (RS-422: TX+ and TX-), or leave its settings with configure = false"
@@ -268,8 +269,8 @@ class BotaSerial(WrenchSensor):
         if self._status:
             return self._explain_status()
         return (
-            f"{self.name}: no frame could be used ({self._stream.broken} broken so far): check its "
-            f"cable and shield, and that the baud rate is still {self._options.baud}"
+            f"{self.name}: no frame could be used ({self._counts['broken frame']} broken so far): "
+            f"check its cable and shield, and that the baud rate is still {self._options.baud}"
         )
 
     def _explain_status(self) -> str:
@@ -280,11 +281,3 @@ class BotaSerial(WrenchSensor):
             else "switch its calibration matrix on, which configure = true does"
         )
         return f"{self.name}: the sensor reports {words}: {advice}"
-
-    def _further_faults(self) -> dict[str, int]:
-        return {
-            "broken frame": self._stream.broken,
-            "lost frame": self._clock.lost,
-            "repeated frame": self._clock.repeated,
-            "restart": self._clock.restarts,
-        }

@@ -10,6 +10,7 @@ of the bytes between header and CRC.
 import re
 import struct
 from binascii import crc_hqx
+from collections import Counter
 from typing import Final, NamedTuple
 
 from mmt.devices.wrench import Six
@@ -88,11 +89,17 @@ def pack_frame(frame: BotaFrame, header: int = HEADER) -> bytes:
 
 
 class FrameStream:
-    """Find frames in a stream of bytes, also again after garbage."""
+    """Find frames in a stream of bytes, also again after garbage.
 
-    def __init__(self) -> None:
-        self.broken = 0
-        """Frames with a wrong header or CRC; garbage counts as frames of the same length."""
+    Parameters
+    ----------
+    faults
+        Counts, as ``broken frame``, those with a wrong header or CRC; garbage counts as frames of
+        the same length.
+    """
+
+    def __init__(self, faults: Counter[str]) -> None:
+        self.faults = faults
         self.reset()
 
     def reset(self) -> None:
@@ -123,7 +130,7 @@ class FrameStream:
         """Count bytes outside frames: each 37 in a row, or a shorter rest, as one broken frame."""
         counted = -(-self._skipped // SIZE)
         self._skipped += number
-        self.broken += -(-self._skipped // SIZE) - counted
+        self.faults["broken frame"] += -(-self._skipped // SIZE) - counted
 
 
 def _is_right(content: bytes, start: int) -> bool:

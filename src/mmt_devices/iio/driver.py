@@ -75,7 +75,6 @@ class IioAccelerometer:
         self._counts: Counter[str] = Counter()
         self._notice = RareWarning()
         self._clock: CountingClock | None = None
-        self._lost_before = 0
         self._stuck = StuckCheck(1e9 * options.stuck_s)
         self._axes: list[tuple[int, float, float, float]] = []
         """For x, y, z of the scene: the sensor's axis, scale, offset, and magnitude of overload."""
@@ -83,9 +82,7 @@ class IioAccelerometer:
     @property
     def faults(self) -> dict[str, int]:
         """Counts of survived faults, by kind."""
-        lost = self._lost_before + (0 if self._clock is None else self._clock.missing)
-        counts = {**self._counts, "lost samples": self._counts["lost samples"] + lost}
-        return {reason: count for reason, count in counts.items() if count}
+        return {reason: count for reason, count in dict(self._counts).items() if count}
 
     def connect(self) -> None:
         """Find and set up the device, start the capture, and await the first sample.
@@ -208,10 +205,8 @@ class IioAccelerometer:
             )
         if self._clock is not None and self._clock.period_ns == 1e9 / capture.rate_hz:
             self._clock.interrupt()
-            return
-        if self._clock is not None:
-            self._lost_before += self._clock.missing
-        self._clock = CountingClock(capture.rate_hz)
+        else:
+            self._clock = CountingClock(capture.rate_hz, self._counts, "lost samples")
 
     def _await_sample(self) -> None:
         end = time.monotonic() + self._options.start_s

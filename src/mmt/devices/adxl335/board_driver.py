@@ -1,5 +1,6 @@
 """``adxl335-board``: an ADXL335 at three inputs of an acquisition board."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, cast
 
@@ -76,5 +77,7 @@ class BoardAdxl335(Adxl335):
         """Close the board; calling it twice is harmless."""
         self._board.close()
 
-    def _counters(self) -> Sequence[Mapping[str, int]]:
-        return (self._board.faults, *super()._counters())
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """Counts of tolerated faults, by kind, those of the board too."""
+        return Counter(self._board.faults) + Counter(super().faults)

@@ -78,11 +78,15 @@ class Timeline:
     A frame gives the number and the time of its last sample. Its other samples are spaced evenly
     between the previous frame's last sample and this one. Of the first frame, which has no
     previous frame, only the last sample is used.
+
+    Parameters
+    ----------
+    faults
+        Counts go here: ``lost samples``, ``repeated frames``, ``restarts`` of the board.
     """
 
-    def __init__(self) -> None:
-        self.faults: Counter[str] = Counter()
-        """``lost samples``, ``repeated frames``, ``restarts`` of the board."""
+    def __init__(self, faults: Counter[str]) -> None:
+        self.faults = faults
         self._last: BoardFrame | None = None
         self._time_us = 0
 

@@ -120,11 +120,14 @@ class Converter:
         Zero and gain of each of the sensor's own axes.
     axes
         Sensor axes that lie along x, y, z of the scene.
+    faults
+        Samples beyond 3 g along an axis are counted here, as ``overload``.
     """
 
-    def __init__(self, calibration: GravityCalibration, axes: Sequence[Axis]) -> None:
-        self.faults: Counter[str] = Counter()
-        """``overload``: samples beyond 3 g along an axis."""
+    def __init__(
+        self, calibration: GravityCalibration, axes: Sequence[Axis], faults: Counter[str]
+    ) -> None:
+        self.faults = faults
         self._notice = RareWarning()
         zero, gain = calibration.zero_v, calibration.gain_v_per_m_s2
         self._axes = tuple(
@@ -171,7 +174,8 @@ class Adxl335(ABC):
         """Calibration in use: nominal until `connect` finds a stored one."""
         self._serial: str | None = None
         self._calibrated = False
-        self._converter = Converter(self.calibration, options.axes)
+        self._faults: Counter[str] = Counter()
+        self._converter = Converter(self.calibration, options.axes, self._faults)
         self._stuck = StuckCheck(1e9 * options.stuck_s)
         self._remarked = False
 
@@ -198,7 +202,7 @@ class Adxl335(ABC):
     @property
     def faults(self) -> Mapping[str, int]:
         """Counts of tolerated faults, by kind."""
-        return {kind: n for counter in self._counters() for kind, n in counter.items() if n}
+        return {kind: count for kind, count in dict(self._faults).items() if count}
 
     def remarks(self) -> Sequence[str]:
         """Return a sentence for each doubtful option, such as a capacitor that is too large."""
@@ -287,18 +291,13 @@ class Adxl335(ABC):
         x, y, z = zip(*volts, strict=True)
         return Rest(up, (fmean(x), fmean(y), fmean(z)), (pstdev(x), pstdev(y), pstdev(z)))
 
-    def _counters(self) -> Sequence[Mapping[str, int]]:
-        return (self._converter.faults,)
-
     def _prepare(self, serial: str | None) -> None:
         """Load the stored calibration of the sensor that was just connected."""
         self._serial = self._common.serial or serial
         stored = load_calibration(CALIBRATED_AS, self._serial) if self._serial else None
         self._calibrated = stored is not None
         self.calibration = nominal(self.supply_v) if stored is None else from_dict(stored)
-        faults = self._converter.faults
-        self._converter = Converter(self.calibration, self._common.axes)
-        self._converter.faults = faults
+        self._converter = Converter(self.calibration, self._common.axes, self._faults)
         if not self._remarked:
             self._remarked = True
             for remark in self._common.remarks():

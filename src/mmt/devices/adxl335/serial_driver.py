@@ -45,8 +45,7 @@ class SerialAdxl335(Adxl335):
             f"the accelerometer's board on {port}", port, self._options.baud_rate
         )
         self._decoder = BoardDecoder()
-        self._timeline = Timeline()
-        self._earlier: Counter[str] = Counter()
+        self._timeline = Timeline(self._faults)
         self._survived = 0  # invalid frames before the newest good one
 
     def connect(self) -> None:
@@ -57,9 +56,8 @@ class SerialAdxl335(Adxl335):
         MmtError
             The port cannot be opened, or no frames come; the message explains what came instead.
         """
-        self._earlier.update(self._decoder.faults)
-        self._earlier.update(self._timeline.faults)
-        self._timeline = Timeline()
+        self._faults.update(self._decoder.faults)
+        self._timeline = Timeline(self._faults)
         self._decoder = BoardDecoder()
         self._survived = 0
         self._line.open()
@@ -106,11 +104,10 @@ class SerialAdxl335(Adxl335):
         """Close the port; calling it twice is harmless."""
         self._line.close()
 
-    def _counters(self) -> Sequence[Mapping[str, int]]:
-        now = Counter(self._earlier)
-        now.update(self._decoder.faults)
-        now.update(self._timeline.faults)
-        return (now, *super()._counters())
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """Counts of tolerated faults, by kind, those of the frames too."""
+        return Counter(super().faults) + self._decoder.faults
 
     def _wait_for_frames(self) -> None:
         received = bytearray()

@@ -76,9 +76,9 @@ class DigitalFt(WrenchSensor):
         super().__init__(f"Digital F/T at {options.port}", options)
         self._options = options
         self._line = DigitalLine(self.name, options.port, options.baud)
-        self._stream = RecordStream()
+        self._stream = RecordStream(self._counts)
         rate_hz = record_rate_hz(options.baud)
-        self._clock = CountingClock(rate_hz)
+        self._clock = CountingClock(rate_hz, self._counts, "lost record")
         self._average = options.average or max(1, round(rate_hz / _READINGS_HZ))
         self._sums = [0.0] * 6
         self._summed = 0
@@ -171,8 +171,9 @@ class DigitalFt(WrenchSensor):
         broken_ms = 1e-6 * (self._useless_ns - self._arrival_ns)
         return (
             f"{self.name}: for {broken_ms:.0f} ms no record was usable "
-            f"({self._stream.errors} with the error bit, {self._stream.bad} with a wrong sum "
-            "so far): check the transducer's cable, the line's ends and shield, and 'baud'"
+            f"({self._counts['error bit']} with the error bit, {self._counts['wrong sum']} with a "
+            "wrong sum so far): check the transducer's cable, the line's ends and shield, and "
+            "'baud'"
         )
 
     def _averaged(self, gauges: list[Gauges | None]) -> list[Stamped]:
@@ -201,10 +202,3 @@ class DigitalFt(WrenchSensor):
         self._sums = [u, v, w, x, y, z]
         self._summed = summed
         return records
-
-    def _further_faults(self) -> dict[str, int]:
-        return {
-            "wrong sum": self._stream.bad,
-            "error bit": self._stream.errors,
-            "lost record": self._clock.missing,
-        }

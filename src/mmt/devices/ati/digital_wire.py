@@ -2,6 +2,7 @@
 
 import math
 import struct
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -112,13 +113,16 @@ class RecordStream:
 
     While the checksums are right, each 13 bytes are a record. After a wrong checksum, the next
     three valid records in a row are searched; the bytes before them are dropped.
+
+    Parameters
+    ----------
+    faults
+        Counts go here: ``wrong sum`` (how often the checksum of an expected record was wrong), and
+        ``error bit`` (records dropped because of it).
     """
 
-    def __init__(self) -> None:
-        self.bad = 0
-        """How often the checksum of an expected record was wrong."""
-        self.errors = 0
-        """Records dropped because of their error bit."""
+    def __init__(self, faults: Counter[str]) -> None:
+        self.faults = faults
         self.reset()
 
     def reset(self) -> None:
@@ -148,11 +152,11 @@ class RecordStream:
                 self._skipped = 0
             last = start + SIZE - 1
             if (sum(content[start:last]) ^ content[last]) & 0x7F:
-                self.bad += 1
+                self.faults["wrong sum"] += 1
                 self._in_step = False
                 continue
             if content[last] & 0x80:
-                self.errors += 1
+                self.faults["error bit"] += 1
                 append(None)
             else:
                 a, c, e, b, d, f = unpack(content, start)

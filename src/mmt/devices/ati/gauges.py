@@ -281,5 +281,8 @@ class Gauges(WrenchSensor):
             records.append((time_ns, raw))
         return records
 
-    def _further_faults(self) -> Mapping[str, int]:
-        return {f"board: {reason}": count for reason, count in self._board.faults.items()}
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """Counts of tolerated faults, by kind, those of the board too."""
+        of_board = {f"board: {what}": count for what, count in self._board.faults.items() if count}
+        return {**super().faults, **of_board}

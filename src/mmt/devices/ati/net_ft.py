@@ -166,7 +166,7 @@ class NetFt(WrenchSensor):
         self._set_matrix(settings.matrix, calibration.range_n, calibration.range_n_mm)
         self._set_latency(filter_delay_ns(settings.filter))
         if self._clock is None or self._clock.period_ns != 1e9 / settings.rate_hz:
-            self._clock = SequenceClock(settings.rate_hz)
+            self._clock = SequenceClock(settings.rate_hz, self._counts)
         else:
             self._clock.interrupt()
         self._open()
@@ -305,14 +305,3 @@ class NetFt(WrenchSensor):
             f"{self.name}: the box reports {explain_status(self._broken_status)}: check the "
             "transducer's cable and the box's System Information page, and switch it off and on"
         )
-
-    def _further_faults(self) -> dict[str, int]:
-        clock = self._clock
-        if clock is None:
-            return {}
-        return {
-            "lost record": clock.lost,
-            "late record": clock.late,
-            "impossible number": clock.strange,
-            "counted anew": clock.restarts,
-        }

@@ -39,25 +39,20 @@ class HaptuatorBoard(SerialLine):
 
     def __init__(self, port: str, baud_rate: int) -> None:
         super().__init__(f"Haptuator's board on {port}", port, baud_rate, write_timeout=0)
-        self.faults: Counter[str] = Counter()
-        """``bad frames``, ``bad checksums`` and ``other versions`` received, and ``dropped writes``
-        of more than the port takes."""
         self._decoder = Decoder()
+        self.faults: Counter[str] = self._decoder.faults
+        """Those of the messages received, and ``dropped writes`` of more than the port takes."""
         self._backlog = bytearray()
 
     def open(self) -> None:
         """Open the port and discard its input buffer; see `SerialLine`."""
         super().open()
-        self._decoder = Decoder()
+        self._decoder.reset()
         self._backlog = bytearray(b"\0")  # ends a frame that the board has half of
 
     def receive(self) -> Sequence[Message]:
         """Return the received messages; see `SerialLine.read`."""
-        messages = self._decoder.feed(self.read())
-        if self._decoder.faults:
-            self.faults.update(self._decoder.faults)
-            self._decoder.faults.clear()
-        return messages
+        return self._decoder.feed(self.read())
 
     def send(self, *messages: Message) -> None:
         """Send messages; bytes that the port does not take now go with the next ones.
