@@ -21,7 +21,7 @@ from mmt.devices.adxl335.gravity import (
     from_dict,
     nominal,
 )
-from mmt.devices.axes import Axis, SensorAxesOptions, signed_axes
+from mmt.devices.axes import SensorAxesOptions, signed_axes
 from mmt.devices.calibrations import load_calibration
 from mmt.devices.protocols import SensorReading
 from mmt.devices.reading_checks import RareWarning, StuckCheck, measured
@@ -111,39 +111,6 @@ _OVERLOADED: Final = (
 )
 
 
-class Converter:
-    """Convert one sensor's volts to m/s2 along the scene's axes, in the order of its samples.
-
-    Parameters
-    ----------
-    calibration
-        Zero and gain of each of the sensor's own axes.
-    axes
-        Sensor axes that lie along x, y, z of the scene.
-    faults
-        Samples beyond 3 g along an axis are counted here, as ``overload``.
-    """
-
-    def __init__(
-        self, calibration: GravityCalibration, axes: Sequence[Axis], faults: Counter[str]
-    ) -> None:
-        self.faults = faults
-        self._notice = RareWarning()
-        zero, gain = calibration.zero_v, calibration.gain_v_per_m_s2
-        self._axes = tuple(
-            (i, sign / gain[i], sign * zero[i] / gain[i]) for i, sign in signed_axes(axes)
-        )
-
-    def convert(self, time_ns: int, volts: Vector) -> SensorReading:
-        """Return the acceleration for the volts of one sample."""
-        (i, a, p), (j, b, q), (k, c, r) = self._axes
-        value = (a * volts[i] - p, b * volts[j] - q, c * volts[k] - r)
-        if max(value) > RANGE_M_S2 or min(value) < -RANGE_M_S2:
-            self.faults["overload"] += 1
-            self._notice.warn(_OVERLOADED)
-        return SensorReading(time_ns, value)
-
-
 LOG: Final = logging.getLogger("mmt.devices")
 
 CALIBRATED_AS: Final = "adxl335"
@@ -174,8 +141,10 @@ class Adxl335(ABC):
         """Calibration in use: nominal until `connect` finds a stored one."""
         self._serial: str | None = None
         self._calibrated = False
+        self._axes: list[tuple[int, float, float]] = []
+        """For x, y, z of the scene: the sensor's axis, its scale, and its value at zero volts."""
         self._faults: Counter[str] = Counter()
-        self._converter = Converter(self.calibration, options.axes, self._faults)
+        self._notice = RareWarning()
         self._stuck = StuckCheck(1e9 * options.stuck_s)
         self._remarked = False
 
@@ -216,7 +185,7 @@ class Adxl335(ABC):
         DeviceLost
             The sensor was unplugged, or its value is stuck.
         """
-        convert, stuck = self._converter.convert, self._stuck
+        convert, stuck = self._convert, self._stuck
         readings = []
         for time_ns, volts in self.voltages():
             if stuck.add(volts, time_ns):
@@ -291,13 +260,26 @@ class Adxl335(ABC):
         x, y, z = zip(*volts, strict=True)
         return Rest(up, (fmean(x), fmean(y), fmean(z)), (pstdev(x), pstdev(y), pstdev(z)))
 
+    def _convert(self, time_ns: int, volts: Vector) -> SensorReading:
+        """Return the acceleration for the volts of one sample."""
+        (i, a, p), (j, b, q), (k, c, r) = self._axes
+        value = (a * volts[i] - p, b * volts[j] - q, c * volts[k] - r)
+        if max(value) > RANGE_M_S2 or min(value) < -RANGE_M_S2:
+            self._faults["overload"] += 1
+            self._notice.warn(_OVERLOADED)
+        return SensorReading(time_ns, value)
+
     def _prepare(self, serial: str | None) -> None:
         """Load the stored calibration of the sensor that was just connected."""
         self._serial = self._common.serial or serial
         stored = load_calibration(CALIBRATED_AS, self._serial) if self._serial else None
         self._calibrated = stored is not None
         self.calibration = nominal(self.supply_v) if stored is None else from_dict(stored)
-        self._converter = Converter(self.calibration, self._common.axes, self._faults)
+        zero, gain = self.calibration.zero_v, self.calibration.gain_v_per_m_s2
+        self._axes = [
+            (i, sign / gain[i], sign * zero[i] / gain[i])
+            for i, sign in signed_axes(self._common.axes)
+        ]
         if not self._remarked:
             self._remarked = True
             for remark in self._common.remarks():
