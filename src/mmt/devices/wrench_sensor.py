@@ -4,7 +4,6 @@ import time
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from math import isfinite
 from typing import Final
 
@@ -19,7 +18,6 @@ Stamped = tuple[int, Six]
 
 _BROKEN_NS: Final = 100_000_000
 """How long data may come that gives no record."""
-_FIRST_S: Final = 1.0
 _BIAS_S: Final = 0.2
 _BIAS_PATIENCE_S: Final = 2.0
 _BIAS_RECORDS: Final = 20
@@ -37,6 +35,9 @@ class WrenchSensor(ABC):
         Mounting of the sensor, and when it is lost.
     """
 
+    _first_s = 1.0
+    """How long the first record may take."""
+
     def __init__(self, name: str, options: WrenchOptions) -> None:
         self.name = name
         self.latency_ns = 0
@@ -50,9 +51,33 @@ class WrenchSensor(ABC):
         self._stuck = StuckCheck(1e6 * options.stuck_ms)
         self._silence_ns = round(options.silence_ms * 1e6)
 
+    def connect(self) -> None:
+        """Open and set up the device, then wait for a record; if it was stuck, for another value.
+
+        Raises
+        ------
+        InputError
+            The sensor or its calibration is not the one that the options expect.
+        MmtError
+            The device does not answer correctly, gives no record, or is still stuck; the message
+            says what to do.
+        """
+        self.close()
+        self._useless_ns = 0
+        try:
+            self._open()
+            self._await_record()
+        except BaseException:
+            self.close()
+            raise
+
     @abstractmethod
     def close(self) -> None:
         """Release the device; calling it twice is harmless."""
+
+    @abstractmethod
+    def _open(self) -> None:
+        """Open and set up the device, whose records come from then on."""
 
     @abstractmethod
     def _receive(self, now_ns: int) -> list[Stamped]:
@@ -182,28 +207,17 @@ class WrenchSensor(ABC):
                 f"{self.name}: no record for {silent_ns / 1e6:.0f} ms; {self._where()}"
             )
 
-    def _await_record(self, patience_s: float = _FIRST_S) -> None:
-        """Wait for a record; if the sensor was stuck, for one with other values.
-
-        Raises
-        ------
-        MmtError
-            No record came in time, or the sensor is still stuck; it is closed.
-        """
+    def _await_record(self) -> None:
         came = False
-        self._useless_ns = 0
         start = time.monotonic()
-        with ExitStack() as failed:
-            failed.callback(self.close)
-            while time.monotonic() - start < patience_s:
-                records = self._receive(time.monotonic_ns())
-                if self._stuck.recovers(raw for _, raw in records):
-                    self._arrival_ns = time.monotonic_ns()
-                    failed.pop_all()
-                    return
-                came = came or bool(records)
-                time.sleep(0.001)
-            raise MmtError(self._explain_stuck() if came else self._explain_absence())
+        while time.monotonic() - start < self._first_s:
+            records = self._receive(time.monotonic_ns())
+            if self._stuck.recovers(raw for _, raw in records):
+                self._arrival_ns = time.monotonic_ns()
+                return
+            came = came or bool(records)
+            time.sleep(0.001)
+        raise MmtError(self._explain_stuck() if came else self._explain_absence())
 
     def _explain_stuck(self) -> str:
         return (

@@ -155,7 +155,7 @@ class BotaSerial(WrenchSensor):
 
     def __init__(self, options: BotaOptions) -> None:
         super().__init__(f"Bota sensor at {options.port}", options)
-        self._options = options
+        self._options, self._first_s = options, options.start_s
         self._line = BotaLine(self.name, options.port, options.baud)
         self._stream = FrameStream(self._counts)
         self._clock = StampClock(self._counts)
@@ -165,27 +165,14 @@ class BotaSerial(WrenchSensor):
         range_n_mm = (1000.0 * x, 1000.0 * y, 1000.0 * z)
         self._set_matrix(diagonal(1.0, 1000.0), options.range_n, range_n_mm)
 
-    def connect(self) -> None:
-        """Open the port, set the sensor up if the options say so, and await the first frame.
-
-        Raises
-        ------
-        MmtError
-            The port cannot be opened, the sensor does not answer, or no frame can be used; the
-            message says what came instead.
-        """
-        self.close()
+    def _open(self) -> None:
+        """Open the port, and set the sensor up if the options say so."""
         self._line.open()
-        try:
-            self._set_up()
-            self._stream.reset()
-            self._clock.interrupt()
-            self._status = 0
-            self._line.received.clear()
-            self._await_record(self._options.start_s)
-        except BaseException:
-            self.close()
-            raise
+        self._set_up()
+        self._stream.reset()
+        self._clock.interrupt()
+        self._status = 0
+        self._line.received.clear()
 
     def close(self) -> None:
         """Close the port; the sensor goes on sending. Calling it twice is harmless."""

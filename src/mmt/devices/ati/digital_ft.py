@@ -86,29 +86,15 @@ class DigitalFt(WrenchSensor):
             (self._average - 1) / 2 * self._clock.period_ns + _BITS * 1e9 / options.baud
         )
 
-    def connect(self) -> None:
-        """Open the port, read and check the calibration, then start the stream.
-
-        Raises
-        ------
-        InputError
-            The sensor or its calibration is not the one that the options expect.
-        MmtError
-            The port cannot be opened, or the sensor does not answer correctly.
-        """
-        self.close()
+    def _open(self) -> None:
+        """Open the port, read and check the calibration, then start the stream."""
         self._line.open()
-        try:
-            self._settle(self._line)
-            self._line.command(START_STREAM, "stream")
-            self._stream.reset()
-            self._clock.interrupt()
-            self._summed = 0
-            self._sums = [0.0] * 6
-            self._await_record()
-        except BaseException:
-            self.close()
-            raise
+        self._settle(self._line)
+        self._line.command(START_STREAM, "stream")
+        self._stream.reset()
+        self._clock.interrupt()
+        self._summed = 0
+        self._sums = [0.0] * 6
 
     def close(self) -> None:
         """Stop the stream and close the port; calling it twice is harmless."""

@@ -226,7 +226,7 @@ class Gauges(WrenchSensor):
     def __init__(self, options: GaugesOptions, board: VoltageBoard) -> None:
         super().__init__(f"gauges by {options.calibration_file.name}", options)
         self._board = board
-        self._open = False
+        self._is_open = False
         self.loaded: FileCalibration = load_calibration_file(options.calibration_file)
         """Contents of the calibration file."""
         check_calibration(self.name, self.loaded.calibration, options)
@@ -236,26 +236,17 @@ class Gauges(WrenchSensor):
             )
         self._limit_v = _SATURATED * min(self.loaded.output_v, board.limit_v)
 
-    def connect(self) -> None:
-        """Open the board and wait for its first voltages.
-
-        Raises
-        ------
-        MmtError
-            The board does not answer, or gives no voltages.
-        """
-        self.close()
+    def _open(self) -> None:
         self._board.connect()
-        self._open = True
+        self._is_open = True
         calibration = self.loaded.calibration
         self._set_matrix(self.loaded.matrix, calibration.range_n, calibration.range_n_mm)
         self._set_latency(self._board.latency_ns)
-        self._await_record()
 
     def close(self) -> None:
         """Close the board; calling it twice is harmless."""
-        if self._open:
-            self._open = False
+        if self._is_open:
+            self._is_open = False
             self._board.close()
 
     @property
@@ -270,7 +261,7 @@ class Gauges(WrenchSensor):
         return "check the board's cable and its driver's options"
 
     def _receive(self, now_ns: int) -> list[Stamped]:  # noqa: ARG002 - the board has a clock
-        if not self._open:
+        if not self._is_open:
             raise DeviceLost(f"{self.name} is closed: connect it again")
         limit_v = self._limit_v
         records: list[Stamped] = []

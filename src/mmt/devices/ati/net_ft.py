@@ -149,17 +149,8 @@ class NetFt(WrenchSensor):
         self.settings: NetSettings | None = None
         """Settings that the box reports; None until it is connected."""
 
-    def connect(self) -> None:
-        """Read, check and set the box's settings, then start its stream of records.
-
-        Raises
-        ------
-        InputError
-            The box has another sensor or calibration than the options expect.
-        MmtError
-            The box does not answer, or sends no records.
-        """
-        self.close()
+    def _open(self) -> None:
+        """Read, check and set the box's settings, then open the socket."""
         settings = self._settle()
         self.settings = settings
         calibration = settings.calibration
@@ -169,9 +160,8 @@ class NetFt(WrenchSensor):
             self._clock = SequenceClock(settings.rate_hz, self._counts)
         else:
             self._clock.interrupt()
-        self._open()
+        self._open_socket()
         self._started_ns = self._broken_status = 0
-        self._await_record()
 
     def calibrate(self) -> None:
         """Take the bias; see `WrenchSensor.calibrate`."""
@@ -218,7 +208,7 @@ class NetFt(WrenchSensor):
             )
         return settings
 
-    def _open(self) -> None:
+    def _open_socket(self) -> None:
         options = self._options
         try:
             address = socket.getaddrinfo(
