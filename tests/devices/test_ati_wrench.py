@@ -19,14 +19,14 @@ from mmt.devices.ati.calibration import (
 )
 from mmt.devices.wrench import WrenchConverter, diagonal, matrix_of
 
-RANGE_N, RANGE_N_MM = (12.0, 12.0, 17.0), (120.0, 120.0, 120.0)
-FOUND = Calibration("FT00017", "SI-12-0.12", "N", RANGE_N, RANGE_N_MM)
+LIMITS = (12.0, 12.0, 17.0, 120.0, 120.0, 120.0)
+FOUND = Calibration("FT00017", "SI-12-0.12", "N", diagonal(1.0, 1.0), LIMITS)
 SOME = st.floats(-1.5, 1.5)
 
 
 def converter(matrix=None, **options):
     mounting, matrix = AtiOptions(**options), matrix or diagonal(1.0, 1.0)
-    return WrenchConverter(matrix, RANGE_N, RANGE_N_MM, mounting, Counter())
+    return WrenchConverter(matrix, LIMITS, mounting, Counter())
 
 
 @given(
@@ -74,11 +74,11 @@ def test_overload_is_counted_by_force_and_by_torque():
 def test_what_is_beyond_the_range_is_found_for_every_matrix(matrix, direction, share, diagonally):
     """The oracle is the whole wrench, part by part."""
     matrix = np.diag(np.diag(matrix)) if diagonally else np.array(matrix)
-    size = (np.abs(matrix @ direction) / (*RANGE_N, *RANGE_N_MM)).max()
+    size = (np.abs(matrix @ direction) / LIMITS).max()
     assume(size > 1e-6)
     raw = tuple(float(share / size * each) if each else 0.0 for each in direction)
     with np.errstate(invalid="ignore"):
-        shares = np.abs([sum(row * raw) for row in matrix]) / (*RANGE_N, *RANGE_N_MM)
+        shares = np.abs([sum(row * raw) for row in matrix]) / LIMITS
     largest = np.nan if np.isnan(shares).any() else shares.max()
     assume(not 1.0 - 1e-9 < largest < 1.0 + 1e-9 and not 4.0 - 1e-9 < largest < 4.0 + 1e-9)
     tested = converter(matrix_of(matrix))
@@ -100,7 +100,7 @@ def test_a_tool_that_moves_by_two_percent_of_the_range_gives_no_bias(axis, share
     assume(abs(share - 0.02) > 1e-9)
     tested = converter()
     ends = [[0.5 * (k != axis) for k in range(6)] for _ in range(2)]
-    ends[0][axis], ends[1][axis] = share * RANGE_N[axis], -share * RANGE_N[axis]
+    ends[0][axis], ends[1][axis] = share * LIMITS[axis], -share * LIMITS[axis]
     records = [tuple(end) for end in ends] * 4
     if share < 0.02:
         tested.take_bias(records, "Nano")

@@ -87,9 +87,8 @@ def test_a_calibration_comes_back_in_newton_and_newton_mm(serial, part, units, c
     force, torque = FORCE_UNITS[units[0] - 1], TORQUE_UNITS[units[1] - 1]
     scales = np.repeat([force_in_newton(force, ""), torque_in_newton_mm(torque, "")], 3)
     np.testing.assert_allclose(stored.matrix, (rows.T * scales / np.repeat(counts, 3)).T)
-    found = stored.calibration
-    assert (found.serial, found.part, found.force_unit) == (serial[:8], part[:32], force)
-    np.testing.assert_allclose((*found.range_n, *found.range_n_mm), ranges * scales)
+    assert (stored.serial, stored.part, stored.force_unit) == (serial[:8], part[:32], force)
+    np.testing.assert_allclose(stored.limits, ranges * scales)
 
 
 @pytest.mark.parametrize(

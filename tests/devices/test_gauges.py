@@ -63,10 +63,8 @@ def test_the_user_axes_are_the_matrix():
     head = '<?xml version="1.0" encoding="utf-8"?><!-- a note -->'
     loaded = parse_calibration_file(cal_file(head=head))
     np.testing.assert_allclose(loaded.matrix, ROWS)
-    found = loaded.calibration
-    assert (found.serial, found.part, found.force_unit) == ("FT00019", "SI-12-0.12", "N")
-    assert found.range_n == (12.0, 12.0, 17.0)
-    assert found.range_n_mm == (120.0, 120.0, 120.0)
+    assert (loaded.serial, loaded.part, loaded.force_unit) == ("FT00019", "SI-12-0.12", "N")
+    assert loaded.limits == (12.0, 12.0, 17.0, 120.0, 120.0, 120.0)
     assert loaded.output_v == 10.0
 
 
@@ -76,7 +74,7 @@ def test_what_a_file_leaves_out_has_its_usual_value_and_other_units_are_converte
         assert parse_calibration_file(whole.replace(usual, b"")) == parse_calibration_file(whole)
     nameless = re.sub(rb' (Serial|PartNumber)="[^"]*"', b"", cal_file())
     loaded = parse_calibration_file(nameless.replace(b'"True"', b'"False"'))
-    assert (loaded.calibration.serial, loaded.calibration.part, loaded.output_v) == ("", "", 20.0)
+    assert (loaded.serial, loaded.part, loaded.output_v) == ("", "", 20.0)
     loaded = parse_calibration_file(cal_file(units=("lbf", "lbf-in", "in")))
     np.testing.assert_allclose(loaded.matrix[0], 4.4482216152605 * ROWS[0])
     np.testing.assert_allclose(loaded.matrix[5], 4.4482216152605 * 25.4 * ROWS[5])

@@ -65,9 +65,9 @@ def test_a_page_becomes_settings(units, newton, newton_mm):
     settings = parse_settings(parse_page(page), {"calsn": "FT1", "calpn": "SI-12-0.12"}, "box")
     assert settings.calibration.serial == "FT1"
     assert settings.calibration.range_n == pytest.approx(np.multiply((12, 12, 17), newton))
-    assert settings.calibration.range_n_mm == pytest.approx([0.12 * newton_mm] * 3)
-    assert settings.matrix[2][2] == pytest.approx(1e-6 * newton)
-    assert settings.matrix[5][5] == pytest.approx(newton_mm / 2000)
+    assert settings.calibration.limits[3:] == pytest.approx([0.12 * newton_mm] * 3)
+    assert settings.calibration.matrix[2][2] == pytest.approx(1e-6 * newton)
+    assert settings.calibration.matrix[5][5] == pytest.approx(newton_mm / 2000)
     assert (settings.rate_hz, settings.filter, settings.bias) == (1000.0, 4, "1;-2;3;4;5;6")
 
 

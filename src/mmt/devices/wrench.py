@@ -101,8 +101,8 @@ class WrenchConverter:
     ----------
     matrix
         From raw values to the wrench in the sensor's axes.
-    range_n, range_n_mm
-        The calibrated range of forces and torques.
+    limits
+        The calibrated range: Fx, Fy, Fz (N), Tx, Ty, Tz (N mm).
     options
         Mounting of the sensor.
     faults
@@ -111,16 +111,11 @@ class WrenchConverter:
     """
 
     def __init__(
-        self,
-        matrix: Matrix,
-        range_n: Vector,
-        range_n_mm: Vector,
-        options: WrenchOptions,
-        faults: Counter[str],
+        self, matrix: Matrix, limits: Six, options: WrenchOptions, faults: Counter[str]
     ) -> None:
         self.faults = faults
         self._matrix = matrix
-        self._limits = (*range_n, *range_n_mm)
+        self._limits = limits
         self._x, self._y, self._z = (
             six_of([sum(turn[i] * matrix[i][j] for i in range(3)) for j in range(6)])
             for turn in orientation(options)

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Final
 
-from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.protocols import SensorReading
 from mmt.devices.reading_checks import RareWarning, StuckCheck
@@ -187,9 +186,9 @@ class WrenchSensor(ABC):
         latency_ms = self._mounting.latency_ms
         self.latency_ns = round(own_ns if latency_ms is None else 1e6 * latency_ms)
 
-    def _set_matrix(self, matrix: Matrix, range_n: Vector, range_n_mm: Vector) -> None:
+    def _set_matrix(self, matrix: Matrix, limits: Six) -> None:
         """Convert by this calibration from now on; the bias stays. See `WrenchConverter`."""
-        converter = WrenchConverter(matrix, range_n, range_n_mm, self._mounting, self._counts)
+        converter = WrenchConverter(matrix, limits, self._mounting, self._counts)
         if self._converter is not None:
             converter.bias = self._converter.bias
         self._converter = converter

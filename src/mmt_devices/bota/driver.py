@@ -162,8 +162,8 @@ class BotaSerial(WrenchSensor):
         self._status = 0  # of the newest frame that could not be used
         self._set_latency(1e9 * _FRAME_BITS / options.baud)
         x, y, z = options.range_n_m
-        range_n_mm = (1000.0 * x, 1000.0 * y, 1000.0 * z)
-        self._set_matrix(diagonal(1.0, 1000.0), options.range_n, range_n_mm)
+        limits = (*options.range_n, 1000.0 * x, 1000.0 * y, 1000.0 * z)
+        self._set_matrix(diagonal(1.0, 1000.0), limits)
 
     def _open(self) -> None:
         """Open the port, and set the sensor up if the options say so."""

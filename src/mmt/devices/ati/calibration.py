@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from mmt.core.arrays import Vector
 from mmt.core.errors import InputError
 from mmt.core.units import unit_factor
-from mmt.devices.wrench import Positive, WrenchOptions
+from mmt.devices.wrench import Matrix, Positive, Six, WrenchOptions
 
 
 class AtiOptions(WrenchOptions):
@@ -74,24 +74,22 @@ RANGE_TOLERANCE = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Identity and calibrated range of a sensor."""
+    """Identity of a sensor, its matrix and its calibrated range."""
 
     serial: str
     """Serial number; empty if the device does not report it."""
     part: str
     """Name, as ``SI-12-0.12``; empty if the device does not report it."""
     force_unit: str
-    range_n: Vector
-    """Largest Fx, Fy, Fz (N)."""
-    range_n_mm: Vector
-    """Largest Tx, Ty, Tz (N mm)."""
+    matrix: Matrix
+    """From counts or volts to N and N mm."""
+    limits: Six
+    """Largest Fx, Fy, Fz (N), Tx, Ty, Tz (N mm)."""
 
-    def describe(self) -> str:
-        """Return one line for a person."""
-        name = self.serial or "serial number unknown"
-        part = f", {self.part}" if self.part else ""
-        x, y, z = self.range_n
-        return f"{name}{part}, range {x:g}, {y:g}, {z:g} N"
+    @property
+    def range_n(self) -> Vector:
+        """Largest Fx, Fy, Fz (N)."""
+        return self.limits[:3]
 
 
 def check_calibration(device: str, found: Calibration, expected: AtiOptions) -> None:

@@ -113,10 +113,9 @@ class DigitalFt(WrenchSensor):
             )
         start = calibration_start(self._options.calibration_number)
         stored = parse_calibration(line.read_registers(start, CALIBRATION_REGISTERS), self.name)
-        check_calibration(self.name, stored.calibration, self._options)
+        check_calibration(self.name, stored, self._options)
         self._amplify(line, stored)
-        calibration = stored.calibration
-        self._set_matrix(stored.matrix, calibration.range_n, calibration.range_n_mm)
+        self._set_matrix(stored.matrix, stored.limits)
 
     def _amplify(self, line: DigitalLine, stored: StoredCalibration) -> None:
         """Write the calibration's gains and offsets to the sensor if its own differ."""

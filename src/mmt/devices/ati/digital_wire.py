@@ -9,7 +9,7 @@ from typing import Final
 
 from mmt.core.errors import MmtError
 from mmt.devices.ati.calibration import Calibration, force_in_newton, torque_in_newton_mm
-from mmt.devices.wrench import Matrix, matrix_of
+from mmt.devices.wrench import matrix_of, six_of
 
 READ_REGISTERS: Final = 0x03
 WRITE_REGISTERS: Final = 0x10
@@ -221,12 +221,9 @@ _STATUS: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class StoredCalibration:
-    """One of the calibrations that the device holds."""
+class StoredCalibration(Calibration):
+    """One of the calibrations that the device holds; its matrix is for gauge counts."""
 
-    calibration: Calibration
-    matrix: Matrix
-    """From gauge counts to N and N mm."""
     gains: tuple[int, ...]
     """Gains that the gauges need for this calibration, six register values."""
     offsets: tuple[int, ...]
@@ -265,6 +262,7 @@ def parse_calibration(registers: Sequence[int], device: str) -> StoredCalibratio
     force_unit = FORCE_UNITS[force_code - 1]
     newton = force_in_newton(force_unit, device)
     newton_mm = torque_in_newton_mm(TORQUE_UNITS[torque_code - 1], device)
+    units = [newton] * 3 + [newton_mm] * 3
     scales = [newton / counts[0]] * 3 + [newton_mm / counts[1]] * 3
     try:
         matrix = matrix_of(
@@ -277,19 +275,10 @@ def parse_calibration(registers: Sequence[int], device: str) -> StoredCalibratio
         raise MmtError(
             f"{device}: the matrix of this calibration cannot be used: {error}"
         ) from None
-    x, y, z = (newton * value for value in ranges[:3])
-    tx, ty, tz = (newton_mm * value for value in ranges[3:])
+    limits = six_of([unit * value for unit, value in zip(units, ranges, strict=True)])
+    offsets = tuple(numbers[52:])
     return StoredCalibration(
-        Calibration(
-            _text(serial),
-            _text(part),
-            force_unit,
-            (x, y, z),
-            (tx, ty, tz),
-        ),
-        matrix,
-        tuple(gains),
-        tuple(numbers[52:]),
+        _text(serial), _text(part), force_unit, matrix, limits, tuple(gains), offsets
     )
 
 

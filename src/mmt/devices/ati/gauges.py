@@ -19,7 +19,7 @@ from mmt.devices.ati.calibration import (
 )
 from mmt.devices.drivers import load_device, read_options
 from mmt.devices.protocols import VoltageBoard, arrival_of
-from mmt.devices.wrench import Matrix, matrix_of
+from mmt.devices.wrench import matrix_of, six_of
 from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 from mmt.scene import Driver
 
@@ -28,12 +28,9 @@ _LARGEST: Final = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class FileCalibration:
-    """Contents of a ``.cal`` file."""
+class FileCalibration(Calibration):
+    """Contents of a ``.cal`` file; its matrix is for volts."""
 
-    calibration: Calibration
-    matrix: Matrix
-    """From volts to N and N mm."""
     output_v: float
     """Largest magnitude of the amplifier's output voltage."""
 
@@ -92,7 +89,6 @@ def parse_calibration_file(content: bytes) -> FileCalibration:
     limits = [unit * _number(ranges[name], "max") for name, unit in zip(_AXES, units, strict=True)]
     if min(limits) <= 0:
         raise InputError("its ranges 'max' are not above zero")
-    x, y, z, tx, ty, tz = limits
     try:
         matrix = matrix_of(
             [[unit * value for value in row] for row, unit in zip(rows, units, strict=True)]
@@ -102,15 +98,12 @@ def parse_calibration_file(content: bytes) -> FileCalibration:
     output = _number(calibration, "OutputRange", "20")
     bipolar = calibration.get("OutputBipolar", "True").lower() == "true"
     return FileCalibration(
-        Calibration(
-            serial=root.get("Serial", ""),
-            part=calibration.get("PartNumber", ""),
-            force_unit=_text(calibration, "ForceUnits"),
-            range_n=(x, y, z),
-            range_n_mm=(tx, ty, tz),
-        ),
-        matrix,
-        output / 2 if bipolar else output,
+        serial=root.get("Serial", ""),
+        part=calibration.get("PartNumber", ""),
+        force_unit=_text(calibration, "ForceUnits"),
+        matrix=matrix,
+        limits=six_of(limits),
+        output_v=output / 2 if bipolar else output,
     )
 
 
@@ -229,7 +222,7 @@ class Gauges(WrenchSensor):
         self._is_open = False
         self.loaded: FileCalibration = load_calibration_file(options.calibration_file)
         """Contents of the calibration file."""
-        check_calibration(self.name, self.loaded.calibration, options)
+        check_calibration(self.name, self.loaded, options)
         if board.inputs < 6:
             raise InputError(
                 f"{self.name}: the board is set to {board.inputs} inputs, the gauges need six"
@@ -239,8 +232,7 @@ class Gauges(WrenchSensor):
     def _open(self) -> None:
         self._board.connect()
         self._is_open = True
-        calibration = self.loaded.calibration
-        self._set_matrix(self.loaded.matrix, calibration.range_n, calibration.range_n_mm)
+        self._set_matrix(self.loaded.matrix, self.loaded.limits)
         self._set_latency(self._board.latency_ns)
 
     def close(self) -> None:

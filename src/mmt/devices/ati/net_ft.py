@@ -153,8 +153,7 @@ class NetFt(WrenchSensor):
         """Read, check and set the box's settings, then open the socket."""
         settings = self._settle()
         self.settings = settings
-        calibration = settings.calibration
-        self._set_matrix(settings.matrix, calibration.range_n, calibration.range_n_mm)
+        self._set_matrix(settings.calibration.matrix, settings.calibration.limits)
         self._set_latency(filter_delay_ns(settings.filter))
         if self._clock is None or self._clock.period_ns != 1e9 / settings.rate_hz:
             self._clock = SequenceClock(settings.rate_hz, self._counts)

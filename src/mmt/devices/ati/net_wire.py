@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from mmt.core.arrays import Vector
 from mmt.core.bounds import finite_number
 from mmt.core.errors import MmtError
 from mmt.core.requests import AnswerError, open_answer
 from mmt.devices.ati.calibration import Calibration, force_in_newton, torque_in_newton_mm
-from mmt.devices.wrench import Matrix, diagonal
+from mmt.devices.wrench import diagonal, six_of
 
 PORT: Final = 49152
 
@@ -93,8 +92,7 @@ class NetSettings:
     """Settings that the box reports."""
 
     calibration: Calibration
-    matrix: Matrix
-    """From counts to N and N mm."""
+    """Its matrix is for counts."""
     rate_hz: float
     """Records a second."""
     filter: int
@@ -140,20 +138,17 @@ def parse_settings(
     ranges = [_number(part, "cfgmr", device) for part in _value(page, "cfgmr", device).split(";")]
     if len(ranges) != 6 or min(ranges) <= 0:
         raise MmtError(f"{device}: its ranges 'cfgmr' are {page['cfgmr']!r}, six are expected")
-    x, y, z = (newton * value for value in ranges[:3])
-    tx, ty, tz = (newton_mm * value for value in ranges[3:])
-    range_n: Vector = (x, y, z)
+    units = [newton] * 3 + [newton_mm] * 3
     return NetSettings(
         calibration=Calibration(
             serial=calibration_page.get("calsn", ""),
             part=calibration_page.get("calpn", ""),
             force_unit=force_unit,
-            range_n=range_n,
-            range_n_mm=(tx, ty, tz),
-        ),
-        matrix=diagonal(
-            newton / _positive(page, "cfgcpf", device),
-            newton_mm / _positive(page, "cfgcpt", device),
+            matrix=diagonal(
+                newton / _positive(page, "cfgcpf", device),
+                newton_mm / _positive(page, "cfgcpt", device),
+            ),
+            limits=six_of([unit * value for unit, value in zip(units, ranges, strict=True)]),
         ),
         rate_hz=_positive(page, "comrdtrate", device),
         filter=int(_number(page.get("setuserfilter", "0"), "setuserfilter", device)),
