@@ -39,7 +39,11 @@ class Device(Protocol):
 
 
 class Robot(Device, Protocol):
-    """The follower's arm, controlled in position."""
+    """The follower's arm, controlled in position.
+
+    Its calls raise `DeviceLost` if it does not answer any more, or takes no commands; the message
+    says why, and `connect` may be called again later.
+    """
 
     def read(self) -> Vector:
         """Return the tip's measured position (mm)."""
@@ -49,7 +53,7 @@ class Robot(Device, Protocol):
 
 
 class ForceSensor(Device, Protocol):
-    """A force sensor at the follower's tip."""
+    """A force sensor at the follower's tip; `read` raises `DeviceLost` as that of a `Robot`."""
 
     def read(self) -> Vector:
         """Return the force of the surface on the tool (N), the bias removed."""
@@ -175,7 +179,7 @@ class SetupRemarks(Protocol):
 
 
 class LeaderInterface(Device, Protocol):
-    """The handle that the operator holds."""
+    """The handle that the operator holds; its calls raise `DeviceLost` as those of a `Robot`."""
 
     def read(self, elapsed_ticks: int) -> InterfaceState:
         """Return the state now, `elapsed_ticks` (at least 1) ticks after the last call."""

@@ -113,33 +113,15 @@ class FrankaRobot(_ArmDriver[FrankaRobotOptions]):
         """Do nothing: the arm is calibrated, and the scene's zero is the option `origin_mm`."""
 
     def read(self) -> Vector:
-        """Return the end effector's position (mm), about a tick old.
-
-        Raises
-        ------
-        DeviceLost
-            The arm is lost, or has stopped; the message says why.
-        """
+        """Return the end effector's position (mm), about a tick old."""
         return self._axes.place_in_scene(self._connected().check().position_mm)
 
     def orientation(self) -> Quaternion:
-        """Return the end effector's orientation (w, x, y, z), about a tick old.
-
-        Raises
-        ------
-        DeviceLost
-            The arm is lost, or has stopped.
-        """
+        """Return the end effector's orientation (w, x, y, z), about a tick old."""
         return self._axes.turn_in_scene(self._connected().check().orientation)
 
     def write(self, position_mm: Vector) -> None:
-        """Command a position (mm); count and ignore one that is not finite.
-
-        Raises
-        ------
-        DeviceLost
-            The arm is lost, or has stopped; the message says why.
-        """
+        """Command a position (mm); count and ignore one that is not finite."""
         self._connected().check()
         if not math.isfinite(sum(position_mm)):
             self._counts["commands that are not finite"] += 1
@@ -190,13 +172,7 @@ class FrankaForce(_ArmDriver[ArmOptions]):
         self._bias_n = (x, y, z)
 
     def read(self) -> Vector:
-        """Return the force (N) of the touched surface on the tool, without the bias.
-
-        Raises
-        ------
-        DeviceLost
-            The arm is lost, or has stopped.
-        """
+        """Return the force (N) of the touched surface on the tool, without the bias."""
         x, y, z = self._connected().check().force_n
         if x == y == z == 0.0:
             self._counts[_NO_FORCE] += 1

@@ -136,13 +136,7 @@ class InverseDriver:
         return state.measured
 
     def _command(self, numbers: Vector) -> None:
-        """Command a force (N) or a position (mm), if finite, in the device's axes.
-
-        Raises
-        ------
-        DeviceLost
-            The device does not answer any more.
-        """
+        """Command a force (N) or a position (mm), if finite, in the device's axes."""
         link = self._connected()
         link.read()
         if math.isfinite(sum(numbers)):
@@ -182,13 +176,7 @@ class Inverse3Robot(InverseDriver):
         self._connected().await_answer(_LONGEST_TURN_S)
 
     def read(self) -> Vector:
-        """Return the tip's newest position (mm).
-
-        Raises
-        ------
-        DeviceLost
-            The robot does not answer any more.
-        """
+        """Return the tip's newest position (mm)."""
         return self._axes.place_in_scene(self._measured(self._connected().read()).position_mm)
 
     def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
@@ -200,13 +188,7 @@ class Inverse3Robot(InverseDriver):
         ]
 
     def write(self, position_mm: Vector) -> None:
-        """Command a position (mm); count and ignore one that is not finite.
-
-        Raises
-        ------
-        DeviceLost
-            The robot does not answer any more.
-        """
+        """Command a position (mm); count and ignore one that is not finite."""
         self._command(self._axes.place_on_device(position_mm))
 
 
@@ -232,13 +214,7 @@ class Inverse3Handle(InverseDriver):
         super().__init__("handle", given, ramp_ms=given.ramp_ms, limit_n=given.force_limit_n)
 
     def read(self, elapsed_ticks: int) -> InterfaceState:  # noqa: ARG002 - the device has a clock
-        """Return the handle's newest state.
-
-        Raises
-        ------
-        DeviceLost
-            The handle does not answer any more.
-        """
+        """Return the handle's newest state."""
         measured = self._measured(self._connected().read())
         position = self._axes.place_in_scene(measured.position_mm)
         velocity = self._axes.to_scene(measured.velocity_mm_s)
@@ -248,10 +224,5 @@ class Inverse3Handle(InverseDriver):
         """Display a force (N), cut to the limit.
 
         A force that is not finite is counted and ignored.
-
-        Raises
-        ------
-        DeviceLost
-            The handle does not answer any more.
         """
         self._command(self._axes.to_device(force_n))

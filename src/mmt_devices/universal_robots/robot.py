@@ -86,24 +86,12 @@ class UrRobot:
         """Do nothing: the arm is calibrated."""
 
     def read(self) -> Vector:
-        """Return the tip's position (mm) of the newest cycle of the controller.
-
-        Raises
-        ------
-        DeviceLost
-            The arm no longer answers or takes commands; the message says why.
-        """
+        """Return the tip's position (mm) of the newest cycle of the controller."""
         link, frame = self._connected()
         return frame.place_in_scene(link.read().position_m)
 
     def orientation(self) -> Quaternion:
-        """Return the tool's orientation (w, x, y, z) of the newest cycle of the controller.
-
-        Raises
-        ------
-        DeviceLost
-            The arm no longer answers or takes commands.
-        """
+        """Return the tool's orientation (w, x, y, z) of the newest cycle of the controller."""
         link, frame = self._connected()
         return frame.turn_in_scene(link.read().rotation_rad)
 
@@ -120,11 +108,6 @@ class UrRobot:
         """Send the tip to a position (mm), cut to `least_mm` and `most_mm`.
 
         A position that is not finite is counted and ignored.
-
-        Raises
-        ------
-        DeviceLost
-            The arm no longer answers or takes commands; the message says why.
         """
         link, frame = self._connected()
         link.read()  # reports a loss even if the scene never reads the position

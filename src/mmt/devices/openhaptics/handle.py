@@ -41,13 +41,7 @@ class OpenHapticsHandle(HdDriver[Servo]):
         return Servo(stack.hd, stack.copies, handle, self._options, limit_n)
 
     def read(self, elapsed_ticks: int) -> InterfaceState:  # noqa: ARG002 - it has its own clock
-        """Return the handle's newest state, at most a tick old.
-
-        Raises
-        ------
-        DeviceLost
-            The handle does not answer any more.
-        """
+        """Return the handle's newest state, at most a tick old."""
         servo = self.check()
         position = self._axes.place_in_scene(servo.position)
         velocity = self._axes.to_scene(servo.velocity)
@@ -57,11 +51,6 @@ class OpenHapticsHandle(HdDriver[Servo]):
         """Display a force (N), cut to the limit.
 
         A force that is not finite is counted and ignored.
-
-        Raises
-        ------
-        DeviceLost
-            The handle does not answer any more.
         """
         servo = self.check()
         if servo.accepts(force_n):

@@ -119,24 +119,13 @@ class OpenHapticsRobot(HdDriver[PositionServo]):
         return PositionServo(stack.hd, stack.copies, handle, self._options, limit_n)
 
     def read(self) -> Vector:
-        """Return the tip's position (mm), at most a tick old.
-
-        Raises
-        ------
-        DeviceLost
-            The robot does not answer any more.
-        """
+        """Return the tip's position (mm), at most a tick old."""
         return self._axes.place_in_scene(self.check().position)
 
     def orientation(self) -> Quaternion:
         """Return the orientation (w, x, y, z) of the stylus, at most a tick old.
 
         It is measured from the first call on, whose own result is no unit quaternion.
-
-        Raises
-        ------
-        DeviceLost
-            The robot does not answer any more.
         """
         servo = self.check()
         servo.turns = True
@@ -144,13 +133,7 @@ class OpenHapticsRobot(HdDriver[PositionServo]):
         return self._axes.turn_in_scene(quaternion_of_axes((a, b, c), (d, e, f), (g, h, i)))
 
     def write(self, position_mm: Vector) -> None:
-        """Command a position (mm); one that is not finite is counted and ignored.
-
-        Raises
-        ------
-        DeviceLost
-            The robot does not answer any more.
-        """
+        """Command a position (mm); one that is not finite is counted and ignored."""
         servo = self.check()
         if servo.accepts(position_mm):
             servo.target = self._axes.place_on_device(position_mm)
