@@ -15,21 +15,11 @@ from serial.tools import list_ports
 
 from mmt.core.errors import DeviceLost, MmtError
 
-if sys.platform == "win32":
-
-    def _read_some(port: serial.Serial, most: int) -> bytes:
-        return bytes(port.read(most))
-
-else:
+if sys.platform != "win32":
     import fcntl
     import termios
 
-    _NONE: Final = bytes(4)
-
-    def _read_some(port: serial.Serial, most: int) -> bytes:
-        if fcntl.ioctl(port.fd, termios.FIONREAD, _NONE) == _NONE:
-            return b""
-        return os.read(port.fd, most) or bytes(port.read(most))  # raises if the port is gone
+_NONE: Final = bytes(4)
 
 
 def read_waiting(port: serial.Serial, most: int) -> bytes:
@@ -44,45 +34,12 @@ def read_waiting(port: serial.Serial, most: int) -> bytes:
     OSError, TypeError
         The port is gone; TypeError if it was closed meanwhile.
     """
-    return _read_some(port, most)
-
-
-def open_port(path: str, baud_rate: int, **settings: Any) -> serial.Serial:
-    """Open a port for this program alone, with reads that do not wait.
-
-    Parameters
-    ----------
-    path, baud_rate
-        Name of the port and its bits a second.
-    **settings
-        Further arguments of `serial.Serial`, such as a parity.
-
-    Raises
-    ------
-    MmtError
-        The port is missing, in use or not permitted; the message says what to do.
-    """
-    try:
-        port = serial.Serial(path, baud_rate, timeout=0, exclusive=True, **settings)
-    except Exception as error:  # pyserial lets termios.error through, which is no OSError
-        raise MmtError(explain_refusal(error)) from error
-    # A converter from USB to serial gathers bytes for 16 ms unless told otherwise.
-    with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
-        port.set_low_latency_mode(True)
-    return port
-
-
-def empty_port(port: serial.Serial) -> None:
-    """Discard the input buffer of a port."""
-    with contextlib.suppress(OSError, serial.SerialException):
-        port.reset_input_buffer()
-
-
-def close_port(port: serial.Serial | None) -> None:
-    """Close a port, if there is one; a port that is gone is closed too."""
-    if port is not None:
-        with contextlib.suppress(OSError, serial.SerialException):
-            port.close()
+    if sys.platform != "win32":
+        if fcntl.ioctl(port.fd, termios.FIONREAD, _NONE) == _NONE:
+            return b""
+        if received := os.read(port.fd, most):
+            return received
+    return bytes(port.read(most))  # raises if the port is gone
 
 
 def explain_refusal(error: Exception) -> str:
@@ -218,7 +175,7 @@ class SerialLine:
     baud
         Bits a second.
     **settings
-        Further settings of `mmt.devices.serial_ports.open_port`.
+        Further arguments of `serial.Serial`, such as a parity.
     """
 
     def __init__(self, name: str, port: str, baud: int, **settings: Any) -> None:
@@ -229,19 +186,26 @@ class SerialLine:
         self._port: serial.Serial | None = None
 
     def open(self) -> None:
-        """Open the port and discard its input buffer.
+        """Open the port for this program alone, and discard its input buffer.
 
         Raises
         ------
         MmtError
-            The port is missing, in use by another program, or not permitted.
+            The port is missing, in use by another program, or not permitted; the message says what
+            to do.
         """
         self.close()
         try:
-            self._port = open_port(self._path, self._baud, **self._settings)
-        except MmtError as error:
-            raise MmtError(f"{self.name}: its serial port: {error}") from error
-        empty_port(self._port)
+            self._port = port = serial.Serial(
+                self._path, self._baud, timeout=0, exclusive=True, **self._settings
+            )
+        except Exception as error:  # pyserial lets termios.error through, which is no OSError
+            raise MmtError(f"{self.name}: its serial port: {explain_refusal(error)}") from error
+        # A converter from USB to serial gathers bytes for 16 ms unless told otherwise.
+        with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
+            port.set_low_latency_mode(True)
+        with contextlib.suppress(OSError):  # as pyserial's errors are
+            port.reset_input_buffer()
 
     def read(self) -> bytes:
         """Return the received bytes without waiting.
@@ -272,7 +236,9 @@ class SerialLine:
     def close(self) -> None:
         """Close the port; calling it twice is harmless."""
         port, self._port = self._port, None
-        close_port(port)
+        if port is not None:
+            with contextlib.suppress(OSError):  # a port that is gone is closed too
+                port.close()
 
     def _opened(self) -> serial.Serial:
         if self._port is None:
