@@ -7,18 +7,20 @@ from typing import Any, Final
 import usb.backend
 import usb.core
 
+
+class _Descriptor(SimpleNamespace):
+    """A descriptor of USB; a field that is not given is 0."""
+
+    def __getattr__(self, name: str) -> int:
+        return 0
+
+
 _DEVICE: Final = {
     "bLength": 18,
     "bDescriptorType": 1,
     "bcdUSB": 0x200,
     "bDeviceClass": 255,
-    "bDeviceSubClass": 0,
-    "bDeviceProtocol": 0,
     "bMaxPacketSize0": 64,
-    "bcdDevice": 0,
-    "iManufacturer": 0,
-    "iProduct": 0,
-    "iSerialNumber": 0,
     "bNumConfigurations": 1,
     "address": 5,
     "bus": 1,
@@ -32,7 +34,6 @@ _CONFIGURATION: Final = {
     "wTotalLength": 39,
     "bNumInterfaces": 1,
     "bConfigurationValue": 1,
-    "iConfiguration": 0,
     "bmAttributes": 0x80,
     "bMaxPower": 250,
     "extra_descriptors": [],
@@ -40,12 +41,7 @@ _CONFIGURATION: Final = {
 _INTERFACE: Final = {
     "bLength": 9,
     "bDescriptorType": 4,
-    "bInterfaceNumber": 0,
-    "iInterface": 0,
-    "bAlternateSetting": 0,
     "bInterfaceClass": 255,
-    "bInterfaceSubClass": 0,
-    "bInterfaceProtocol": 0,
     "extra_descriptors": [],
 }
 _ENDPOINT: Final = {
@@ -53,9 +49,6 @@ _ENDPOINT: Final = {
     "bDescriptorType": 5,
     "bmAttributes": 2,
     "wMaxPacketSize": 64,
-    "bInterval": 0,
-    "bRefresh": 0,
-    "bSynchAddress": 0,
     "extra_descriptors": [],
 }
 
@@ -114,23 +107,23 @@ class OneDeviceBackend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has
 
     def get_device_descriptor(self, *_: Any) -> Any:
         """Describe the device."""
-        return SimpleNamespace(**_DEVICE, **self._ids)
+        return _Descriptor(**_DEVICE, **self._ids)
 
     def get_configuration_descriptor(self, _: object, config: int) -> Any:
         """Describe its only configuration."""
         if config:
             raise IndexError(config)
-        return SimpleNamespace(**_CONFIGURATION)
+        return _Descriptor(**_CONFIGURATION)
 
     def get_interface_descriptor(self, _: object, intf: int, alt: int, *__: Any) -> Any:
         """Describe its only interface."""
         if intf or alt:
             raise IndexError(alt)
-        return SimpleNamespace(**_INTERFACE, bNumEndpoints=len(self._endpoints))
+        return _Descriptor(**_INTERFACE, bNumEndpoints=len(self._endpoints))
 
     def get_endpoint_descriptor(self, _: object, ep: int, *__: Any) -> Any:
         """Describe one of its endpoints."""
-        return SimpleNamespace(**_ENDPOINT, bEndpointAddress=self._endpoints[ep])
+        return _Descriptor(**_ENDPOINT, bEndpointAddress=self._endpoints[ep])
 
     def open_device(self, dev: object) -> UsbHandle:  # noqa: ARG002 - there is one
         """Open it."""
