@@ -6,6 +6,7 @@ import resource
 import subprocess
 import sys
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -28,6 +29,12 @@ from mmt_share.player.results import COLUMNS, ResultsFile
 SESSION = RecordedSession(made_frames(0, 4000))
 VIBRATION = np.random.default_rng(1).standard_normal(40_000)
 
+
+def save_coil(path):
+    with mock.patch("mmt.devices.calibrations.calibration_file", return_value=path):
+        save_calibration("coil", "7", {"a": "b" * 9000})
+
+
 KINDS = {
     **{
         f"a{suffix}": lambda path: export_session(SESSION, path)
@@ -42,7 +49,7 @@ KINDS = {
         path.parent, "x", [], "d.json", {"a": "b" * 9999}
     ),
     "results.csv": lambda path: ResultsFile(path).write(dict.fromkeys(COLUMNS, "x" * 500)),
-    "coil-7.json": lambda path: save_calibration("coil", "7", {"a": "b" * 9000}, path.parent),
+    "coil-7.json": save_coil,
 }
 NOT_PRODUCTS = {
     "mmt/core/files/existing.py",  # the helper

@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 import platformdirs
@@ -156,12 +157,11 @@ def test_what_tells_nothing_is_refused():
 
 def test_a_stored_level_drives_the_actuator_evenly(home):
     fitted = fit_equaliser(*heard())
-    path = store_level(fitted, "TL 17", home / "other")
-    assert home / "other" in path.parents
+    path = store_level(fitted, "TL 17")
+    assert home in path.parents
     options = HaptuatorOptions(serial="TL 17", full_scale_v=6.0, low_hz=20.0)
-    level = level_of(options, home / "other")
+    level = level_of(options)
     assert asdict(level).items() <= asdict(fitted).items()
-    store_level(fitted, "TL 17")
     drive = VoltageDrive(options, 1000.0)
     wanted = np.sin(2.0 * np.pi * 150.0 * np.arange(2000) / 1000.0)
     felt = actuator(np.array(drive.convert(wanted)))
@@ -222,9 +222,9 @@ def test_what_is_stored_and_useless_is_explained(home):
         {"volts_per_m_s2": 0.1, "taps": ["a"]},
         {"volts_per_m_s2": 0.1, "taps": [1.0] * (TAPS + 1)},
     ):
-        path = save_calibration("haptuator", "x", values, home / "other")
+        path = save_calibration("haptuator", "x", values)
         with pytest.raises(InputError, match=f"{path} is not that of a Haptuator: make it again"):
-            level_of(options, home / "other")
+            level_of(options)
 
 
 @given(
@@ -235,11 +235,12 @@ def test_a_stored_response_is_taken_in_pairs_or_refused(pairs, spoils):
     lists = [[at for at, _ in pairs], [gain for _, gain in pairs]]
     for which, place, value in spoils:
         lists[which][place : place + 1] = [value]
-    with TemporaryDirectory() as home:
+    with TemporaryDirectory() as home, mock.patch("platformdirs.user_data_path") as found:
+        found.return_value = Path(home)
         values = {"volts_per_m_s2": 0.1, "taps": [1.0], "response_hz": lists[0]}
-        save_calibration("haptuator", "x", {**values, "response": lists[1]}, Path(home))
+        save_calibration("haptuator", "x", {**values, "response": lists[1]})
         try:
-            level = level_of(HaptuatorOptions(serial="x", full_scale_v=6.0), Path(home))
+            level = level_of(HaptuatorOptions(serial="x", full_scale_v=6.0))
         except InputError as error:
             rising = all(low < high for (low, _), (high, _) in pairwise(pairs))
             assert spoils or not rising

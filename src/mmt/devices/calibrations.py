@@ -18,7 +18,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.files.existing import write_file
 
 
-def calibration_file(device: str, serial: str, directory: Path | None = None) -> Path:
+def calibration_file(device: str, serial: str) -> Path:
     """Return the path of a device's calibration, whether or not the file exists.
 
     Parameters
@@ -27,8 +27,6 @@ def calibration_file(device: str, serial: str, directory: Path | None = None) ->
         The kind of device, as ``adxl335``.
     serial
         Its serial number; characters that are not allowed in a file's name become ``_``.
-    directory
-        Directory of the calibrations; None for the user's own.
 
     Raises
     ------
@@ -37,14 +35,11 @@ def calibration_file(device: str, serial: str, directory: Path | None = None) ->
     """
     if not serial.strip():
         raise InputError(f"the {device} has no serial number: give it one with the option 'serial'")
-    if directory is None:
-        directory = platformdirs.user_data_path("mmt-haptics", appauthor=False) / "calibrations"
+    directory = platformdirs.user_data_path("mmt-haptics", appauthor=False) / "calibrations"
     return directory / f"{_plain(device)}-{_plain(serial)}.json"
 
 
-def load_calibration(
-    device: str, serial: str, directory: Path | None = None
-) -> dict[str, Any] | None:
+def load_calibration(device: str, serial: str) -> dict[str, Any] | None:
     """Return the stored calibration, or None.
 
     Raises
@@ -52,7 +47,7 @@ def load_calibration(
     MmtError
         The file is there but cannot be read.
     """
-    path = calibration_file(device, serial, directory)
+    path = calibration_file(device, serial)
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -69,9 +64,7 @@ def load_calibration(
     return content
 
 
-def save_calibration(
-    device: str, serial: str, values: Mapping[str, Any], directory: Path | None = None
-) -> Path:
+def save_calibration(device: str, serial: str, values: Mapping[str, Any]) -> Path:
     """Store a calibration with the device's name and serial number; return its file.
 
     Raises
@@ -79,7 +72,7 @@ def save_calibration(
     InputError, MmtError
         The file cannot be written.
     """
-    path = calibration_file(device, serial, directory)
+    path = calibration_file(device, serial)
     content = {**values, "device": device, "serial": serial}
     write_file(path, json.dumps(content, indent=2) + "\n")
     return path

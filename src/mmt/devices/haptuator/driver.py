@@ -24,7 +24,7 @@ DEVICE: Final = "haptuator"
 _STORED: Final = TypeAdapter(ActuatorLevel)
 
 
-def level_of(options: HaptuatorOptions, directory: Path | None = None) -> ActuatorLevel:
+def level_of(options: HaptuatorOptions) -> ActuatorLevel:
     """Return the level of the options, or the one stored for their serial number.
 
     Raises
@@ -37,7 +37,7 @@ def level_of(options: HaptuatorOptions, directory: Path | None = None) -> Actuat
     if options.volts_per_m_s2 is not None:
         return ActuatorLevel(options.volts_per_m_s2, (1.0,))
     serial = options.serial or ""
-    stored = load_calibration(DEVICE, serial, directory)
+    stored = load_calibration(DEVICE, serial)
     if stored is None:
         raise InputError(
             f"no calibration of Haptuator {serial} is stored: make one by 'mmt device equalise', "
@@ -47,12 +47,12 @@ def level_of(options: HaptuatorOptions, directory: Path | None = None) -> Actuat
         return _STORED.validate_python(stored)
     except ValidationError as error:
         raise InputError(
-            f"the calibration {calibration_file(DEVICE, serial, directory)} is not that of a "
+            f"the calibration {calibration_file(DEVICE, serial)} is not that of a "
             "Haptuator: make it again by 'mmt device equalise'"
         ) from error
 
 
-def store_level(equaliser: Equaliser, serial: str, directory: Path | None = None) -> Path:
+def store_level(equaliser: Equaliser, serial: str) -> Path:
     """Store the level and equaliser of a sweep; return the file.
 
     Raises
@@ -60,7 +60,7 @@ def store_level(equaliser: Equaliser, serial: str, directory: Path | None = None
     MmtError
         The file cannot be written.
     """
-    return save_calibration(DEVICE, serial, asdict(equaliser), directory)
+    return save_calibration(DEVICE, serial, asdict(equaliser))
 
 
 FADE_S: Final = 0.01
