@@ -20,7 +20,9 @@ from mmt.testing.simulation.surfaces.alterations import LAGS, Bursts, Level, Pat
 from mmt.testing.simulation.surfaces.surface import (
     ALTERED_VERSION,
     Surface,
+    encode_truth,
     integrated_power,
+    spectra,
     strokes_on,
 )
 from mmt.testing.simulation.surfaces.vibration import Stroke, VibrationSource
@@ -92,17 +94,10 @@ class AlteredSurface:
         if self.bursts is None:
             return self._steady(speed_mm_s, force_n, frequencies, heading_rad)
         grid = np.linspace(0.0, 0.5 * self.rate_hz, round(LAGS * self.rate_hz / RATE_HZ) + 1)
-        strokes = np.broadcast_arrays(
-            np.atleast_1d(speed_mm_s), force_n, np.nan if heading_rad is None else heading_rad
+        blocks = spectra(self._steady, speed_mm_s, force_n, grid, heading_rad)
+        return np.concatenate(
+            [self.bursts.widened(steady, frequencies, self.rate_hz) for steady in blocks]
         )
-        speed, force, heading = (np.ravel(values) for values in strokes)
-        density = np.empty((speed.size, frequencies.size))
-        for start in range(0, speed.size, 64):
-            part = slice(start, start + 64)
-            towards = None if heading_rad is None else heading[part]
-            steady = self._steady(speed[part], force[part], grid, towards)
-            density[part] = self.bursts.widened(steady, frequencies, self.rate_hz)
-        return density
 
     def power(
         self,
@@ -137,8 +132,7 @@ class AlteredSurface:
             "low_pass_hz": self.low_pass_hz,
             **{key: asdict(part) for key, part in done.items() if part is not None},
         }
-        truth = {"surface": self.name, "version": ALTERED_VERSION, "parameters": parameters}
-        return json.dumps(truth, separators=(",", ":")).encode()
+        return encode_truth(self.name, ALTERED_VERSION, parameters)
 
 
 _PARTS: Final = {"level": Level, "patches": Patches, "bursts": Bursts}

@@ -20,7 +20,7 @@ from mmt.testing.simulation.surfaces.known_surfaces import (
     surface_from_annotations,
     vibration_of,
 )
-from mmt.testing.simulation.surfaces.surface import COURSE_VERSION
+from mmt.testing.simulation.surfaces.surface import COURSE_VERSION, encode_truth
 from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.testing.simulation.surfaces.vibration import Stroke, VibrationSource
 
@@ -132,15 +132,11 @@ class SurfaceCourse:
 
     def annotations(self) -> bytes:
         """Return the truth as JSON, from which `course_from_annotations` rebuilds it."""
-        truth = {
-            "surface": self.name,
-            "version": COURSE_VERSION,
-            "parameters": {
-                "surfaces": [json.loads(surface.annotations()) for surface in self.surfaces],
-                "changes": [list(change) for change in self.changes],
-            },
+        parameters = {
+            "surfaces": [json.loads(surface.annotations()) for surface in self.surfaces],
+            "changes": [list(change) for change in self.changes],
         }
-        return json.dumps(truth, separators=(",", ":")).encode()
+        return encode_truth(self.name, COURSE_VERSION, parameters)
 
     def places_by_frame(self, force_n: FloatArray) -> IntArray:
         """Return the place of the surface under the tool in each frame, from the force (n,)."""

@@ -7,7 +7,6 @@ The model's range is stretched to that of a session, 300 mm/s and 3 N.
 """
 
 import base64
-import json
 from collections.abc import Mapping
 from functools import lru_cache
 from math import sqrt
@@ -23,7 +22,7 @@ from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.session.formats import find_format
 from mmt.testing.simulation import RATE_HZ
-from mmt.testing.simulation.surfaces.surface import MODEL_VERSION, strokes_on
+from mmt.testing.simulation.surfaces.surface import MODEL_VERSION, encode_truth, strokes_on
 from mmt.testing.simulation.surfaces.vibration import Stroke, VibrationSource
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space import InputSpace
@@ -177,8 +176,7 @@ class ModelSurface:
             **({} if self.rate_hz == RATE_HZ else {"rate_hz": self.rate_hz}),
             "model_npz": base64.b64encode(self.model.to_bytes()).decode(),
         }
-        truth = {"surface": self.name, "version": MODEL_VERSION, "parameters": parameters}
-        return json.dumps(truth, separators=(",", ":")).encode()
+        return encode_truth(self.name, MODEL_VERSION, parameters)
 
     def _inputs(
         self,

@@ -13,7 +13,7 @@ is none.
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from typing import Any, Final, Protocol
@@ -164,8 +164,13 @@ class Surface:
             "modes": modes,
         }
         version = VERSION if self.isotropic else GRAINED_VERSION
-        truth = {"surface": self.name, "version": version, "parameters": parameters}
-        return json.dumps(truth, separators=(",", ":")).encode()
+        return encode_truth(self.name, version, parameters)
+
+
+def encode_truth(name: str, version: int, parameters: Mapping[str, Any]) -> bytes:
+    """Return the annotations of a known surface."""
+    truth = {"surface": name, "version": version, "parameters": parameters}
+    return json.dumps(truth, separators=(",", ":")).encode()
 
 
 def integrated_power(
@@ -180,22 +185,32 @@ def integrated_power(
     The midpoint rule covers a whole period of the spectrum, so that its error falls
     exponentially with the number of points: below 1e-12 for the narrowest line here.
     """
-    strokes = np.broadcast_arrays(
-        np.atleast_1d(speed_mm_s),
-        np.atleast_1d(force_n),
-        np.nan if heading_rad is None else heading_rad,
-    )
-    speed, force, heading = (np.ravel(values) for values in strokes)
     points = round(_POWER_GRID * rate_hz / RATE_HZ)
     width = 0.5 * rate_hz / points
     frequencies = (np.arange(points) + 0.5) * width
-    total = np.empty(speed.size)
-    for start in range(0, speed.size, 64):
+    blocks = spectra(spectrum, speed_mm_s, force_n, frequencies, heading_rad)
+    return np.concatenate([density.sum(axis=1) * width for density in blocks])
+
+
+def spectra(
+    spectrum: Callable[..., FloatArray],
+    speed_mm_s: npt.ArrayLike,
+    force_n: npt.ArrayLike,
+    frequencies_hz: npt.ArrayLike,
+    heading_rad: npt.ArrayLike | None,
+) -> Iterator[FloatArray]:
+    """Yield a `Surface.spectrum` (k, f) for 64 strokes at once, which bounds the memory."""
+    towards = np.nan if heading_rad is None else heading_rad
+    strokes = np.broadcast_arrays(np.atleast_1d(speed_mm_s), force_n, towards)
+    speed, force, heading = (np.ravel(values) for values in strokes)
+    for start in range(0, max(speed.size, 1), 64):
         part = slice(start, start + 64)
-        towards = None if heading_rad is None else heading[part]
-        density = spectrum(speed[part], force[part], frequencies, towards)
-        total[part] = density.sum(axis=1) * width
-    return total
+        yield spectrum(
+            speed[part],
+            force[part],
+            frequencies_hz,
+            None if heading_rad is None else heading[part],
+        )
 
 
 def strokes_on(
