@@ -20,7 +20,11 @@ if TYPE_CHECKING:
 
 
 class Device(Protocol):
-    """The life cycle that every device has."""
+    """The life cycle that every device has.
+
+    A driver is a class, or a function that makes the device. It takes its options in the scene as
+    keywords, and raises `InputError` if one is not allowed or its library is not installed.
+    """
 
     def connect(self) -> None:
         """Open the device.

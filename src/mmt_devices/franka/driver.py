@@ -75,17 +75,9 @@ class _ArmDriver(Generic[AnyOptions]):
 
 
 class FrankaRobot(_ArmDriver[FrankaRobotOptions]):
-    """Implements `Robot`; the options are those of `FrankaRobotOptions`.
+    """Implements `Robot`.
 
-    Parameters
-    ----------
-    **options
-        See `docs/how-to/franka.md`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed, or franky-control is not installed.
+    Its options are those of `FrankaRobotOptions`, see `docs/how-to/franka.md`.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -132,15 +124,7 @@ class FrankaRobot(_ArmDriver[FrankaRobotOptions]):
 class FrankaForce(_ArmDriver[ArmOptions]):
     """Implements `ForceSensor` by the arm's estimate of the external force, `O_F_ext_hat_K`.
 
-    Parameters
-    ----------
-    **options
-        See `docs/how-to/franka.md`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed, or franky-control is not installed.
+    Its options are those of `ArmOptions`, see `docs/how-to/franka.md`.
     """
 
     def __init__(self, **options: Any) -> None:

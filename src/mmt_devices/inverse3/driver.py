@@ -149,17 +149,9 @@ _LONGEST_TURN_S: Final = 0.02
 
 
 class Inverse3Robot(InverseDriver):
-    """Implements `Robot`; the options are those of `Inverse3RobotOptions`.
+    """Implements `Robot`.
 
-    Parameters
-    ----------
-    **options
-        See `docs/how-to/inverse3.md`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed.
+    Its options are those of `Inverse3RobotOptions`, see `docs/how-to/inverse3.md`.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -193,20 +185,12 @@ class Inverse3Robot(InverseDriver):
 
 
 class Inverse3Handle(InverseDriver):
-    """Implements `LeaderInterface`; the options are those of `HandleOptions`.
+    """Implements `LeaderInterface`.
+
+    Its options are those of `HandleOptions`, see `docs/how-to/inverse3.md`.
 
     An Inverse3 measures no force. With ``hand_force = "contact"`` in ``[handle]``, the leader
     infers the force from the motion.
-
-    Parameters
-    ----------
-    **options
-        See `docs/how-to/inverse3.md`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed.
     """
 
     def __init__(self, **options: Any) -> None:

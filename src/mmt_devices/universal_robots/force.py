@@ -32,23 +32,15 @@ _SAID_N: Final = 1.0
 
 
 class UrForceSensor:
-    """Implements `ForceSensor`; the options are those of `ForceOptions`.
+    """Implements `ForceSensor`.
+
+    Its options are those of `ForceOptions`, see `docs/how-to/universal-robots.md`.
 
     The force is ``actual_TCP_force`` of RTDE: the external force on the tool in the base's axes,
     without the payload that is set at the controller. A tool that presses on a table under an
     upright arm measures a positive z. `read` subtracts the bias and rotates into the scene's axes.
     An e-Series arm zeroes its sensor whenever a program starts, as after a stop; the bias is then
     moved, so that the force goes on as before.
-
-    Parameters
-    ----------
-    **options
-        See `docs/how-to/universal-robots.md`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed, or ur-rtde is not installed.
     """
 
     def __init__(self, **options: Any) -> None:

@@ -24,20 +24,12 @@ def missing() -> str:
 
 
 class UrRobot:
-    """Implements `Robot`; the options are those of `UrRobotOptions`.
+    """Implements `Robot`.
+
+    Its options are those of `UrRobotOptions`, see `docs/how-to/universal-robots.md`.
 
     Positions are those of the tool's centre point, which is set at the controller. The tool keeps
     the orientation that it has when the robot is connected.
-
-    Parameters
-    ----------
-    **options
-        See `docs/how-to/universal-robots.md`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed, or ur-rtde is not installed.
     """
 
     def __init__(self, **options: Any) -> None:

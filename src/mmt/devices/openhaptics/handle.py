@@ -12,20 +12,12 @@ from mmt.devices.openhaptics.servo import Servo
 
 
 class OpenHapticsHandle(HdDriver[Servo]):
-    """Implements `LeaderInterface`; the options are those of `HdOptions`.
+    """Implements `LeaderInterface`.
+
+    Its options are those of `HdOptions`, see `docs/how-to/openhaptics.md`.
 
     The handle measures no force: with ``hand_force = "contact"`` of ``[handle]`` the leader
     estimates the hand's force from the motion.
-
-    Parameters
-    ----------
-    **options
-        See `docs/how-to/openhaptics.md`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed.
     """
 
     def __init__(self, **options: Any) -> None:

@@ -91,17 +91,9 @@ class PositionServo(Servo):
 
 
 class OpenHapticsRobot(HdDriver[PositionServo]):
-    """Implements `Robot`; the options are those of `HdRobotOptions`.
+    """Implements `Robot`.
 
-    Parameters
-    ----------
-    **options
-        See `docs/how-to/openhaptics.md`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed.
+    Its options are those of `HdRobotOptions`, see `docs/how-to/openhaptics.md`.
     """
 
     def __init__(self, **options: Any) -> None:
