@@ -58,6 +58,12 @@ def explain_refusal(error: Exception) -> str:
     return str(error)
 
 
+def is_text(received: bytes) -> bool:
+    """Return whether nearly all received bytes are readable: a device sends text, not frames."""
+    readable = sum(byte in b"\t\r\n" or 32 <= byte < 127 for byte in received)
+    return readable >= _TEXT_SHARE * len(received)
+
+
 def cobs_encode(plain: bytes) -> bytes:
     """Return bytes in COBS encoding: none of them is zero.
 
@@ -161,6 +167,7 @@ class FrameDecoder(ABC, Generic[Content]):
 
 
 _AT_ONCE: Final = 16384
+_TEXT_SHARE: Final = 0.95
 
 
 class SerialLine:

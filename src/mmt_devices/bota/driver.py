@@ -9,7 +9,7 @@ from pydantic import Field
 from mmt.core.errors import InputError, MmtError
 from mmt.devices.drivers import read_options
 from mmt.devices.record_clocks import StampClock
-from mmt.devices.serial_ports import SerialLine
+from mmt.devices.serial_ports import SerialLine, is_text
 from mmt.devices.wrench import Positive, WrenchOptions, diagonal
 from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 from mmt_devices.bota.frames import (
@@ -37,7 +37,6 @@ _KEPT: Final = 8192
 
 DRIVER: Final = "bota-serial"
 
-_TEXT_SHARE: Final = 0.95
 _FRAME_BITS: Final = 10 * SIZE
 _WORDS: Final = {
     INVALID: "that its measurements are invalid (a gauge in saturation, short or open)",
@@ -207,8 +206,7 @@ class BotaSerial(WrenchSensor):
                 "its frames come, but what is sent to it does not arrive: check the wires from the "
                 "adapter to it (RS-422: TX+ and TX-), or leave its settings with configure = false"
             )
-        readable = sum(byte in b"\t\r\n" or 32 <= byte < 127 for byte in received)
-        if readable >= _TEXT_SHARE * len(received):
+        if is_text(received):
             return "text comes: set its data format to binary, which configure = true does"
         return (
             f"{len(received)} bytes or more came but no good frames: the baud rate is probably not "

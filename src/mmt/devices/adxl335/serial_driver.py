@@ -13,13 +13,12 @@ from mmt.core.errors import MmtError
 from mmt.devices.adxl335.framing import BoardDecoder, BoardFrame, Counts, Timeline
 from mmt.devices.adxl335.sensor import BAND, Adxl335, SerialOptions
 from mmt.devices.drivers import read_options
-from mmt.devices.serial_ports import SerialLine
+from mmt.devices.serial_ports import SerialLine, is_text
 
 NAME: Final = "adxl335-serial"
 RATES: Final = f"2000 samples a second, or what its sketch is changed to; {BAND}"
 _FIRST_FRAMES: Final = 3
 """Good frames that must come before the board counts as connected."""
-_TEXT_SHARE: Final = 0.95
 
 
 class SerialAdxl335(Adxl335):
@@ -138,8 +137,7 @@ class SerialAdxl335(Adxl335):
             )
         if self._decoder.faults["other versions"]:
             return f"{where} sends frames of another version: put the present sketch on it"
-        readable = sum(byte in b"\t\r\n" or 32 <= byte < 127 for byte in received)
-        if readable >= _TEXT_SHARE * len(received):
+        if is_text(received):
             return f"{where} sends text: another sketch runs on it; put that of scripts/firmware on"
         return (
             f"{where} sent {len(received)} bytes or more but no good frames: the baud rate is "
