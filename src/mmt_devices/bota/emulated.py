@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from mmt.testing.emulated.lab import World
 
 
+_BAUD: Final = 460_800
 _TIMER_NS: Final = 1_000_000
 """A USB-to-serial adapter passes bytes on once a millisecond."""
 _SHIPPED_FILTER: Final = (512, 0, 0, 1)
@@ -26,7 +27,7 @@ class EmulatedBota(EmulatedSerialSensor):
 
     Parameters
     ----------
-    truth, baud, seed, clockwork
+    truth, seed, clockwork
         As for `EmulatedSerialSensor`; the truth is the force (N).
     clock_ppm, start_us
         By how much the sensor's clock runs too fast, in ppm, and its initial time.
@@ -37,7 +38,6 @@ class EmulatedBota(EmulatedSerialSensor):
     def __init__(
         self,
         truth: Truth,
-        baud: int = 460_800,
         *,
         clock_ppm: float = 0.0,
         start_us: int = 0,
@@ -45,7 +45,7 @@ class EmulatedBota(EmulatedSerialSensor):
         seed: int = 1,
         clockwork: Clockwork | None = None,
     ) -> None:
-        super().__init__(truth, baud, seed, _TIMER_NS, clockwork)
+        super().__init__(truth, _BAUD, seed, _TIMER_NS, clockwork)
         self.filter = _SHIPPED_FILTER
         """Sinc length, chop, fast, FIR disabled."""
         self.calibrated = True
@@ -60,7 +60,7 @@ class EmulatedBota(EmulatedSerialSensor):
         self._speed = 1.0 + 1e-6 * clock_ppm
         self._start_us = start_us
         self._noise = noise_n
-        self._on_line_ns = round(10 * SIZE * 1e9 / baud)
+        self._on_line_ns = round(10 * SIZE * 1e9 / _BAUD)
         self._booted_ns = 0
         self._running_ns: int | None = None  # when the stream began
         self._sent = 0

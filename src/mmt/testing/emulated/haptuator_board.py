@@ -11,6 +11,7 @@ from mmt.testing.emulated.serial_port import EmulatedSerialDevice
 
 _PERIOD_NS: Final = 1_000_000
 _REPORT_PERIODS: Final = 5
+_CAPACITY: Final = 1024
 _HISTORY: Final = 400_000
 _MODULUS: Final = 0x10000
 
@@ -25,8 +26,6 @@ class EmulatedHaptuatorBoard(EmulatedSerialDevice):
     ----------
     rate_hz
         Sampling rate of its converter.
-    capacity
-        Samples that its buffer holds.
     clock_ppm
         How much too fast its clock runs.
     listener
@@ -36,7 +35,6 @@ class EmulatedHaptuatorBoard(EmulatedSerialDevice):
     def __init__(
         self,
         rate_hz: int = 8000,
-        capacity: int = 1024,
         *,
         clock_ppm: float = 0.0,
         listener: Callable[[int], None] | None = None,
@@ -52,7 +50,6 @@ class EmulatedHaptuatorBoard(EmulatedSerialDevice):
         """Whether it repeats its last report and does nothing else."""
         self._listener = listener
         self._rate_hz = rate_hz
-        self._capacity = capacity
         self._per_ns = rate_hz * 1e-9 * (1.0 + 1e-6 * clock_ppm)
         self._random = random.Random(1)  # noqa: S311 - faults, no secret
         self._decoder = Decoder()
@@ -104,7 +101,7 @@ class EmulatedHaptuatorBoard(EmulatedSerialDevice):
         if self._periods % _REPORT_PERIODS == 0:
             fill = len(self._buffer)
             report = BoardReport(
-                self._rate_hz, self._capacity, fill, self._sequence, self._underruns, self._lost
+                self._rate_hz, _CAPACITY, fill, self._sequence, self._underruns, self._lost
             )
             self.write(self._garble(encode(report)))
 
@@ -112,7 +109,7 @@ class EmulatedHaptuatorBoard(EmulatedSerialDevice):
         missing = (message.sequence - self._sequence - 1) % _MODULUS
         self._lost = (self._lost + missing) % _MODULUS
         self._sequence = message.sequence
-        if len(self._buffer) + len(message.values) > self._capacity:
+        if len(self._buffer) + len(message.values) > _CAPACITY:
             self._lost = (self._lost + 1) % _MODULUS
             return
         self._buffer.extend(message.values)

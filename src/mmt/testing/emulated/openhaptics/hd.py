@@ -160,25 +160,25 @@ class EmulatedHd:
         """Set the largest force and stiffness that the device reports."""
         self._stub.mmt_stub_limits(force_n, stiffness_n_mm)
 
-    def hold(self, position_mm: Vector, stiffness_n_mm: float, *, device: int = 0) -> None:
-        """Hold a tip by a spring to a place."""
-        self._stub.mmt_stub_hand(device, 1, _Three(*position_mm), stiffness_n_mm)
+    def hold(self, position_mm: Vector, stiffness_n_mm: float) -> None:
+        """Hold the first tip by a spring to a place."""
+        self._stub.mmt_stub_hand(0, 1, _Three(*position_mm), stiffness_n_mm)
 
-    def release(self, *, device: int = 0) -> None:
-        """Let a tip go."""
-        self._stub.mmt_stub_hand(device, 0, _Three(), 0.0)
+    def release(self) -> None:
+        """Let the first tip go."""
+        self._stub.mmt_stub_hand(0, 0, _Three(), 0.0)
 
-    def wall(self, height_mm: float, stiffness_n_mm: float, *, device: int = 0) -> None:
-        """Put a wall below this height (y); a stiffness of 0 takes it away."""
-        self._stub.mmt_stub_wall(device, int(stiffness_n_mm > 0.0), height_mm, stiffness_n_mm)
+    def wall(self, height_mm: float, stiffness_n_mm: float) -> None:
+        """Put a wall below this height (y) of the first tip; a stiffness of 0 takes it away."""
+        self._stub.mmt_stub_wall(0, int(stiffness_n_mm > 0.0), height_mm, stiffness_n_mm)
 
     def place(self, position_mm: Vector, *, device: int = 0) -> None:
         """Put a tip somewhere, at rest."""
         self._stub.mmt_stub_place(device, _Three(*position_mm))
 
-    def turn(self, columns: Sequence[float], *, device: int = 0) -> None:
-        """Turn a stylus: the nine numbers of its rotation matrix, column by column."""
-        self._stub.mmt_stub_turn(device, _Nine(*columns))
+    def turn(self, columns: Sequence[float]) -> None:
+        """Turn the first stylus: nine numbers of a rotation matrix, column by column."""
+        self._stub.mmt_stub_turn(0, _Nine(*columns))
 
     def tip_state(self, *, device: int = 0) -> EmulatedTipState:
         """Return the true state of a tip, and the force of its motors."""
