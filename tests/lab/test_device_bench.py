@@ -1,14 +1,13 @@
 """The bench of the device path: its arithmetic on frames that are known, and one run of it."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
 from mmt.core.errors import MmtError
+from mmt_lab.bench.device_path.emulated import adxl335, bota, iio, net_ft, u6
 from mmt_lab.bench.device_path.frame_times import Motion, frame_times, time_errors_ms
 from mmt_lab.experiments.bench import devices
-from mmt_lab.experiments.bench.devices import SetUp, SetUpFigures
+from mmt_lab.experiments.bench.devices import SetUp
 
 START_NS = 7_000_000_000_123
 
@@ -46,7 +45,7 @@ def test_latency_jitter_and_offset_of_frames_that_are_known():
     assert found.apart_p99_ms == pytest.approx(0.24)
 
 
-@pytest.mark.parametrize(("force", "acceleration"), [("net_ft", "adxl335"), ("bota", "iio")])
+@pytest.mark.parametrize(("force", "acceleration"), [(net_ft, adxl335), (bota, iio)])
 def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine(
     force, acceleration, monkeypatch
 ):
@@ -69,23 +68,20 @@ def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine(
 
 
 def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(monkeypatch):
-    still, sampled_ns = np.array([[1.0, 0.0, 0.0]]), np.array([START_NS])
-    values = {"force": still, "acceleration": still}
-    times = frame_times(values, sampled_ns, sampled_ns + 1_500_000, 0.0)
-    late = dataclasses.replace(times, latency_p99_ms=9.0)
-
-    def measured(set_up, *_, **__):
+    def measured(set_up, **_):
         if set_up.name == "broken":
             raise MmtError("no compiler")
         share = 0.1 if set_up.name == "good" else 0.301
-        sensors = {"force_sensor": 1.0, "accelerometer": 2.0}
-        seen = late if set_up.slow else times
-        return SetUpFigures(share, 0.05, 0.02, 100, 0, seen, sensors, [15.0, 16.0], 0.0, [])
+        times = {"p99 (ms)": 9.0 if set_up.slow else 1.5}
+        times |= {"jitter p99: force (ms)": 0.0, "acceleration (ms)": 0.0}
+        cost = {"share of a core": share, "emulation": 0.05, "tick alone": 0.02}
+        frames = {"stop seen after, longest (ms)": 16.0}
+        return {"cost": cost, "times": times, "frames": frames, "clocks": {}}, False
 
     monkeypatch.setattr(devices, "measure_set_up", measured)
     names = ("good", "worse", "broken")
-    set_ups = [SetUp(name, "net_ft", "u6") for name in names]
-    set_ups.append(SetUp("slow", "bota", "iio", slow=True))
+    set_ups = [SetUp(name, net_ft, u6) for name in names]
+    set_ups.append(SetUp("slow", bota, iio, slow=True))
     monkeypatch.setattr(devices, "SET_UPS", set_ups)
     result = devices.run()
     by_name = {target.what: target for target in result.targets}

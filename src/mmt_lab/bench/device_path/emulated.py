@@ -52,6 +52,10 @@ class Emulated:
     stall: Callable[[bool], None]
 
 
+Build = Callable[[Motion], Emulated]
+"""Builds a device that measures a motion; a function of this module."""
+
+
 @dataclass
 class _Tip:
     """Tip of the emulated arm, which follows a motion."""
@@ -127,10 +131,6 @@ def u6(truth: Motion) -> Emulated:
     return Emulated(server, "adxl335-board", options, lambda on: box.stall(silent=on))
 
 
-FORCES: Final = {"net_ft": net_ft, "digital_ft": digital_ft, "bota": bota}
-ACCELERATIONS: Final = {"adxl335": adxl335, "u6": u6, "iio": iio}
-
-
 def leave_a_processor_to_others() -> None:
     """Run on all processors but the first: real devices take none of the follower's time.
 
@@ -142,7 +142,7 @@ def leave_a_processor_to_others() -> None:
             os.sched_setaffinity(0, others)
 
 
-def emulate(pipe: Connection, force: str, acceleration: str, realtime: bool) -> None:
+def emulate(pipe: Connection, force: Build, acceleration: Build, realtime: bool) -> None:
     """Run the emulated devices until the pipe is closed."""
     prefer_even_ticks()
     leave_a_processor_to_others()
@@ -152,8 +152,8 @@ def emulate(pipe: Connection, force: str, acceleration: str, realtime: bool) -> 
     motions = (Motion(10.0), Motion(5.0), Motion(20.0, (0.0, 0.0, GRAVITY_M_S2)))
     devices = {
         "robot": started(RobotLink(_Tip(motions[0])), "datagrams"),
-        "force_sensor": FORCES[force](motions[1]),
-        "accelerometer": ACCELERATIONS[acceleration](motions[2]),
+        "force_sensor": force(motions[1]),
+        "accelerometer": acceleration(motions[2]),
     }
     pipe.send({key: {"driver": one.driver, "options": one.options} for key, one in devices.items()})
     with suppress(EOFError):

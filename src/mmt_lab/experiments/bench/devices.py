@@ -8,11 +8,22 @@ from typing import Any, Final
 
 from mmt.core.errors import MmtError
 from mmt.core.running.process import require_real_time
-from mmt_lab.bench.device_path.emulated import ACCELERATION_PPM, FORCE_PPM, emulate
-from mmt_lab.bench.device_path.frame_times import FrameTimes, frame_times
+from mmt_lab.bench.device_path.emulated import (
+    ACCELERATION_PPM,
+    FORCE_PPM,
+    Build,
+    adxl335,
+    bota,
+    digital_ft,
+    emulate,
+    iio,
+    net_ft,
+    u6,
+)
+from mmt_lab.bench.device_path.frame_times import frame_times
 from mmt_lab.bench.device_path.reader import read
 from mmt_lab.harness.experiment import RealTime
-from mmt_lab.harness.findings import Cell, Findings, FindingsTable, SkippedMethod, Target
+from mmt_lab.harness.findings import Findings, FindingsTable, SkippedMethod, Target
 from mmt_lab.harness.processes import background_processes, received
 
 START_S: Final = 60.0
@@ -33,8 +44,8 @@ class SetUp:
     """Devices that are measured together."""
 
     name: str
-    force: str
-    acceleration: str
+    force: Build
+    acceleration: Build
     arm: dict[str, Any] | None = None
     """Driver and options of an arm whose emulation runs within the reader; None for datagrams."""
     slow: bool = False
@@ -42,57 +53,34 @@ class SetUp:
     These figures are then shown and not judged."""
 
 
-@dataclass(frozen=True)
-class SetUpFigures:
-    """Figures of one set-up."""
-
-    core_share: float
-    """Share of a core that the process uses that reads devices and forms frames."""
-    emulated_share: float
-    """The part of this share that emulates devices inside that process."""
-    bare_share: float
-    """Share of a core of an empty tick in that process, measured beforehand."""
-    frames: int
-    missing: int
-    """Frames that could not be formed."""
-    times: FrameTimes
-    drift_errors_ppm: dict[str, float]
-    """Error of the estimated clock drift at the end, by sensor."""
-    seen_after_ms: list[float]
-    """Time from the stop of a sensor until its loss was reported, for each stop."""
-    late_share_1ms: float
-    """Share of the ticks that came over 1 ms late."""
-    imported: list[str]
-    """Those of numba and scipy that the process imported."""
+Cells = dict[str, dict[str, float]]
+"""Figures of a set-up, by the names of `TABLES` and of their columns."""
 
 
-def measure_set_up(
-    set_up: SetUp, duration_s: float, stops: int, *, realtime: bool = False
-) -> SetUpFigures:
-    """Measure one set-up."""
+def measure_set_up(set_up: SetUp, *, realtime: bool) -> tuple[Cells, bool]:
+    """Return the figures of a set-up, and whether its process imported numba or scipy."""
     calls = (emulate, set_up.force, set_up.acceleration, realtime), (read,)
     with background_processes(*calls) as (lab, reader):
         job = {
             **received(lab, START_S),
             **({"robot": set_up.arm} if set_up.arm else {}),
             "realtime": realtime,
-            "bare_s": min(_BARE_S, duration_s),
+            "bare_s": min(_BARE_S, DURATION_S),
         }
         reader.send(job)
         _await(reader, "ready", True, START_S)
         _ask(lab, "begin")
-        time.sleep(min(_SETTLE_S, duration_s))
+        time.sleep(min(_SETTLE_S, DURATION_S))
         reader.send("begin")
-        time.sleep(duration_s)
+        time.sleep(DURATION_S)
         reader.send("end")
         _await(reader, "ended", True)
-        seen_after_ms = [
-            _stop(lab, reader, sensor)
-            for _ in range(stops)
-            for sensor in ("force_sensor", "accelerometer")
-        ]
+        seen_after_ms = [_stop(lab, reader, sensor) for _ in range(STOPS) for sensor in _PPM]
         reader.send("finish")
-        return _evaluate(job, _await(reader, "finished", True), seen_after_ms)
+        found = _await(reader, "finished", True)
+    if not len(found["frames"]):
+        raise MmtError("no frame was formed: end what loads this machine, or use --realtime")
+    return _cells(job, found, max(seen_after_ms)), bool(found["imported"])
 
 
 def _ask(lab: Connection, words: str) -> Any:
@@ -124,37 +112,46 @@ def _stop(lab: Connection, reader: Connection, sensor: str) -> float:
     return float(event["at_ns"] - stopped_ns) / 1e6
 
 
-def _evaluate(
-    job: dict[str, Any], found: dict[str, Any], seen_after_ms: list[float]
-) -> SetUpFigures:
+def _cells(job: dict[str, Any], found: dict[str, Any], seen_ms: float) -> Cells:
+    """Return the figures of a set-up whose stops were all seen after `seen_ms`."""
     frames = found["frames"]
-    if not len(frames):
-        raise MmtError("no frame was formed: end what loads this machine, or use --realtime")
+    first, last = frames["sequence"][[0, -1]].tolist()
     values = {"force": frames["force_n"], "acceleration": frames["acceleration_m_s2"]}
-    span = int(frames["sequence"][-1]) - int(frames["sequence"][0]) + 1
-    return SetUpFigures(
-        core_share=found["core_share"],
-        emulated_share=found["emulated_share"],
-        bare_share=found["bare_share"],
-        frames=len(frames),
-        missing=span - len(frames),
-        times=frame_times(
-            values,
-            frames["time_ns"],
-            found["formed_ns"],
-            max(found["latency_ns"].values()) / 1e6,
-        ),
-        drift_errors_ppm={
-            sensor: abs(
-                found["devices"][sensor]["drift_ppm"]
-                + (0.0 if job[sensor]["driver"] in _BY_THE_HOST else ppm)
-            )
-            for sensor, ppm in _PPM.items()
-        },
-        seen_after_ms=seen_after_ms,
-        late_share_1ms=found["late_share_1ms"] or 0.0,
-        imported=found["imported"],
+    stated_ms = max(found["latency_ns"].values()) / 1e6
+    times = frame_times(values, frames["time_ns"], found["formed_ns"], stated_ms)
+    force_ppm, acceleration_ppm = (
+        abs(
+            found["devices"][sensor]["drift_ppm"]
+            + (0.0 if job[sensor]["driver"] in _BY_THE_HOST else ppm)
+        )
+        for sensor, ppm in _PPM.items()
     )
+    return {
+        "cost": {
+            "share of a core": found["core_share"],
+            "emulation": found["emulated_share"],
+            "tick alone": found["bare_share"],
+        },
+        "times": {
+            "latency p50 (ms)": times.latency_p50_ms,
+            "p99 (ms)": times.latency_p99_ms,
+            "jitter p99: force (ms)": times.jitter_p99_ms["force"],
+            "acceleration (ms)": times.jitter_p99_ms["acceleration"],
+            "apart, p99 (ms)": times.apart_p99_ms,
+        },
+        "frames": {
+            "frames": len(frames),
+            "missing": last - first + 1 - len(frames),
+            "ticks 1 ms late (%)": 100.0 * (found["late_share_1ms"] or 0.0),
+            "stop seen after, longest (ms)": seen_ms,
+        },
+        "clocks": {
+            "error of the drift: force (ppm)": force_ppm,
+            "acceleration (ppm)": acceleration_ppm,
+            "offset of the time: force (ms)": times.offset_ms["force"],
+            "acceleration (ms)": times.offset_ms["acceleration"],
+        },
+    }
 
 
 SHOWS: Final = "what reading devices costs, and how late and how true frames are"
@@ -164,12 +161,12 @@ GROUP: Final = "bench"
 OPENHAPTICS: Final = {"driver": "openhaptics", "options": {"library": "emulated"}}
 
 SET_UPS: Final = (
-    SetUp("virtual lab: Net F/T, ADXL335 on serial", "net_ft", "adxl335"),
-    SetUp("Digital F/T, ADXL335 on serial", "digital_ft", "adxl335"),
-    SetUp("Net F/T, ADXL335 at a U6", "net_ft", "u6"),
-    SetUp("OpenHaptics arm, Net F/T, ADXL335 on serial", "net_ft", "adxl335", OPENHAPTICS),
-    SetUp("Net F/T, accelerometer of industrial I/O", "net_ft", "iio"),
-    SetUp("Bota on serial, accelerometer of industrial I/O", "bota", "iio", slow=True),
+    SetUp("virtual lab: Net F/T, ADXL335 on serial", net_ft, adxl335),
+    SetUp("Digital F/T, ADXL335 on serial", digital_ft, adxl335),
+    SetUp("Net F/T, ADXL335 at a U6", net_ft, u6),
+    SetUp("OpenHaptics arm, Net F/T, ADXL335 on serial", net_ft, adxl335, OPENHAPTICS),
+    SetUp("Net F/T, accelerometer of industrial I/O", net_ft, iio),
+    SetUp("Bota on serial, accelerometer of industrial I/O", bota, iio, slow=True),
 )
 
 CORE_SHARE: Final = 0.25
@@ -200,14 +197,16 @@ def run(realtime: RealTime = False) -> Findings:
     """
     if realtime:
         require_real_time()
-    found: dict[str, SetUpFigures] = {}
+    found: dict[str, Cells] = {}
     left_out = []
+    importing = 0
     for set_up in SET_UPS:
         try:
-            found[set_up.name] = measure_set_up(set_up, DURATION_S, STOPS, realtime=realtime)
+            found[set_up.name], imported = measure_set_up(set_up, realtime=realtime)
         except MmtError as error:
             left_out.append(SkippedMethod(set_up.name, str(error), _REMEDY))
-    rows = {name: _rows(one) for name, one in found.items()}
+        else:
+            importing += imported
     return Findings(
         title="Devices",
         about=(
@@ -227,61 +226,31 @@ def run(realtime: RealTime = False) -> Findings:
         ),
         records=tuple(
             FindingsTable(
-                key, title, tuple({"set-up": name, **row[key]} for name, row in rows.items())
+                key, title, tuple({"set-up": name, **one[key]} for name, one in found.items())
             )
             for key, title in TABLES.items()
         ),
-        targets=_targets(found, {one.name for one in SET_UPS if one.slow}),
+        targets=_targets(found, {one.name for one in SET_UPS if one.slow}, importing),
         left_out=tuple(left_out),
     )
 
 
-def _rows(one: SetUpFigures) -> dict[str, dict[str, Cell]]:
-    """Return the cells of a set-up by the names of the tables."""
-    times = one.times
-    return {
-        "cost": {
-            "share of a core": one.core_share,
-            "emulation": one.emulated_share,
-            "tick alone": one.bare_share,
-        },
-        "times": {
-            "latency p50 (ms)": times.latency_p50_ms,
-            "p99 (ms)": times.latency_p99_ms,
-            "jitter p99: force (ms)": times.jitter_p99_ms["force"],
-            "acceleration (ms)": times.jitter_p99_ms["acceleration"],
-            "apart, p99 (ms)": times.apart_p99_ms,
-        },
-        "frames": {
-            "frames": one.frames,
-            "missing": one.missing,
-            "ticks 1 ms late (%)": 100.0 * one.late_share_1ms,
-            "stop seen after, longest (ms)": max(one.seen_after_ms, default=None),
-        },
-        "clocks": {
-            "error of the drift: force (ppm)": one.drift_errors_ppm["force_sensor"],
-            "acceleration (ppm)": one.drift_errors_ppm["accelerometer"],
-            "offset of the time: force (ms)": times.offset_ms["force"],
-            "acceleration (ms)": times.offset_ms["acceleration"],
-        },
-    }
-
-
-def _targets(found: Mapping[str, SetUpFigures], slow: Set[str]) -> tuple[Target, ...]:
+def _targets(found: Mapping[str, Cells], slow: Set[str], importing: int) -> tuple[Target, ...]:
     """Return the targets for the worst set-up; for latency and jitter without the slow ones."""
-    every = list(found.values())
-    quick = [one.times for name, one in found.items() if name not in slow]
-    jitters_ms = [value for one in quick for value in one.jitter_p99_ms.values()]
-    seen_ms = [value for one in every for value in one.seen_after_ms]
-    shares = [one.core_share - one.emulated_share for one in every]
+    quick = [one["times"] for name, one in found.items() if name not in slow]
+    jitters = "jitter p99: force (ms)", "acceleration (ms)"
+    jitters_ms = [times[jitter] for times in quick for jitter in jitters]
+    seen_ms = [one["frames"]["stop seen after, longest (ms)"] for one in found.values()]
+    costs = [one["cost"] for one in found.values()]
+    shares = [cost["share of a core"] - cost["emulation"] for cost in costs]
     worst: tuple[tuple[str, Sequence[float], float], ...] = (
         ("share of a core, without emulation", shares, CORE_SHARE),
-        ("latency sensor to frame, p99 (ms)", [one.latency_p99_ms for one in quick], LATENCY_MS),
+        ("latency sensor to frame, p99 (ms)", [times["p99 (ms)"] for times in quick], LATENCY_MS),
         ("jitter of a frame's time, p99 (ms)", jitters_ms, JITTER_MS),
         ("stopped sensor seen after, longest (ms)", seen_ms, SEEN_MS),
     )
-    importing = float(sum(bool(one.imported) for one in every)) if every else None
+    with_imports = float(importing) if found else None
     return (
         *(Target(what, max(of, default=None), "at most", bound) for what, of, bound in worst),
-        Target("set-ups that import scipy or numba", importing, "at most", 0),
+        Target("set-ups that import scipy or numba", with_imports, "at most", 0),
     )
