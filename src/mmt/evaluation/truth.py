@@ -188,33 +188,17 @@ class KnownTexture:
     def worst(self, model: TextureModel, errors: GridErrors) -> tuple[Worst, Worst]:
         """Return the worst points in power and in shape, with the causes of the errors there."""
         best = None if self.surface.isotropic else self.without_heading()
-        level = int(np.abs(errors.power_error_db).argmax())
-        shape = int(errors.gfc.argmin())
-        return (
-            self._explain(model, errors, best, level, shape=False),
-            self._explain(model, errors, best, shape, shape=True),
-        )
+        level, form = int(np.abs(errors.power_error_db).argmax()), int(errors.gfc.argmin())
 
-    def _explain(
-        self,
-        model: TextureModel,
-        errors: GridErrors,
-        best: GridErrors | None,
-        index: int,
-        *,
-        shape: bool,
-    ) -> Worst:
         def own(stroke: Strokes) -> StrokeError:
             return _at(self.at(stroke).errors(model), 0)
 
-        return explain(
-            model,
-            self.plane.strokes.at(index),
-            _at(errors, index),
-            own,
-            _at(best, index) if best is not None else None,
-            shape=shape,
-        )
+        def explained(index: int, *, shape: bool) -> Worst:
+            unaware = None if best is None else _at(best, index)
+            stroke = self.plane.strokes.at(index)
+            return explain(model, stroke, _at(errors, index), own, unaware, shape=shape)
+
+        return explained(level, shape=False), explained(form, shape=True)
 
 
 def known_texture(
