@@ -10,26 +10,23 @@ the whole plane. The level of the other method's model is scored beside it.
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, printable
+from mmt.evaluation.modelled import ModelledSession
 from mmt.evaluation.recorded_surfaces import SurfaceParts, part_by_surface
 from mmt.evaluation.results import Evaluation
-from mmt.evaluation.scoring import Scorer, method_to_compare
-from mmt.evaluation.strokes_made import StrokesMade, at_skin, coverage
-from mmt.evaluation.truth import KnownTexture, known_texture
+from mmt.evaluation.scoring import Scorer
+from mmt.evaluation.strokes_made import at_skin, coverage
 from mmt.scene import Scene, Texture
 from mmt.scene.files import scene_of_recording
-from mmt.session.data import RecordedSession, missing_frames
 from mmt.session.operators import control_periods
-from mmt.session.stream import Recording, blocks_of, in_memory
-from mmt.texture.online.history import ModelHistory, build, build_together, stream_blocks
-from mmt.texture.settings import Inputs, ModellingSettings
+from mmt.session.stream import Recording, in_memory
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.metrics import Spectra
 from mmt.texture.touch_down.fitting import held_out_errors
 
@@ -117,15 +114,14 @@ def evaluate_session(
     recorded, recorded_period_s = modelling_of(recorded_scene(session), samples)
     settings = replace(settings or recorded, samples_per_frame=samples)
     period_s = recorded_period_s if period_s is None else period_s
-    modelled = _Modelled(session, settings, period_s, on_progress)
-    scorer = modelled.scorer(seed, Spectra(spectra))
+    modelled = ModelledSession(session, settings, period_s, on_progress)
     if step_s is None:
         most_s = MOST_STEPS * USUAL_STEP_S
         step_s = USUAL_STEP_S * max(1, math.ceil(modelled.duration_s / most_s))
-    return _evaluation(modelled, scorer, step_s, seed)
+    return _evaluation(modelled, Scorer(modelled, seed, Spectra(spectra)), step_s)
 
 
-def _evaluation(of: "_Modelled", scorer: Scorer, step_s: float, seed: int) -> SessionEvaluation:
+def _evaluation(of: ModelledSession, scorer: Scorer, step_s: float) -> SessionEvaluation:
     """Return the evaluation of a session that was modelled."""
     session, leader, truth = of.session, of.leader, of.truth
     steps = np.arange(1, int(of.duration_s / step_s + 1e-9) + 1) * step_s
@@ -143,7 +139,7 @@ def _evaluation(of: "_Modelled", scorer: Scorer, step_s: float, seed: int) -> Se
         beside=of.beside,
         period_s=of.period_s,
         step_s=step_s,
-        seed=seed,
+        seed=scorer.seed,
         order=leader.updates[-1].order,
         basis="held-out" if truth is None else "truth",
         basis_reason=of.basis_reason,
@@ -241,80 +237,3 @@ def modelling_of(scene: Scene, samples_per_frame: int) -> tuple[ModellingSetting
     """Return a scene's settings of the modelling, or the defaults, and the update period (s)."""
     texture = scene.texture or Texture()
     return texture.settings(samples_per_frame), texture.update_period_s
-
-
-class _Modelled:
-    """A session that was modelled by both methods, and what its frames say of it."""
-
-    def __init__(
-        self,
-        session: Recording,
-        settings: ModellingSettings,
-        period_s: float,
-        on_progress: Callable[[float], None] | None,
-    ) -> None:
-        self.started = time.perf_counter()
-        self.session, self.settings, self.period_s = session, settings, period_s
-        self.truth, self.basis_reason = known_texture(session.annotations, settings)
-        self.beside, other_method = method_to_compare(settings)
-        self.made = StrokesMade(settings)
-        self.first = self._highest = -1
-        self.missing = 0
-        self._last: RecordArray | None = None
-        self.leader, self._other = build_together(
-            map(self._count, self._blocks()),
-            [settings, other_method],
-            observe=self.made.add,
-            on_progress=on_progress,
-        )
-        if not self.leader.updates:
-            raise InputError(
-                f"session {session.path}: it holds no frames, nothing can be evaluated"
-            )
-        self.duration_s = (self._highest + 1 - self.first) / settings.rate_hz
-        self.final_s = self.duration_s if self.leader.stop_s is None else self.leader.stop_s
-
-    @property
-    def control_events(self) -> Sequence[Mapping[str, Any]]:
-        """The events, if control may have changed hands: a file is read again for them."""
-        session = self.session
-        known = isinstance(session, RecordedSession) or "control" in (session.scene or {})
-        return session.events if known else ()
-
-    def scorer(self, seed: int, spectra: Spectra) -> Scorer:
-        """Return what scores the models; on a texture with a grain, model the other inputs too."""
-        return Scorer(
-            leader=self.leader,
-            beside=self._other,
-            other=_of_other_inputs(self._blocks(), self.settings, self.truth),
-            truth=self.truth,
-            strokes=self.made.strokes(),
-            settings=self.settings,
-            seed=seed,
-            spectra=spectra,
-        )
-
-    def _blocks(self) -> Iterator[RecordArray]:
-        period_frames = max(1, round(self.period_s * self.settings.rate_hz))
-        return stream_blocks(blocks_of(self.session), period_frames)
-
-    def _count(self, block: RecordArray) -> RecordArray:
-        """Count the next frames (n,), n > 0, and return them."""
-        if self._last is None:
-            self.first = int(block["sequence"][0])
-        joined = block if self._last is None else np.concatenate([self._last, block])
-        self.missing += missing_frames(joined)
-        self._highest = max(self._highest, int(block["sequence"].max()))
-        self._last = block[-1:]
-        return block
-
-
-def _of_other_inputs(
-    blocks: Iterable[RecordArray], settings: ModellingSettings, truth: KnownTexture | None
-) -> ModelHistory | None:
-    """Build the model of the other inputs; None if the texture does not depend on the heading."""
-    if truth is None or truth.surface.isotropic:
-        return None
-    inputs: Inputs = "isotropic" if settings.inputs == "anisotropic" else "anisotropic"
-    others = replace(settings, inputs=inputs, start_distance="auto", stop_distance="auto")
-    return build(blocks, others)

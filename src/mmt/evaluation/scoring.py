@@ -5,7 +5,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from itertools import zip_longest
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -24,13 +24,12 @@ from mmt.evaluation.model_errors import (
     band_edges_hz,
     root_mean_square,
 )
+from mmt.evaluation.modelled import ModelledSession
 from mmt.evaluation.results import Band, HeldOutSegment, Levels, PowerMap, Score, Worst
-from mmt.evaluation.truth import KnownTexture
 from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.history import ModelHistory
 from mmt.texture.online.methods import method_of
-from mmt.texture.settings import THRESHOLDS, Inputs, Method, ModellingSettings
+from mmt.texture.settings import Inputs
 from mmt.texture.signals.metrics import Spectra, within_jnd
 from mmt.texture.space import InputSpace
 
@@ -39,13 +38,6 @@ MODEL_NAMES: Final[dict[Inputs, str]] = {
     "anisotropic": "velocity and force",
 }
 """Names in errors by heading of a model of these inputs."""
-
-
-def method_to_compare(settings: ModellingSettings) -> tuple[str, ModellingSettings]:
-    """Return the name of the method that settings do not name, and its settings for the data."""
-    other: Method = "field" if settings.method == "published" else "published"
-    auto: dict[str, Any] = dict.fromkeys(THRESHOLDS[settings.method], "auto")
-    return other, replace(settings, method=other, surfaces=None, **auto)
 
 
 class _Rebuilt(NamedTuple):
@@ -63,52 +55,32 @@ class Scorer:
 
     Parameters
     ----------
-    leader
-        Every state of the model that the leader had.
-    beside
-        Every state of the other method's model; unless the truth is known, it is scored without the
+    of
+        The session. Unless its truth is known, the other method's model is scored without the
         held-out segments.
-    other
-        Every state of the model of the other inputs, None if it is not compared.
-    truth
-        The known texture, None if there is none.
-    strokes
-        The strokes that were made.
-    settings
-        Settings of the leader's modelling.
     seed
         Seed of the choice of held-out segments and of the synthesis.
     spectra
         Kind of spectra that the GFC of held-out segments compares.
     """
 
-    def __init__(
-        self,
-        *,
-        leader: ModelHistory,
-        beside: ModelHistory,
-        other: ModelHistory | None,
-        truth: KnownTexture | None,
-        strokes: Strokes,
-        settings: ModellingSettings,
-        seed: int,
-        spectra: Spectra,
-    ) -> None:
+    def __init__(self, of: ModelledSession, seed: int, spectra: Spectra) -> None:
+        leader, settings, strokes = of.leader, of.settings, of.made.strokes()
         held_out = choose_held_out(leader.finished, seed)
         spans = [segment.span for segment in held_out]
         self._leader = leader
         self._rebuilt = leader.log.without(spans)
-        self._beside = beside.log if truth is not None else beside.log.without(spans)
-        self._other = other
+        self._beside = of.other.log if of.truth is not None else of.other.log.without(spans)
+        self._other = of.of_other_inputs
         self._recordings = [
             HeldOutRecording(segment, settings.vibration_rate_hz, spectra) for segment in held_out
         ]
-        self._truth = truth
+        self._truth = truth = of.truth
         self._made = truth.at(strokes) if truth is not None and len(strokes.force_n) else None
         self._space = InputSpace(settings.inputs)
         self._rate_hz = settings.rate_hz
         self._vibration_rate_hz = settings.vibration_rate_hz
-        self._seed = seed
+        self.seed = seed
         self._scores: dict[int, Score] = {}
         self._built_s: dict[int, float] = {}
         self._grids: dict[int, GridErrors | None] = {}
@@ -250,7 +222,7 @@ class Scorer:
             model = self._rebuilt.model(number)
             rebuilt = _Rebuilt(0, self._empty_distance, [])
             if model is not None:
-                made = approximate(model, self._recordings, self._seed)
+                made = approximate(model, self._recordings, self.seed)
                 rebuilt = _Rebuilt(len(model.samples), distance_sum(model.points), made)
             self._of_rebuilt[number] = rebuilt
         return self._of_rebuilt[number]
