@@ -162,11 +162,11 @@ PATIENCE_S: Final = 60.0
 
 @dataclass(frozen=True)
 class SideReport:
-    """Figures of one process: those of each turn, and totals by link."""
+    """Figures of one process: those of each turn, and totals of mmt's link."""
 
     turns: list[TurnFigures]
-    sent: dict[Kind, int]
-    newest: dict[Kind, int]
+    sent: int
+    newest: int
     """Highest sequence number received."""
 
 
@@ -235,13 +235,7 @@ async def _report(
     pipe.send("ready")
     turns: list[Turn] = await asyncio.to_thread(pipe.recv)
     measured = [await run_turn(turn, sides[turn.kind], send[turn.kind]) for turn in turns]
-    pipe.send(
-        SideReport(
-            measured,
-            {kind: side.sent for kind, side in sides.items()},
-            {kind: side.newest for kind, side in sides.items()},
-        )
-    )
+    pipe.send(SideReport(measured, sides["ours"].sent, sides["ours"].newest))
 
 
 @asynccontextmanager

@@ -14,7 +14,7 @@ lose packets.
 import statistics
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Final, Literal
 
@@ -49,22 +49,9 @@ Ways = Mapping[Literal["up", "down"], TurnFigures]
 """One kind of link: frames up from follower to leader, and commands down to the follower."""
 
 
-@dataclass(frozen=True)
-class LinkBenchResult:
-    """Result of `bench_link`; ``sustained`` is mmt's link alone at the higher rate.
-
-    ``ratios`` are mmt's figures over the bare WebSocket's, by name; medians over the rounds.
-    """
-
-    ours: Ways
-    bare: Ways
-    sustained: Ways
-    ratios: dict[str, float]
-
-
 def bench_link(
     duration_s: float, *, samples_per_frame: int = 1, realtime: bool = False
-) -> LinkBenchResult:
+) -> tuple[Ways, Ways, dict[str, float]]:
     """Measure mmt's link and a bare WebSocket in turns, then mmt's link at a higher rate.
 
     Parameters
@@ -76,6 +63,12 @@ def bench_link(
     realtime
         Whether both processes run by real-time scheduling, so that no other work of the machine
         comes in between.
+
+    Returns
+    -------
+    ours, sustained, ratios
+        mmt's link at both rates, and its figures over the bare WebSocket's by name: medians over
+        the rounds.
     """
     if realtime:
         require_real_time()
@@ -93,13 +86,8 @@ def bench_link(
         leader, follower = _conduct(pipes, turns)
     *compared, sustained = zip(leader.turns, follower.turns, strict=True)
     ours, bare = ([pair for pair in compared if pair[0].kind == kind] for kind in _KINDS)
-    up, down = (missing_at_end(*pair) for pair in ((follower, leader), (leader, follower)))
-    return LinkBenchResult(
-        summarise(ours, 0, 0),
-        summarise(bare, up["bare"], down["bare"]),
-        summarise([sustained], up["ours"], down["ours"]),
-        ratios(ours, bare),
-    )
+    missing = missing_at_end(follower, leader), missing_at_end(leader, follower)
+    return summarise(ours, 0, 0), summarise([sustained], *missing), ratios(ours, bare)
 
 
 def order(number: int) -> tuple[Kind, ...]:
@@ -123,9 +111,9 @@ def _conduct(pipes: list[Connection], turns: list[Turn]) -> tuple[SideReport, Si
     return received(leader, patience_s), received(follower, patience_s)
 
 
-def missing_at_end(sender: SideReport, receiver: SideReport) -> dict[Kind, int]:
-    """Return how many of the last records never arrived, by kind of link."""
-    return {kind: sender.sent[kind] - 1 - receiver.newest[kind] for kind in _KINDS}
+def missing_at_end(sender: SideReport, receiver: SideReport) -> int:
+    """Return how many of the last records never arrived over mmt's link."""
+    return sender.sent - 1 - receiver.newest
 
 
 Pair = tuple[TurnFigures, TurnFigures]
@@ -133,7 +121,7 @@ Pair = tuple[TurnFigures, TurnFigures]
 
 
 def summarise(turns: list[Pair], missing_up: int, missing_down: int) -> Ways:
-    """Return the results of a kind of link over its turns, by direction."""
+    """Return the results of a link over its turns, by direction."""
     leader, follower = ([pair[end] for pair in turns] for end in (0, 1))
     return {"up": _direction(leader, missing_up), "down": _direction(follower, missing_down)}
 
@@ -183,17 +171,17 @@ def run(
             raise InputError("--acceleration-rate: not with --loss")
         return measure_losses(duration)
     samples = acceleration_rate // 1000
-    result = bench_link(duration, samples_per_frame=samples, realtime=realtime)
+    ours, sustained, over_bare = bench_link(duration, samples_per_frame=samples, realtime=realtime)
     rows: dict[str, Figure] = {}
-    for way, direction in result.ours.items():
+    for way, direction in ours.items():
         rows[f"{way}_lost"] = (f"{way}: lost or out of order", direction.wrong, "at most", 0)
         rows[f"{way}_p50_ms"] = (f"{way}: one way, p50 (ms)", direction.p50_ms)
         rows[f"{way}_p99_ms"] = (f"{way}: one way, p99 (ms)", direction.p99_ms)
-    for name, ratio in result.ratios.items():
+    for name, ratio in over_bare.items():
         what = f"{name.replace('_', ' ')}: ours over bare WebSocket"
         rows[f"ratio_{name}"] = (what, ratio, "at most", 1.5)
     least_hz = 0.99 * SUSTAINED_HZ
-    for way, direction in result.sustained.items():
+    for way, direction in sustained.items():
         at, key = f"{way} at {SUSTAINED_HZ} Hz", f"sustained_{way}"
         p99 = f"{at}: one way, p99 (ms)"
         rows[f"{key}_hz"] = (f"{at}: messages a second", direction.rate_hz, "at least", least_hz)
