@@ -110,7 +110,7 @@ def judge_generators(
                 before = source.samples, source.clipped
                 vibration, blocks_us = render_strokes(source, strokes, case.seed, run_s)
                 clipped = (source.clipped - before[1]) / (source.samples - before[0])
-                errors = rendered_errors(spectra_of(vibration), expected)
+                figures, scatter_db = rendered_errors(spectra_of(vibration), expected)
                 judged = JudgedMethod(
                     **case.labels,
                     spoil="",
@@ -118,12 +118,12 @@ def judge_generators(
                     moment=f"{time_s:g} s",
                     time_s=time_s,
                     samples=modeller.segments,
-                    figures=errors.figures,
+                    figures=figures,
                 )
                 p50_us, p99_us = np.percentile(blocks_us, (50.0, 99.0)).tolist()
                 times_ms = float(np.median(updates_ms)), max(updates_ms)
                 rendered.append(
-                    GeneratorScore(judged, errors.scatter_db, clipped, (p50_us, p99_us), times_ms)
+                    GeneratorScore(judged, scatter_db, clipped, (p50_us, p99_us), times_ms)
                 )
         except GeneratorFault as fault:
             faults.append(Fault(name, case.name, case.texture, case.seed, str(fault)))

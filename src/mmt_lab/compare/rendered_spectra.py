@@ -57,17 +57,6 @@ class WindowedSpectra(NamedTuple):
         return np.asarray(heard.sum(axis=-1) - 0.5 * (heard[..., 0] + heard[..., -1]))
 
 
-class RenderedErrors(NamedTuple):
-    """Errors of the rendered vibration over k strokes.
-
-    ``figures`` are those of `mmt_lab.compare.judging.figures_of`; ``scatter_db`` is the scatter of
-    the estimate of a level, root mean square over the strokes.
-    """
-
-    figures: dict[str, float]
-    scatter_db: float
-
-
 def render_strokes(
     source: GuardedGenerator, strokes: Strokes, seed: int, run_s: float = RUN_S
 ) -> tuple[FloatArray, FloatArray]:
@@ -111,8 +100,14 @@ def expected_spectra(truth: KnownTexture, strokes: Strokes) -> WindowedSpectra:
     )
 
 
-def rendered_errors(rendered: WindowedSpectra, truth: WindowedSpectra) -> RenderedErrors:
-    """Compare two runs at each of k strokes with the texture."""
+def rendered_errors(
+    rendered: WindowedSpectra, truth: WindowedSpectra
+) -> tuple[dict[str, float], float]:
+    """Compare two runs at each of k strokes with the texture.
+
+    Return the figures of `mmt_lab.compare.judging.figures_of`, and the scatter of the estimate of a
+    level in dB, root mean square over the strokes.
+    """
     level_db = bounded_error_db(rendered.power, truth.power)
     reference = np.broadcast_to(truth.density, rendered.density.shape)[..., _FINE]
     own = rendered.density[..., _FINE]
@@ -120,16 +115,14 @@ def rendered_errors(rendered: WindowedSpectra, truth: WindowedSpectra) -> Render
     frequencies_hz = np.arange(10.0, 0.5 * RATE_HZ + 1.0, 2.0)
     bands_db = [band_errors_db(run, reference[0], frequencies_hz) for run in own]
     bands = np.prod(bands_db, axis=0)
-    return RenderedErrors(
-        figures={
-            "within_jnd": within_jnd(bounded_error_db(rendered.power.mean(axis=0), truth.power)),
-            "power_error_db": float(_root(np.prod(level_db, axis=0).mean())),
-            "gfc": float(_gfc(rendered.amplitude[..., _BINS], truth.amplitude[..., _BINS]).mean()),
-            "log_spectral_db": float(spectrum_db.mean()),
-            "band_error_db": float(_root(bands.mean())),
-        },
-        scatter_db=root_mean_square(0.5 * (level_db[0] - level_db[1])),
-    )
+    figures = {
+        "within_jnd": within_jnd(bounded_error_db(rendered.power.mean(axis=0), truth.power)),
+        "power_error_db": float(_root(np.prod(level_db, axis=0).mean())),
+        "gfc": float(_gfc(rendered.amplitude[..., _BINS], truth.amplitude[..., _BINS]).mean()),
+        "log_spectral_db": float(spectrum_db.mean()),
+        "band_error_db": float(_root(bands.mean())),
+    }
+    return figures, root_mean_square(0.5 * (level_db[0] - level_db[1]))
 
 
 def _root(square: FloatArray | np.float64) -> FloatArray:
