@@ -109,14 +109,14 @@ def good(duration_s=600.0):
     """What a run without flaws has seen, and its recording."""
     generator = np.random.default_rng(0)
     times = np.arange(1000.0, 1000.0 + duration_s, 0.2)
-    samples = tuple(
+    samples = [
         ServiceSample(float(t), 200.0 + generator.standard_normal(), 180.0, 70.0, 200 * i, i)
         for i, t in enumerate(times)
-    )
+    ]
     killed = AppliedFault(SoakFault(RESTART, 100.0, 0.5), 1100.0, 1100.5)
     cut = AppliedFault(SoakFault(CUT, 300.0, 0.0), 1300.0, 1300.0)
     leader = {"recording": {"frames": 590_000, "dropped": 0}}
-    observed = SoakLog(1000.0, 1000.0 + duration_s, (killed, cut), (1000.0,), samples, leader, ())
+    observed = SoakLog(1000.0, 1000.0 + duration_s, [killed, cut], [1000.0], samples, leader, [])
     arrivals = np.arange(1000.0, 1000.0 + duration_s, 0.02)
     latency_ms = 1.0 + 0.1 * generator.random(len(arrivals))
     gaps = (Gap(800, 1100.0, 1100.8),)
@@ -139,10 +139,10 @@ def growing(name, more):
     """Return a change by which a figure of the services grows with the time that has passed."""
 
     def change(observed, readback):
-        samples = tuple(
+        samples = [
             replace(sample, **{name: getattr(sample, name) + more(i / len(observed.samples))})
             for i, sample in enumerate(observed.samples)
-        )
+        ]
         return replace(observed, samples=samples), readback
 
     return change
@@ -151,7 +151,7 @@ def growing(name, more):
 @pytest.mark.parametrize(
     ("what", "change"),
     [
-        ("services", lambda o, r: (replace(o, errors=("the leader ended",)), r)),
+        ("services", lambda o, r: (replace(o, errors=["the leader ended"]), r)),
         ("recording can be read to its end", lambda o, r: (o, replace(r, whole=False))),
         ("frames in the recording", lambda o, r: (o, replace(r, frames=589_999))),
         ("frames twice or out of order", lambda o, r: (o, replace(r, disordered=1))),
@@ -185,10 +185,8 @@ def test_each_flaw_is_a_row_that_does_not_hold(what, change):
 
 def test_a_follower_that_was_started_anew_is_watched_in_its_longest_life():
     observed, readback = good()
-    lives = (1000.0, 1200.0)
-    samples = tuple(
-        replace(s, follower_mb=70.0 if s.time_s < 1200 else 50.0) for s in observed.samples
-    )
+    lives = [1000.0, 1200.0]
+    samples = [replace(s, follower_mb=70.0 if s.time_s < 1200 else 50.0) for s in observed.samples]
     checks = judge(replace(observed, lives_s=lives, samples=samples), readback)
     (memory,) = [check for check in checks if check.what.startswith("follower")]
     assert memory.figures["typical"] == 50.0
@@ -196,14 +194,14 @@ def test_a_follower_that_was_started_anew_is_watched_in_its_longest_life():
 
 def test_a_short_run_says_what_it_cannot_tell():
     observed, readback = good(duration_s=5.0)
-    checks = judge(replace(observed, faults=()), replace(readback, gaps=()))
+    checks = judge(replace(observed, faults=[]), replace(readback, gaps=()))
     assert sum("too few" in check.found for check in checks) >= 3
 
 
 def test_a_long_run_that_cannot_tell_does_not_hold():
     observed, readback = good()
     always = AppliedFault(SoakFault(CUT, 0.0, 600.0), 1000.0, 1600.0)
-    assert len(broken(replace(observed, faults=(*observed.faults, always)), readback)) == 6
+    assert len(broken(replace(observed, faults=[*observed.faults, always]), readback)) == 6
 
 
 def test_a_soak_that_finds_a_flaw_says_so(tmp_path, monkeypatch):

@@ -81,7 +81,7 @@ def _content(observed: SoakLog, checks: Sequence[Check], seed: int) -> dict[str,
             for happened in observed.faults
         ],
         "checks": [asdict(check) for check in checks],
-        "leader": dict(observed.leader),
+        "leader": observed.leader,
     }
 
 
@@ -89,14 +89,13 @@ async def _run(
     duration_s: float, faults: tuple[SoakFault, ...], seed: int, recording: Path
 ) -> SoakLog:
     """Run until the time is over, a service ends by itself, or the user stops the run."""
-    happened: list[AppliedFault] = []
     progress = Progress(
         TextColumn("{task.fields[status]}"), BarColumn(None), console=messages, expand=True
     )
     bar = progress.add_task("soak", total=duration_s, status="starting")
 
     def show(status: dict[str, Any]) -> None:
-        text = f"{status['time_s']:7.1f} s  faults {len(happened)} of {len(faults)}"
+        text = f"{status['time_s']:7.1f} s  faults {len(log.faults)} of {len(faults)}"
         progress.update(
             bar,
             completed=status["time_s"],
@@ -104,49 +103,38 @@ async def _run(
         )
 
     services = SoakServices(recording, seed, show)
+    log = services.log
     with progress:
         async with services:
-            start_s = time.monotonic()
+            log.start_s = time.monotonic()
             stop_on_signals(services.ended.set)
             say = progress.console.print
-            harming = asyncio.create_task(_harm(services, faults, start_s, happened, say))
+            harming = asyncio.create_task(_harm(services, faults, say))
             with suppress(TimeoutError):
                 async with asyncio.timeout(duration_s):
                     await services.ended.wait()
-            end_s = time.monotonic()
+            log.end_s = time.monotonic()
             harming.cancel()
             await asyncio.gather(harming, return_exceptions=True)
             await services.finish()
-    return SoakLog(
-        start_s,
-        end_s,
-        tuple(happened),
-        tuple(services.births_s),
-        tuple(services.samples),
-        services.summary,
-        tuple(services.errors),
-    )
+    return log
 
 
 async def _harm(
-    services: SoakServices,
-    faults: Sequence[SoakFault],
-    start_s: float,
-    happened: list[AppliedFault],
-    say: Callable[[str], None],
+    services: SoakServices, faults: Sequence[SoakFault], say: Callable[[str], None]
 ) -> None:
     """Apply the faults one after the other, each at its time, and note when they happened."""
-    timeout = aiohttp.ClientTimeout(total=_HTTP_S)
+    log, timeout = services.log, aiohttp.ClientTimeout(total=_HTTP_S)
     async with aiohttp.ClientSession(timeout=timeout) as http:
         for fault in faults:
-            await asyncio.sleep(max(0.0, start_s + fault.at_s - time.monotonic()))
+            await asyncio.sleep(max(0.0, log.start_s + fault.at_s - time.monotonic()))
             say(f"{fault.at_s:7.1f} s  {fault.kind}, {fault.length_s:.2f} s")
             begun_s = time.monotonic()
             try:
                 await _do(fault, services, http)
             except (aiohttp.ClientError, TimeoutError, OSError) as error:
-                services.errors.append(f"{fault.kind} could not be done: {error!r}")
-            happened.append(AppliedFault(fault, begun_s, time.monotonic()))
+                log.errors.append(f"{fault.kind} could not be done: {error!r}")
+            log.faults.append(AppliedFault(fault, begun_s, time.monotonic()))
 
 
 async def _do(fault: SoakFault, services: SoakServices, http: aiohttp.ClientSession) -> None:

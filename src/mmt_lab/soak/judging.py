@@ -123,17 +123,21 @@ class ServiceSample:
     late_ticks: int
 
 
-@dataclass(frozen=True)
+@dataclass
 class SoakLog:
-    """Log of a soak; ``lives_s`` are the times at which followers were started."""
+    """Log of a soak, kept while it runs. Times are seconds of the machine's monotonic clock.
 
-    start_s: float
-    end_s: float
-    faults: tuple[AppliedFault, ...]
-    lives_s: tuple[float, ...]
-    samples: tuple[ServiceSample, ...]
-    leader: Mapping[str, Any]
-    errors: tuple[str, ...]
+    ``lives_s`` are the times at which followers were started; ``leader`` is the leader's summary,
+    empty until it has ended.
+    """
+
+    start_s: float = 0.0
+    end_s: float = 0.0
+    faults: list[AppliedFault] = field(default_factory=list)
+    lives_s: list[float] = field(default_factory=list)
+    samples: list[ServiceSample] = field(default_factory=list)
+    leader: dict[str, Any] = field(default_factory=dict)
+    errors: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

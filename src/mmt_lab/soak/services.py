@@ -14,7 +14,7 @@ import psutil
 from mmt.cli.running.child import Child
 from mmt.core.errors import MmtError
 from mmt_lab.harness.proxy import Proxy
-from mmt_lab.soak.judging import PATIENCE_S, ServiceSample
+from mmt_lab.soak.judging import PATIENCE_S, ServiceSample, SoakLog
 
 _SCENE: Final = "demo"
 _LONGEST_SESSION_S: Final = "86400"
@@ -52,12 +52,7 @@ class SoakServices:
         """Set when the leader has ended, or a follower has failed."""
         self.port = 0
         """Port of the leader."""
-        self.births_s: list[float] = []
-        """When each follower was started, by the monotonic clock."""
-        self.samples: list[ServiceSample] = []
-        self.summary: dict[str, Any] = {}
-        """Summary of the leader; empty until it has ended."""
-        self.errors: list[str] = []
+        self.log = SoakLog()
 
     async def __aenter__(self) -> Self:
         async with self._stack as stack:
@@ -85,8 +80,8 @@ class SoakServices:
         with suppress(TimeoutError):
             async with asyncio.timeout(_END_S):
                 await asyncio.gather(*self._watching)
-        if not self.summary:
-            self.errors.append(f"the leader did not end within {_END_S:g} s")
+        if not self.log.leader:
+            self.log.errors.append(f"the leader did not end within {_END_S:g} s")
 
     async def pause(self, leader: bool, length_s: float) -> None:
         """Stop the leader's or the follower's process for `length_s`."""
@@ -110,7 +105,7 @@ class SoakServices:
     async def _start_follower(self) -> None:
         arguments = ["--leader", f"http://127.0.0.1:{self.proxy.port}"]
         self._follower = await self._start("follower", arguments, self._watch_follower)
-        self.births_s.append(time.monotonic())
+        self.log.lives_s.append(time.monotonic())
 
     async def _start(
         self, name: str, arguments: list[str], watch: Callable[[Child], Coroutine[Any, Any, None]]
@@ -127,7 +122,7 @@ class SoakServices:
         for task in waiting:
             task.cancel()
         if not event.is_set():
-            raise MmtError("; ".join([otherwise, *self.errors]))
+            raise MmtError("; ".join([otherwise, *self.log.errors]))
 
     async def _watch_leader(self, leader: Child) -> None:
         async for line in leader.lines():
@@ -137,12 +132,12 @@ class SoakServices:
             elif line["kind"] == "status":
                 self._take_status(line, leader)
             elif line["kind"] == "summary":
-                self.summary = {key: value for key, value in line.items() if key != "kind"}
+                self.log.leader = {key: value for key, value in line.items() if key != "kind"}
         code = await leader.wait()
-        if code != 0 or not self.summary:
-            self.errors.append(f"the leader ended with exit code {code}: {leader.messages}")
-        elif self.summary["outcome"] != "stopped":
-            self.errors.append(f"the leader ended by itself: {self.summary['outcome']}")
+        if code != 0 or not self.log.leader:
+            self.log.errors.append(f"the leader ended with exit code {code}: {leader.messages}")
+        elif self.log.leader["outcome"] != "stopped":
+            self.log.errors.append(f"the leader ended by itself: {self.log.leader['outcome']}")
         self.ended.set()
 
     async def _watch_follower(self, follower: Child) -> None:
@@ -150,14 +145,14 @@ class SoakServices:
             pass
         code = await follower.wait()
         if follower not in self._killed and code != 0:
-            self.errors.append(f"the follower ended with exit code {code}: {follower.messages}")
+            self.log.errors.append(f"the follower ended with exit code {code}: {follower.messages}")
             self.ended.set()
 
     def _take_status(self, status: dict[str, Any], leader: Child) -> None:
         if status["frames"]:
             self._streaming.set()
         if self._streaming.is_set():
-            self.samples.append(
+            self.log.samples.append(
                 ServiceSample(
                     time_s=time.monotonic(),
                     leader_mb=_memory_mb(leader),

@@ -22,6 +22,7 @@ from mmt.session.mcap.reader import scanned_frames
 from mmt.session.mcap.scan import scan_mcap
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.settings import ModellingSettings
+from mmt_lab.soak.judging import SoakLog
 from mmt_lab.soak.services import SoakServices
 from mmt_lab.stability.families import CaseResult, Extreme, Family
 
@@ -145,19 +146,19 @@ def _with_a_stop(judge: Judging, *, leader: bool, length_s: float) -> CaseResult
     """Run the demo's services, stop one, and judge the leader's summary and recording."""
     with tempfile.TemporaryDirectory(prefix="mmt-stability-") as directory:
         file = Path(directory) / "session.mcap"
-        services = asyncio.run(_session(file, leader, length_s))
-        if not services.summary:
-            return CaseResult("; ".join(services.errors), held=False)
-        return judge(services.summary, scanned_frames(scan_mcap(file)))
+        log = asyncio.run(_session(file, leader, length_s))
+        if not log.leader:
+            return CaseResult("; ".join(log.errors), held=False)
+        return judge(log.leader, scanned_frames(scan_mcap(file)))
 
 
-async def _session(file: Path, leader: bool, length_s: float) -> SoakServices:
+async def _session(file: Path, leader: bool, length_s: float) -> SoakLog:
     async with SoakServices(file, 0, lambda _: None) as services:
         await asyncio.sleep(_BEFORE_S)
         await services.pause(leader, length_s)
         await asyncio.sleep(_AFTER_S)
         await services.finish()
-    return services
+    return services.log
 
 
 def judge_stop(summary: dict[str, Any], frames: RecordArray) -> CaseResult:
