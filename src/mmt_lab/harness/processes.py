@@ -75,19 +75,7 @@ def in_processes(
 ) -> Iterator[tuple[int, Future[Result]]]:
     """Call a function in local processes; yield number and future of each call when it is done.
 
-    Parameters
-    ----------
-    function
-        Function of a module; its arguments and results can be pickled.
-    calls
-        Arguments by number.
-    workers
-        Number of processes.
-
-    Raises
-    ------
-    MmtError
-        A process has died.
+    ``calls`` has the arguments by number; else as `map_in_processes`.
     """
     pool = ProcessPoolExecutor(
         max_workers=workers,

@@ -124,24 +124,9 @@ def print_table(table: ReportTable) -> None:
 
 
 def write_report(directory: Path, result: Findings) -> Path:
-    """Write the report of one experiment: ``report.html``, ``report.md``, ``summary.json``.
+    """Draw the pictures of one experiment, and write its report with the data ``summary.json``.
 
-    Parameters
-    ----------
-    directory
-        Created if it does not exist; files of an earlier report are replaced.
-    result
-        The findings; their pictures are drawn now.
-
-    Returns
-    -------
-    Path
-        The page ``report.html``, with its pictures embedded.
-
-    Raises
-    ------
-    InputError
-        The directory cannot be written.
+    Directory, result and errors are those of `write_report_files`.
     """
     versions = environment()
     blocks: list[Block] = [Heading(result.title, 1), *found_blocks(result)]
