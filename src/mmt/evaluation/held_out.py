@@ -22,11 +22,7 @@ from mmt.evaluation.model_errors import (
 )
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segmenter import Segment
-from mmt.texture.signals.metrics import (
-    Spectra,
-    amplitude_spectra,
-    gfc_of_rows,
-)
+from mmt.texture.signals.metrics import Spectra, amplitude_spectra, gfc_of_rows
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 HELD_OUT: Final = 5

@@ -18,13 +18,7 @@ from mmt_lab.compare.ablations import INGREDIENTS
 from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, simulated_cases
 from mmt_lab.compare.judging import SHARES, JudgedMethod, check_methods, judge
 from mmt_lab.compare.spoiling import check_spoils
-from mmt_lab.harness.experiment import (
-    Seeds,
-    Textures,
-    Workers,
-    chosen_textures,
-    hand_of,
-)
+from mmt_lab.harness.experiment import Seeds, Textures, Workers, chosen_textures, hand_of
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import map_in_processes
 

@@ -35,14 +35,7 @@ from mmt_lab.felt.passing import (
     stroke_over_network,
     undelayed_vibration,
 )
-from mmt_lab.harness.experiment import (
-    HandKind,
-    Seeds,
-    Textures,
-    Workers,
-    chosen_textures,
-    hand_of,
-)
+from mmt_lab.harness.experiment import HandKind, Seeds, Textures, Workers, chosen_textures, hand_of
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import map_in_processes
 

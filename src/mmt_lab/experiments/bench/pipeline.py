@@ -16,14 +16,7 @@ from mmt.texture.signals.metrics import within_jnd
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.bench.measuring import interleave, spread
 from mmt_lab.compare.cases import session
-from mmt_lab.harness.findings import (
-    Axis,
-    Curves,
-    Findings,
-    FindingsTable,
-    Panel,
-    Target,
-)
+from mmt_lab.harness.findings import Axis, Curves, Findings, FindingsTable, Panel, Target
 
 SHOWS: Final = "how good the leader's model is, by session time and by processing time"
 TAKES: Final = "2 min"
