@@ -139,8 +139,3 @@ def largest_error(found: FloatArray, expected: Sequence[Number]) -> float:
         return float("inf")
     with mpmath.workdps(DIGITS):
         return float(max(abs(a - b) for a, b in zip(exact(found), expected, strict=True)))
-
-
-def rounded(values: Sequence[Number]) -> FloatArray:
-    """Return the nearest floats."""
-    return np.array([float(value) for value in values])

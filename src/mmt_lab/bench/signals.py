@@ -98,7 +98,7 @@ class Filters:
     @property
     def rounded_lsf(self) -> FloatArray:
         """The line spectral frequencies as floats (n, m)."""
-        return np.array([references.rounded(row) for row in self.lsf])
+        return np.array(self.lsf, dtype=np.float64)
 
 
 def spread_filters(order: int, count: int) -> Filters:
@@ -113,8 +113,8 @@ def spread_filters(order: int, count: int) -> Filters:
     reflection = [references.step_down(ar) or [] for ar in exact_ar]
     return Filters(
         lsf=[references.exact(row) for row in lsf],
-        reflection=np.array([references.rounded(k) for k in reflection]),
-        ar=np.array([references.rounded(ar) for ar in exact_ar]),
+        reflection=np.array(reflection, dtype=np.float64),
+        ar=np.array(exact_ar, dtype=np.float64),
     )
 
 
@@ -131,4 +131,4 @@ def low_pass_filter(order: int) -> Filters:
     if lsf is None:
         message = "the reference has not found all frequencies"
         raise ArithmeticError(message)
-    return Filters([lsf], reflection[np.newaxis], references.rounded(ar)[np.newaxis])
+    return Filters([lsf], reflection[np.newaxis], np.array([ar], dtype=np.float64))
