@@ -31,11 +31,6 @@ class Spread:
         """Return the spread times a factor, as for another unit."""
         return Spread(self.median * factor, self.low * factor, self.high * factor)
 
-    @property
-    def relative(self) -> float:
-        """Half the distance of the quartiles over the median; 0 if the median is 0."""
-        return 0.5 * (self.high - self.low) / self.median if self.median else 0.0
-
 
 @dataclass(frozen=True)
 class Point:

@@ -81,7 +81,8 @@ def _aim(target: Target) -> tuple[str, str]:
 
 
 def _spread(value: Spread) -> str:
-    share = value.relative
+    """Return a median, and half the distance of the quartiles over it if that is noticeable."""
+    share = 0.5 * (value.high - value.low) / value.median if value.median else 0.0
     scatter = f" ±{100 * share:.0f} %" if share >= _NOTICEABLE else ""
     return f"{_number(value.median)}{scatter}"
 
