@@ -18,10 +18,9 @@ from urllib.parse import urlsplit
 
 import msgpack
 
-from mmt.core.running.process import lower_priority
 from mmt.link.protocol import CONNECT_PACKET, EVENT_NAMESPACE
 from mmt.link.websocket import LINK_PATH
-from mmt_lab.harness.processes import leave_process_session
+from mmt_lab.harness.processes import be_apart
 
 _PATIENCE_S: Final = 1.0
 """How long a leader may take nothing before the stranger connects anew."""
@@ -118,8 +117,7 @@ def send_as_stranger(host: str, port: int, kind: str) -> int:
 
 def disturb(pipe: Connection, url: str, kind: str) -> None:
     """Be a stranger until the pipe is closed, at low priority, as if on another machine."""
-    leave_process_session()
-    lower_priority()
+    be_apart()
     address = urlsplit(url)
     while not pipe.poll(_TURN_S if kind == BYSTANDER else 0.0):
         if kind == BYSTANDER:

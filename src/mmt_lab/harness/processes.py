@@ -17,6 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from mmt.cli.common import messages
 from mmt.core.errors import MmtError
+from mmt.core.running.process import lower_priority
 
 Result = TypeVar("Result")
 
@@ -190,7 +191,8 @@ def _leave_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def leave_process_session() -> None:
-    """Put this process into a process session of its own, so that it can lower its priority."""
+def be_apart() -> None:
+    """Run at low priority in a process session of its own, as if on another machine."""
     if os.name == "posix":
         os.setsid()
+    lower_priority()

@@ -10,8 +10,7 @@ import time
 from multiprocessing.connection import Connection
 
 from mmt.core.errors import MmtError
-from mmt.core.running.process import lower_priority
-from mmt_lab.harness.processes import leave_process_session
+from mmt_lab.harness.processes import be_apart
 from mmt_lab.sharing.counting import ListenerCounts, run_listeners
 from mmt_share.client import STATES_HZ, ListenerClient
 from mmt_share.tables import Listening
@@ -65,6 +64,5 @@ async def crowd(url: str, listeners: int, longest_s: float) -> list[ListenerCoun
 
 async def join_apart(pipe: Connection, url: str, longest_s: float, listeners: int) -> None:
     """Run a crowd at low priority, as if on other machines; send its counts."""
-    leave_process_session()
-    lower_priority()
+    be_apart()
     pipe.send(await crowd(url, listeners, longest_s))
