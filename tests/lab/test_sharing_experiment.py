@@ -26,7 +26,7 @@ def sessions(monkeypatch, crowd, ticks_ms):
     """Let sessions end with these ticks, in turn with one listener and with the crowd."""
     waiting_ms = iter(ticks_ms)
 
-    async def session(_, join, listeners):
+    async def session(_, listeners):
         return leader(next(waiting_ms)), crowd[:listeners]
 
     monkeypatch.setattr(sharing, "run_with_listeners", session)

@@ -24,7 +24,7 @@ from typing import Any, Final
 
 from mmt.core.errors import MmtError
 from mmt_lab.harness.findings import Cell, Findings, FindingsTable, SkippedMethod
-from mmt_lab.sharing.session import ListenedSession
+from mmt_lab.sharing.session import start_service
 
 LEADER_ADDRESS = "10.77.83.1"
 FOLLOWER_ADDRESS = "10.77.83.2"
@@ -218,13 +218,12 @@ async def _session(
     """Run one session; return the leader's and the follower's summary."""
     settings = {"MMT_LINK__HOST": address, "MMT_LINK__OPEN": "true", **(variables or {})}
     led = "leader", "stream-only", "--port", "0", "--duration", str(duration_s)
-    followed = "follower", "stream-only", "--leader"
     try:
         async with AsyncExitStack() as stack, asyncio.timeout(duration_s + _STARTING_S):
-            session = ListenedSession(stack)
-            leader = await session.start(*led, prefix=within[0], environment=settings)
+            leader = await start_service(stack, *led, prefix=within[0], environment=settings)
             url = f"http://{address}:{(await leader.line('ready'))['port']}"
-            follower = await session.start(*followed, url, prefix=within[1], environment=settings)
+            followed = "follower", "stream-only", "--leader", url
+            follower = await start_service(stack, *followed, prefix=within[1], environment=settings)
             return await leader.line("summary"), await follower.line("summary")
     except TimeoutError as error:
         raise MmtError(f"a session over {address} did not end in time") from error

@@ -19,7 +19,6 @@ from mmt.core.extras import require
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.findings import Findings
 from mmt_lab.sharing.counting import ListenerCounts
-from mmt_lab.sharing.crowd import join_apart
 from mmt_lab.sharing.hubs import findings
 from mmt_lab.sharing.session import run_with_listeners
 
@@ -51,8 +50,8 @@ def run(
     ratios: list[float] = []
     pairs = 3 if pairs is None else pairs
     for _ in range(pairs):
-        one, _ = asyncio.run(run_with_listeners(duration, join_apart, 1))
-        leader, found = asyncio.run(run_with_listeners(duration, join_apart, listeners))
+        one, _ = asyncio.run(run_with_listeners(duration, 1))
+        leader, found = asyncio.run(run_with_listeners(duration, listeners))
         ratios.append(leader["ticks"]["period_p99_ms"] / one["ticks"]["period_p99_ms"])
     ticks = "leader's tick, p99, over that with one listener"
     rows: dict[str, Figure] = {

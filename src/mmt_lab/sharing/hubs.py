@@ -17,7 +17,7 @@ from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import received
 from mmt_lab.sharing.counting import CountingListener, ListenerCounts, auth_of, count
-from mmt_lab.sharing.session import Service, shared_session
+from mmt_lab.sharing.session import Service, shared_session, start_service
 
 _LATEST_S: Final = 60.0
 """How long Redis may take to start, and listeners beyond the session."""
@@ -51,7 +51,9 @@ async def run_hub_session(hubs: int, listeners: int, duration_s: float) -> HubSe
         await direct.join()
         command = "main", "hub", session.url, "--redis", redis, "--port", "0"
         most = {"MMT_SHARING__MOST": str(listeners)}
-        served = [await session.start(*command, environment=most) for _ in range(hubs)]
+        served = [
+            await start_service(session.stack, *command, environment=most) for _ in range(hubs)
+        ]
         urls = [(await hub.line("ready"))["address"] for hub in served]
         before = [_use(hub) for hub in served]
         longest_s = duration_s + _LATEST_S
