@@ -56,12 +56,12 @@ def write_report(
     run: Mapping[str, object] | None = None,
     more: Sequence[Block] = (),
 ) -> Path:
-    """Write ``report.md``, ``report.html``, ``summary.json`` and the figures.
+    """Write the report of evaluations, of a run or both, with the data ``summary.json``.
+
+    Directory, result and errors are those of `write_report_files`.
 
     Parameters
     ----------
-    directory
-        Created if it does not exist; files of an earlier report are replaced.
     evaluations
         May be empty if only a run is reported.
     title
@@ -72,16 +72,6 @@ def write_report(
         Summaries of the services, as nested tables: one section for each key.
     more
         Further blocks, after the overview.
-
-    Returns
-    -------
-    Path
-        Path of ``report.html``, which contains its figures.
-
-    Raises
-    ------
-    InputError
-        The directory cannot be written.
     """
     made, figures = datetime.now(UTC), evaluations_as_dict(evaluations)
     blocks: list[Block] = [Heading(title, 1), Paragraph(f"{made:%Y-%m-%d, %H:%M} UTC")]
@@ -236,6 +226,7 @@ def _session(evaluation: Evaluation, prefix: str, *, alone: bool) -> list[Block]
     from mmt.evaluation.reports import figures
     from mmt.evaluation.reports.growth import model_growth
 
+    final_s = evaluation.final.time_s
     blocks: list[Block] = [
         Heading(f"Session {evaluation.name}"),
         Paragraph(tables.account(evaluation)),
@@ -249,11 +240,14 @@ def _session(evaluation: Evaluation, prefix: str, *, alone: bool) -> list[Block]
             picture(
                 f"{prefix}spectra",
                 "Held-out segments: measured, and synthesized by the model rebuilt without "
-                f"them, at {evaluation.final.time_s:.1f} s.",
+                f"them, at {final_s:.1f} s.",
                 figures.held_out_spectra(evaluation),
             )
         )
-    blocks += _heading_blocks(evaluation, prefix)
+    if evaluation.by_heading:
+        caption = f"Errors against the known texture by heading, at {final_s:.1f} s."
+        drawn = figures.errors_by_heading(evaluation)
+        blocks += [picture(f"{prefix}headings", caption, drawn), tables.by_heading(evaluation)]
     details = [tables.moments(evaluation), tables.steps(evaluation)]
     details += [tables.bands(evaluation)] * bool(evaluation.bands)
     details += [tables.held_out(evaluation)] * bool(evaluation.held_out)
@@ -262,12 +256,11 @@ def _session(evaluation: Evaluation, prefix: str, *, alone: bool) -> list[Block]
 
 def _appendix(scene: Mapping[str, Any] | None, *, with_scores: bool) -> list[Block]:
     versions = ReportTable(("part", "version"), list(environment().items()))
-    blocks: list[Block] = [Folded("Made with", [versions])]
+    scores = ReportTable(("score", "definition"), list(DEFINITIONS.items()))
+    blocks: list[Block] = []
     if with_scores:
-        rows = list(DEFINITIONS.items())
-        blocks.insert(
-            0, Folded("How the scores are defined", [ReportTable(("score", "definition"), rows)])
-        )
+        blocks.append(Folded("How the scores are defined", [scores]))
+    blocks.append(Folded("Made with", [versions]))
     if scene is not None:
         blocks.append(Listing("The resolved scene", json.dumps(scene, indent=2, default=str)))
     return blocks
@@ -275,16 +268,3 @@ def _appendix(scene: Mapping[str, Any] | None, *, with_scores: bool) -> list[Blo
 
 def _file_name(name: str) -> str:
     return "".join(letter if letter.isalnum() or letter in "-_" else "-" for letter in name)[:48]
-
-
-def _heading_blocks(evaluation: Evaluation, prefix: str) -> list[Block]:
-    """Return the errors by heading; nothing if the texture does not depend on the heading."""
-    if not evaluation.by_heading:
-        return []
-    from mmt.evaluation.reports import figures
-
-    caption = f"Errors against the known texture by heading, at {evaluation.final.time_s:.1f} s."
-    return [
-        picture(f"{prefix}headings", caption, figures.errors_by_heading(evaluation)),
-        tables.by_heading(evaluation),
-    ]
