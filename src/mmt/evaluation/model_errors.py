@@ -157,10 +157,6 @@ def band_errors_db(
 GRID_SPEED_MM_S: Final[FloatArray] = middles(SPEED_RANGE_MM_S, 12)
 GRID_FORCE_N: Final[FloatArray] = middles(FORCE_RANGE_N, 12)
 
-COARSE_SPEED_MM_S: Final[FloatArray] = middles(SPEED_RANGE_MM_S, 6)
-COARSE_FORCE_N: Final[FloatArray] = middles(FORCE_RANGE_N, 6)
-"""Grid of the plane if all headings are compared as well."""
-
 SECTORS: Final = 12
 SECTOR_DEG: Final = 360.0 / SECTORS
 _HEADINGS: Final = 24
@@ -202,7 +198,8 @@ def over_plane() -> Strokes:
 def all_headings() -> Strokes:
     """Return strokes over the plane at all headings, 6 x 6 x 24, forces outermost."""
     headings = (np.arange(_HEADINGS) + 0.5) * (2.0 * np.pi / _HEADINGS)
-    force, speed, heading = np.meshgrid(COARSE_FORCE_N, COARSE_SPEED_MM_S, headings, indexing="ij")
+    plane = middles(FORCE_RANGE_N, 6), middles(SPEED_RANGE_MM_S, 6)
+    force, speed, heading = np.meshgrid(*plane, headings, indexing="ij")
     return Strokes(speed.ravel(), force.ravel(), heading.ravel())
 
 
@@ -248,17 +245,7 @@ class HeadingErrors:
 
 
 def by_heading(model: str, strokes: Strokes, errors: GridErrors) -> HeadingErrors:
-    """Gather the errors at strokes of all headings in sectors of 30 degrees.
-
-    Parameters
-    ----------
-    model
-        The name of the model.
-    strokes
-        At least one in each sector.
-    errors
-        The model's errors at these strokes.
-    """
+    """Gather the errors of the model of this name at strokes, at least one in each sector."""
     sectors = strokes.sector
     return HeadingErrors(
         model=model,
