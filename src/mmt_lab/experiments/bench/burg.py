@@ -126,7 +126,7 @@ def _by_order(methods: Sequence[BurgFit]) -> Panel:
         order: interleave({m.name: partial(m.fit, x, order) for m in methods}, ROUNDS)
         for order in ORDERS
     }
-    curves = _curves(methods, times, _errors(methods, x, ORDERS))
+    curves = _curves(methods, times, x)
     title = f"One segment of {LENGTH} samples, by order"
     return Panel("order", title, "order", TIME_US, ERROR, curves)
 
@@ -146,7 +146,7 @@ def _by_batch(methods: Sequence[BurgFit]) -> Panel:
         times[order] = {
             m.name: spent[m.name].times(1.0 / count if m.fit_batch else 1.0) for m in methods
         }
-    curves = _curves(methods, times, _errors(methods, rows[0], ORDERS))
+    curves = _curves(methods, times, rows[0])
     title = f"Batches of {count} segments of {length} samples, time of one segment, by order"
     return Panel("batch", title, "order", TIME_US, ERROR, curves)
 
@@ -168,32 +168,21 @@ def _by_offset(methods: Sequence[BurgFit]) -> Panel:
     return Panel("offset", title, knob, Axis(knob, "offset"), ERROR, curves.build())
 
 
-def _errors(
-    methods: Sequence[BurgFit], x: FloatArray, orders: Sequence[int]
-) -> dict[int, dict[str, float]]:
-    reference = references.burg(x, max(orders))
-    errors = {}
-    for order in orders:
-        expected = references.step_up(reference[:order])
-        errors[order] = {m.name: _error(m.coefficients(x, order), expected) for m in methods}
-    return errors
-
-
 def _error(found: FloatArray, expected: Sequence[Any]) -> float:
     largest = max(1.0, *(float(abs(value)) for value in expected))
     return references.largest_error(found, expected) / largest
 
 
 def _curves(
-    methods: Sequence[BurgFit],
-    times: Mapping[int, Mapping[str, Spread]],
-    errors: Mapping[int, Mapping[str, float]],
+    methods: Sequence[BurgFit], times: Mapping[int, Mapping[str, Spread]], x: FloatArray
 ) -> tuple[Curve, ...]:
-    curves = Curves()
-    for knob, of in times.items():
+    """Return the times of the methods by order (s), over their errors on a segment (n,)."""
+    curves, reference = Curves(), references.burg(x, max(times))
+    for order, spent in times.items():
+        expected = references.step_up(reference[:order])
         for method in methods:
-            time = of[method.name].times(MICROSECONDS)
-            curves.add(method.name, knob, time, errors[knob][method.name])
+            error = _error(method.coefficients(x, order), expected)
+            curves.add(method.name, order, spent[method.name].times(MICROSECONDS), error)
     return curves.build()
 
 
