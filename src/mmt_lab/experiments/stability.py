@@ -29,8 +29,6 @@ from mmt_lab.stability.families import (
 SHOWS: Final = "whether the numerics hold where they are stiff and extreme"
 TAKES: Final = "3 min"
 
-COLUMNS: Final = ("case", "expected", "got", "held")
-
 
 def run(families: Families = None) -> Findings:
     """Run the stiff and extreme cases, a row each, and say whether each held."""
@@ -76,12 +74,6 @@ def by_family(rows: Iterable[CaseRow]) -> dict[str, list[CaseRow]]:
     return {name: list(found) for name, found in groupby(rows, key=attrgetter("family"))}
 
 
-def family_table(rows: Sequence[CaseRow]) -> ReportTable:
-    """Return the rows of one family as text."""
-    cells = [(row.what, row.expected, row.got, "yes" if row.held else "NO") for row in rows]
-    return ReportTable(COLUMNS, cells)
-
-
 def overview(rows: Sequence[CaseRow]) -> ReportTable:
     """Return a line for each family, and the sentence that sums a run up."""
     cells = []
@@ -115,5 +107,6 @@ def report_blocks(rows: Sequence[CaseRow]) -> list[Block]:
         blocks.append(Heading(family.title))
         if family.pictures is not None:
             blocks += family.pictures([row.figures for row in found])
-        blocks.append(family_table(found))
+        cells = [(row.what, row.expected, row.got, "yes" if row.held else "NO") for row in found]
+        blocks.append(ReportTable(("case", "expected", "got", "held"), cells))
     return blocks
