@@ -9,7 +9,7 @@ import asyncio
 import math
 import struct
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
@@ -120,6 +120,9 @@ class Side:
 
 Send = Callable[[RecordArray], None]
 
+Links = Mapping[Kind, tuple[Side, Send]]
+"""Counters of each kind of link, and what sends a record over it."""
+
 
 async def run_turn(turn: Turn, side: Side, send: Send) -> TurnFigures:
     """Run a turn over its link, and return its figures."""
@@ -187,12 +190,8 @@ async def lead(pipe: Connection, rate_hz: int, samples_per_frame: int, realtime:
         pipe.send((server.port, port))
         await asyncio.wait_for(connected.wait(), PATIENCE_S)
         async with _bare_traffic(bare, await asyncio.wait_for(websocket, PATIENCE_S)) as put:
-            await _report(
-                pipe,
-                {"ours": ours, "bare": bare},
-                {"ours": server.send_commands, "bare": put},
-                realtime,
-            )
+            links: Links = {"ours": (ours, server.send_commands), "bare": (bare, put)}
+            await _report(pipe, links, realtime)
             await asyncio.wait_for(ended.wait(), PATIENCE_S)
     await server.stop()
 
@@ -215,27 +214,22 @@ async def follow(pipe: Connection, rate_hz: int, samples_per_frame: int, realtim
         session.ws_connect(f"http://127.0.0.1:{bare_port}/") as websocket,
         _bare_traffic(bare, websocket) as put,
     ):
-        await _report(
-            pipe,
-            {"ours": ours, "bare": bare},
-            {"ours": client.send_frames, "bare": put},
-            realtime,
-        )
+        links: Links = {"ours": (ours, client.send_frames), "bare": (bare, put)}
+        await _report(pipe, links, realtime)
         await client.end("measured")
     await client.disconnect()
 
 
-async def _report(
-    pipe: Connection, sides: dict[Kind, Side], send: dict[Kind, Send], realtime: bool
-) -> None:
+async def _report(pipe: Connection, links: Links, realtime: bool) -> None:
     """Report that both links are connected, run the turns received, and send the figures."""
     prefer_even_ticks()
     if realtime:
         be_real_time()
     pipe.send("ready")
     turns: list[Turn] = await asyncio.to_thread(pipe.recv)
-    measured = [await run_turn(turn, sides[turn.kind], send[turn.kind]) for turn in turns]
-    pipe.send(SideReport(measured, sides["ours"].sent, sides["ours"].newest))
+    measured = [await run_turn(turn, *links[turn.kind]) for turn in turns]
+    ours, _ = links["ours"]
+    pipe.send(SideReport(measured, ours.sent, ours.newest))
 
 
 @asynccontextmanager

@@ -78,7 +78,7 @@ def bench_link(
     turns = [
         Turn(kind, RATE_HZ, 0, duration_s / rounds, number / rounds)
         for number in range(rounds)
-        for kind in order(number)
+        for kind in (_KINDS if number % 2 == 0 else _KINDS[::-1])
     ]
     turns.append(Turn("ours", SUSTAINED_HZ, 0, duration_s / 4, 0.5))
     told = RATE_HZ, samples_per_frame, realtime
@@ -88,11 +88,6 @@ def bench_link(
     ours, bare = ([pair for pair in compared if pair[0].kind == kind] for kind in _KINDS)
     missing = missing_at_end(follower, leader), missing_at_end(leader, follower)
     return summarise(ours, 0, 0), summarise([sustained], *missing), ratios(ours, bare)
-
-
-def order(number: int) -> tuple[Kind, ...]:
-    """Return the links in the order of their turns in this round."""
-    return _KINDS if number % 2 == 0 else _KINDS[::-1]
 
 
 def _conduct(pipes: list[Connection], turns: list[Turn]) -> tuple[SideReport, SideReport]:
