@@ -37,12 +37,13 @@ def test_latency_jitter_and_offset_of_frames_that_are_known():
         "acceleration": turned(moving(20.0), times_ns - 300_000),
     }
     formed_ns = times_ns + np.where(np.arange(1000) < 20, 9_000_000, 2_000_000)
-    found = frame_times(values, times_ns, formed_ns, stated_ms=0.5)
-    assert found.latency_p50_ms == pytest.approx(2.0 + 0.3 - 0.5)
-    assert found.latency_p99_ms == pytest.approx(8.8)
-    assert found.offset_ms == pytest.approx({"force": -0.1, "acceleration": -0.3})
-    assert found.jitter_p99_ms == pytest.approx({"force": 0.04, "acceleration": 0.0}, abs=1e-6)
-    assert found.apart_p99_ms == pytest.approx(0.24)
+    found, offset_ms = frame_times(values, times_ns, formed_ns, stated_ms=0.5)
+    assert found["latency p50 (ms)"] == pytest.approx(2.0 + 0.3 - 0.5)
+    assert found["p99 (ms)"] == pytest.approx(8.8)
+    assert offset_ms == pytest.approx({"force": -0.1, "acceleration": -0.3})
+    assert found["jitter p99: force (ms)"] == pytest.approx(0.04, abs=1e-6)
+    assert found["acceleration (ms)"] == pytest.approx(0.0, abs=1e-6)
+    assert found["apart, p99 (ms)"] == pytest.approx(0.24)
 
 
 @pytest.mark.parametrize(("force", "acceleration"), [(net_ft, adxl335), (bota, iio)])

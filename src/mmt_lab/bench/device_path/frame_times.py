@@ -1,7 +1,6 @@
 """Vectors that turn, so that a value gives its time, and the errors of frame times against them."""
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -50,29 +49,12 @@ def time_errors_ms(values: FloatArray, times_ns: IntArray) -> FloatArray:
     return np.asarray((apart - np.round(apart)) * (PERIOD_NS / _MS), dtype=np.float64)
 
 
-@dataclass(frozen=True)
-class FrameTimes:
-    """Latency of frames and errors of their times; all in ms."""
-
-    latency_p50_ms: float
-    """From the instant of a frame's oldest value until the frame is formed, less the largest
-    latency that a sensor states."""
-    latency_p99_ms: float
-    jitter_p99_ms: dict[str, float]
-    """By channel: distance of the time error from its median."""
-    offset_ms: dict[str, float]
-    """By channel: median time error, which is the part of the transport delay that is not
-    compensated."""
-    apart_p99_ms: float
-    """Time between the instants of a frame's two values."""
-
-
 def frame_times(
     values: dict[str, FloatArray],
     times_ns: IntArray,
     formed_ns: IntArray,
     stated_ms: float,
-) -> FrameTimes:
+) -> tuple[dict[str, float], dict[str, float]]:
     """Compare frames with the motions that the devices emulated.
 
     Parameters
@@ -83,17 +65,30 @@ def frame_times(
         Time stamp of each frame, and the time at which it was formed, (n,).
     stated_ms
         The largest latency that a sensor states.
+
+    Returns
+    -------
+    times
+        Latency from the instant of a frame's oldest value until the frame is formed, less
+        `stated_ms`; distance of each channel's time error from its median; time between the
+        instants of a frame's two values. By the columns of the bench.
+    offset_ms
+        By channel: median time error, which is the part of the transport delay that is not
+        compensated.
     """
     errors = {name: time_errors_ms(value, times_ns) for name, value in values.items()}
     stacked = np.stack(list(errors.values()))
     added = (formed_ns - times_ns) / _MS - stacked.min(axis=0) - stated_ms
-    return FrameTimes(
-        latency_p50_ms=float(np.median(added)),
-        latency_p99_ms=float(np.percentile(added, 99)),
-        jitter_p99_ms={
-            name: float(np.percentile(np.abs(error - np.median(error)), 99))
-            for name, error in errors.items()
-        },
-        offset_ms={name: float(np.median(error)) for name, error in errors.items()},
-        apart_p99_ms=float(np.percentile(np.ptp(stacked, axis=0), 99)),
-    )
+    offset_ms = {name: float(np.median(error)) for name, error in errors.items()}
+    jitter_ms = {
+        name: float(np.percentile(np.abs(error - offset_ms[name]), 99))
+        for name, error in errors.items()
+    }
+    times = {
+        "latency p50 (ms)": float(np.median(added)),
+        "p99 (ms)": float(np.percentile(added, 99)),
+        "jitter p99: force (ms)": jitter_ms["force"],
+        "acceleration (ms)": jitter_ms["acceleration"],
+        "apart, p99 (ms)": float(np.percentile(np.ptp(stacked, axis=0), 99)),
+    }
+    return times, offset_ms

@@ -118,7 +118,7 @@ def _cells(job: dict[str, Any], found: dict[str, Any], seen_ms: float) -> Cells:
     first, last = frames["sequence"][[0, -1]].tolist()
     values = {"force": frames["force_n"], "acceleration": frames["acceleration_m_s2"]}
     stated_ms = max(found["latency_ns"].values()) / 1e6
-    times = frame_times(values, frames["time_ns"], found["formed_ns"], stated_ms)
+    times, offset_ms = frame_times(values, frames["time_ns"], found["formed_ns"], stated_ms)
     force_ppm, acceleration_ppm = (
         abs(
             found["devices"][sensor]["drift_ppm"]
@@ -132,13 +132,7 @@ def _cells(job: dict[str, Any], found: dict[str, Any], seen_ms: float) -> Cells:
             "emulation": found["emulated_share"],
             "tick alone": found["bare_share"],
         },
-        "times": {
-            "latency p50 (ms)": times.latency_p50_ms,
-            "p99 (ms)": times.latency_p99_ms,
-            "jitter p99: force (ms)": times.jitter_p99_ms["force"],
-            "acceleration (ms)": times.jitter_p99_ms["acceleration"],
-            "apart, p99 (ms)": times.apart_p99_ms,
-        },
+        "times": times,
         "frames": {
             "frames": len(frames),
             "missing": last - first + 1 - len(frames),
@@ -148,8 +142,8 @@ def _cells(job: dict[str, Any], found: dict[str, Any], seen_ms: float) -> Cells:
         "clocks": {
             "error of the drift: force (ppm)": force_ppm,
             "acceleration (ppm)": acceleration_ppm,
-            "offset of the time: force (ms)": times.offset_ms["force"],
-            "acceleration (ms)": times.offset_ms["acceleration"],
+            "offset of the time: force (ms)": offset_ms["force"],
+            "acceleration (ms)": offset_ms["acceleration"],
         },
     }
 
