@@ -5,23 +5,28 @@ import numpy as np
 import pytest
 
 from mmt.core.frames import ENERGY, ENERGY_DTYPE
-from mmt.link.endpoint import Endpoint, ExtraEvent, LeaderEvents
+from mmt.link.endpoint import Endpoint, LeaderEvents
 from mmt.link.incoming import BlockReader
 
 
 class Side:
+    event, dtype = ENERGY, ENERGY_DTYPE
+
     def __init__(self):
         self.taken = []
         self.began = 0
         self.errors = []
-        self.extra = ExtraEvent(ENERGY, ENERGY_DTYPE, self.taken.append, self._begin)
-        self.extra.restart()
+        self.on_records = self.taken.append
+        events = LeaderEvents(print, on_error=self.errors.append)
+        reader = BlockReader(ENERGY_DTYPE, "frames")
+        self.endpoint = Endpoint(reader, 10, 1000, events, print, extra=self)
+        self.endpoint.restart()
 
-    def _begin(self):
+    def restart(self):
         self.began += 1
 
     def read(self, *arguments):
-        self.extra.read(arguments, self.errors.append)
+        self.endpoint.handle_extra(*arguments)
 
 
 def records(*sequence, energy_j=1.0):
@@ -57,11 +62,8 @@ def test_what_is_malformed_is_thrown_away(payload):
 @pytest.mark.parametrize("count", [1, 100, 101, 250])
 def test_records_that_come_together_after_a_stall_are_all_taken(count, monkeypatch):
     side, sent = Side(), []
-    endpoint = Endpoint(
-        BlockReader(ENERGY_DTYPE, "frames"), 10, 1000, LeaderEvents(print), print, extra=side.extra
-    )
-    monkeypatch.setattr(endpoint.outbox, "put", lambda _, message: sent.append(message))
-    endpoint.send_extra(records(*range(count)))
+    monkeypatch.setattr(side.endpoint.outbox, "put", lambda _, message: sent.append(message))
+    side.endpoint.send_extra(records(*range(count)))
     for message in sent:
         side.read(msgpack.unpackb(message)["data"][1])
     assert np.array_equal(np.concatenate(side.taken), records(*range(count)))
@@ -69,4 +71,4 @@ def test_records_that_come_together_after_a_stall_are_all_taken(count, monkeypat
     side.read(records(count - 1).tobytes())  # late
     assert sum(map(len, side.taken)) == count
     with pytest.raises(ValueError, match="energy records are of dtype"):
-        side.extra.encode(np.zeros(1, dtype="<f8"))
+        side.endpoint.send_extra(np.zeros(1, dtype="<f8"))

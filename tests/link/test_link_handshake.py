@@ -3,6 +3,7 @@
 import asyncio
 from dataclasses import replace
 from functools import partial
+from unittest.mock import Mock
 
 import pytest
 import socketio
@@ -13,7 +14,7 @@ from mmt.core.frames import frame_dtype
 from mmt.core.running.process import clock_id
 from mmt.link.access import Access
 from mmt.link.clock_exchange import ClockResponder
-from mmt.link.endpoint import Endpoint, ExtraEvent
+from mmt.link.endpoint import Endpoint
 from mmt.link.handshake import FollowerSlot, Handshake, admit
 from mmt.link.incoming import BlockReader
 
@@ -43,7 +44,7 @@ class Host:
         self.notes, self.slot = LeaderNotes(), FollowerSlot()
         events = replace(self.notes.events(), **callbacks)
         reader = BlockReader(frame_dtype(CHANNELS), "frames")
-        extra = ExtraEvent("extra", frame_dtype(CHANNELS), self.received.append, self._restart)
+        extra = Mock(event="extra", dtype=frame_dtype(CHANNELS), restart=self._restart)
         self.endpoint = Endpoint(reader, 4, 1000, events, self.slot.cut_off, extra=extra)
         self.clock = ClockResponder(reader, self.endpoint.outbox, self.received.append)
         self.handshake = Handshake(

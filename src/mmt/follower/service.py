@@ -19,7 +19,7 @@ from mmt.follower.guarded_source import GuardedSource
 from mmt.follower.sources import DeviceBackedSource, build_source
 from mmt.link.access import Access
 from mmt.link.client import FollowerClient
-from mmt.link.endpoint import FollowerEvents, emulated_network, extra_event
+from mmt.link.endpoint import FollowerEvents, emulated_network
 from mmt.link.protocol import FollowerHello
 from mmt.scene import Link, Scene
 
@@ -167,7 +167,7 @@ class Follower:
             network=emulated_network(scene, "up", self._say),
             access=self._access,
             clock_hz=self._link.clock_hz,
-            extra=extra_event(feedback),
+            extra=feedback,
         )
 
     def _say(self, sentence: str) -> None:

@@ -135,7 +135,7 @@ class RemoteFollower:
         MmtError
             The port, the token or a certificate cannot be used.
         """
-        from mmt.link.endpoint import LeaderEvents, emulated_network, extra_event
+        from mmt.link.endpoint import LeaderEvents, emulated_network
         from mmt.link.server import LeaderServer
 
         assert self._scene.link is not None  # noqa: S101 - the caller has looked
@@ -159,7 +159,7 @@ class RemoteFollower:
             session_id=self._log.session_id,
             network=emulated_network(self._scene, "down", self._journal.event),
             pages=pages,
-            extra=extra_event(self._feedback),
+            extra=self._feedback,
         )
         self._clock_notes = ClockNotes(self.server.clock, self._journal.record)
         await self.server.start()

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Final
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
-from mmt.core.frames import COMMAND_DTYPE
+from mmt.core.frames import COMMAND_DTYPE, FeedbackSide
 from mmt.core.running.ticking import TimeHistogram
 from mmt.link.access import Access
 from mmt.link.clock_exchange import ClockRequester
 from mmt.link.connection import LeaderConnection
-from mmt.link.endpoint import Endpoint, ExtraEvent, FollowerEvents
+from mmt.link.endpoint import Endpoint, FollowerEvents
 from mmt.link.frame_sender import BackfillSender, FrameSender
 from mmt.link.incoming import BlockReader
 from mmt.link.protocol import (
@@ -71,7 +71,7 @@ class FollowerClient:
     clock_hz
         Rate of the exchange of time stamps with the leader; 0 for none.
     extra
-        The scene's further event, or None.
+        Side of force feedback with the scene's further event, or None.
 
     Raises
     ------
@@ -89,7 +89,7 @@ class FollowerClient:
         network: "EmulatedNetwork | None" = None,
         access: Access | None = None,
         clock_hz: float = 0.0,
-        extra: ExtraEvent | None = None,
+        extra: FeedbackSide | None = None,
     ) -> None:
         self._events = events
         self._network = network
@@ -164,8 +164,8 @@ class FollowerClient:
             MISSING: self._on_missing,
         }
         frequent = {COMMANDS: self._on_commands, CLOCK: self.clock.handle_response}
-        if self.endpoint.extra is not None:
-            frequent[self.endpoint.extra.event] = self.endpoint.handle_extra
+        if self.endpoint.extra_event:
+            frequent[self.endpoint.extra_event] = self.endpoint.handle_extra
         await self._connection.open(handlers, frequent, timeout_s)
 
     def send_frames(self, frames: RecordArray) -> None:

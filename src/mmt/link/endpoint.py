@@ -6,8 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
-import numpy as np
-
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import MmtError
 from mmt.core.running.ticking import TimeHistogram
@@ -100,59 +98,6 @@ def call(
         on_error(error)
 
 
-class ExtraEvent:
-    """One side of a further event that only some scenes use: validate and encode its records.
-
-    Parameters
-    ----------
-    event
-        Name of the event, the same on both sides.
-    dtype
-        Dtype of its records; see `BlockReader`.
-    on_records
-        Called with validated records (n,), read-only, in order.
-    on_restart
-        Called when a connection begins; the peer may be a new process with numbers from 0.
-    """
-
-    def __init__(
-        self,
-        event: str,
-        dtype: np.dtype[np.void],
-        on_records: Callable[[RecordArray], None],
-        on_restart: Callable[[], None],
-    ) -> None:
-        self.event = event
-        self._dtype = dtype
-        self._on_records = on_records
-        self._on_restart = on_restart
-        self._reader = BlockReader(dtype, f"{event} records")
-
-    def restart(self) -> None:
-        """Prepare for a new connection."""
-        self._reader.restart()
-        self._on_restart()
-
-    def read(self, arguments: tuple[object, ...], on_error: Callable[[Exception], None]) -> None:
-        """Handle the arguments of an event, which are not trusted."""
-        records = self._reader.read(arguments, time.monotonic_ns())
-        if records is not None:
-            call(self._on_records, records, on_error=on_error)
-
-    def encode(self, records: RecordArray) -> bytes:
-        """Return the message that carries records (n,), n at most 100.
-
-        Raises
-        ------
-        ValueError
-            The records are of another dtype.
-        """
-        if records.dtype != self._dtype:
-            message = f"{self.event} records are of dtype {records.dtype}: allowed is {self._dtype}"
-            raise ValueError(message)
-        return encode_event(self.event, records.tobytes())
-
-
 def emulated_network(
     scene: Scene, direction: Literal["up", "down"], say: Callable[[str], None]
 ) -> "EmulatedNetwork | None":
@@ -162,14 +107,6 @@ def emulated_network(
     from mmt.link.emulated.network import EmulatedNetwork
 
     return EmulatedNetwork(scene.network, direction, scene.session.seed, say)
-
-
-def extra_event(feedback: "FeedbackSide | None") -> "ExtraEvent | None":
-    """Return the further event of a force-feedback method, or None."""
-    if feedback is None or feedback.event is None or feedback.dtype is None:
-        return None
-
-    return ExtraEvent(feedback.event, feedback.dtype, feedback.on_records, feedback.restart)
 
 
 class Endpoint:
@@ -190,7 +127,7 @@ class Endpoint:
     network
         Network emulated on the way to the peer, or None.
     extra
-        The scene's further event, or None.
+        Side of force feedback with the scene's further event, or None.
     """
 
     def __init__(
@@ -202,19 +139,24 @@ class Endpoint:
         on_exceeded: Callable[[MmtError], None],
         *,
         network: "EmulatedNetwork | None" = None,
-        extra: ExtraEvent | None = None,
+        extra: "FeedbackSide | None" = None,
     ) -> None:
         self.reader = reader
         self.outbox = SendQueue(capacity) if network is None else network.send_queue(capacity)
         self.rate_limit = RateLimit(rate_hz, reader.reject, on_exceeded)
-        self.extra = extra
+        self.extra_event = "" if extra is None else extra.event or ""
+        """Name of the further event, empty for none."""
+        self._extra = extra
+        if extra is not None and extra.dtype is not None:
+            self._extra_reader = BlockReader(extra.dtype, f"{extra.event} records")
         self._events = events
 
     def restart(self) -> None:
-        """Prepare for a new connection."""
+        """Prepare for a new connection; the peer may be a new process with numbers from 0."""
         self.reader.restart()
-        if self.extra is not None:
-            self.extra.restart()
+        if self._extra is not None:
+            self._extra_reader.restart()
+            self._extra.restart()
 
     def notify(self, function: Callable[..., None], *arguments: object) -> None:
         """Call one of the callbacks; its exception goes to ``on_error``."""
@@ -225,16 +167,29 @@ class Endpoint:
         self.notify(self._events.on_jump, jump)
 
     def send_extra(self, records: RecordArray) -> None:
-        """Queue records (n,) of the further event, which are not counted."""
-        if self.extra is not None:
-            for start in range(0, len(records), MAX_RECORDS_PER_MESSAGE):
-                part = records[start : start + MAX_RECORDS_PER_MESSAGE]
-                self.outbox.put(0, self.extra.encode(part))
+        """Queue records (n,) of the further event, which are not counted.
+
+        Raises
+        ------
+        ValueError
+            The records are of another dtype.
+        """
+        if self._extra is None:
+            return
+        event, dtype = self.extra_event, self._extra.dtype
+        if records.dtype != dtype:
+            message = f"{event} records are of dtype {records.dtype}: allowed is {dtype}"
+            raise ValueError(message)
+        for start in range(0, len(records), MAX_RECORDS_PER_MESSAGE):
+            part = records[start : start + MAX_RECORDS_PER_MESSAGE]
+            self.outbox.put(0, encode_event(event, part.tobytes()))
 
     def handle_extra(self, *arguments: object) -> None:
         """Handle a further event, whose arguments are not trusted."""
-        if self.extra is not None:
-            self.extra.read(arguments, self._events.on_error)
+        if self._extra is not None:
+            records = self._extra_reader.read(arguments, time.monotonic_ns())
+            if records is not None:
+                self.notify(self._extra.on_records, records)
 
     def statistics(
         self,

@@ -8,14 +8,14 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import COMMAND_DTYPE, Channel, frame_dtype, ordered_channels
+from mmt.core.frames import COMMAND_DTYPE, Channel, FeedbackSide, frame_dtype, ordered_channels
 from mmt.core.frames import samples_per_frame as samples_of
 from mmt.core.running.ticking import TimeHistogram
 from mmt.core.sequence_numbers import Range, shortest_period_ns
 from mmt.link.access import Access
 from mmt.link.backfill import BackfillReceiver
 from mmt.link.clock_exchange import ClockResponder
-from mmt.link.endpoint import Endpoint, ExtraEvent, LeaderEvents
+from mmt.link.endpoint import Endpoint, LeaderEvents
 from mmt.link.handshake import FollowerSlot, Handshake, admit
 from mmt.link.incoming import BlockReader
 from mmt.link.protocol import (
@@ -67,7 +67,7 @@ class LeaderServer:
     pages
         HTTP pages served beside the link, for clients with the token.
     extra
-        The scene's further event, or None.
+        Side of force feedback with the scene's further event, or None.
 
     Raises
     ------
@@ -87,7 +87,7 @@ class LeaderServer:
         network: "EmulatedNetwork | None" = None,
         session_id: str = "",
         pages: Iterable[Page] = (),
-        extra: ExtraEvent | None = None,
+        extra: FeedbackSide | None = None,
     ) -> None:
         self._events = events
         self._slot = FollowerSlot()
@@ -125,7 +125,7 @@ class LeaderServer:
                 channels=channels,
                 rate_hz=rate_hz,
                 samples_per_frame=samples_of(dtype),
-                extra="" if extra is None else extra.event,
+                extra=endpoint.extra_event,
             ),
             self._register(),
             session_id=session_id,
@@ -222,8 +222,8 @@ class LeaderServer:
     def _register(self) -> dict[str, Callable[..., None]]:
         """Register the handlers with the library; return those of frequent events."""
         frequent = {FRAMES: self._on_frames, CLOCK: self._on_clock}
-        if self.endpoint.extra is not None:
-            frequent[self.endpoint.extra.event] = self._on_extra
+        if self.endpoint.extra_event:
+            frequent[self.endpoint.extra_event] = self._on_extra
         for event, handler in {**frequent, EVENT: self._on_event, END: self._on_end}.items():
             self._host.server.on(event, handler)
         return frequent
