@@ -19,7 +19,7 @@ from mmt.link.handshake import FollowerSlot, Handshake, admit
 from mmt.link.incoming import BlockReader
 
 GOOD = hello(run_id="r").to_auth()
-SCENE = {"access": Access(), "channels": CHANNELS, "rate_hz": 1000}
+SCENE = {"access": Access(), "expected": hello()}
 TOKEN = "x" * 40
 WELCOME = {"protocol": 1, "clock_id": clock_id(), "session_id": "session 7"}
 NETWORK = {"delay_ms": 5}
@@ -197,7 +197,10 @@ async def test_a_leader_that_closes_welcomes_nobody():
 
 
 def test_a_hello_is_admitted_with_the_token_if_the_place_is_free_or_its_own():
-    one, scene = hello(run_id="a", extra="e"), {**SCENE, "access": Access(TOKEN), "extra": "e"}
+    one, scene = (
+        hello(run_id="a", extra="e"),
+        {"access": Access(TOKEN), "expected": hello(extra="e")},
+    )
     for occupant in (None, one):
         assert admit({**one.to_auth(), "token": TOKEN}, occupant, **scene) == one
     for auth in (None, one.to_auth(), {"token": "y" * 40}):
@@ -241,7 +244,7 @@ def test_a_hello_is_admitted_with_the_token_if_the_place_is_free_or_its_own():
 )
 def test_a_follower_of_another_scene_is_refused(auth, scene, sentence):
     with pytest.raises(InputError) as caught:
-        admit({**GOOD, **auth}, None, **SCENE | scene)
+        admit({**GOOD, **auth}, None, access=Access(), expected=hello(**scene))
     assert str(caught.value) == f"the follower {sentence}: use the same scene on both"
 
 

@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Final
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Final
 import socketio
 
 from mmt.core.errors import InputError, MmtError
-from mmt.core.frames import Channel
 from mmt.core.output.logs import RepeatLimit
 from mmt.core.running.process import clock_id
 from mmt.link.access import REFUSED, Access
@@ -88,10 +87,7 @@ def admit(
     occupant: FollowerHello | None,
     *,
     access: Access,
-    channels: Sequence[Channel],
-    rate_hz: int,
-    samples_per_frame: int = 1,
-    extra: str = "",
+    expected: FollowerHello,
 ) -> FollowerHello:
     """Validate a connecting follower and return its hello.
 
@@ -104,10 +100,8 @@ def admit(
         knows that its old connection is dead before the leader does.
     access
         The token that is required.
-    channels, rate_hz, samples_per_frame
-        Values that the leader's scene needs.
-    extra
-        Name of the further event of the leader's scene, empty for none.
+    expected
+        Has the rates, the channels and the further event of the leader's scene.
 
     Raises
     ------
@@ -121,26 +115,26 @@ def admit(
     hello = FollowerHello.from_auth(auth)
     if occupant is not None and not (hello.run_id and hello.run_id == occupant.run_id):
         raise MmtError("another follower is connected: one leader serves one follower")
-    if hello.rate_hz != rate_hz:
+    if hello.rate_hz != expected.rate_hz:
         raise InputError(
             f"the follower streams at {hello.rate_hz} Hz, the leader's scene expects "
-            f"{rate_hz} Hz: use the same scene on both"
+            f"{expected.rate_hz} Hz: use the same scene on both"
         )
-    if hello.channels != tuple(channels):
+    if hello.channels != expected.channels:
         raise InputError(
             f"the follower sends {', '.join(hello.channels)}, the leader's scene needs "
-            f"{', '.join(channels)}: use the same scene on both"
+            f"{', '.join(expected.channels)}: use the same scene on both"
         )
-    if hello.samples_per_frame != samples_per_frame:
+    if hello.samples_per_frame != expected.samples_per_frame:
         raise InputError(
             f"the follower sends {hello.samples_per_frame} samples of acceleration a frame, the "
-            f"leader's scene needs {samples_per_frame} (acceleration_rate_hz of [session]): use "
-            "the same scene on both"
+            f"leader's scene needs {expected.samples_per_frame} (acceleration_rate_hz of "
+            "[session]): use the same scene on both"
         )
-    if hello.extra != extra:
+    if hello.extra != expected.extra:
         raise InputError(
             f"the follower has {hello.extra[:20] or 'nothing'} beside its frames, the leader's "
-            f"scene {extra or 'nothing'} (method of [force_feedback], hand_force of "
+            f"scene {expected.extra or 'nothing'} (method of [force_feedback], hand_force of "
             "[handle]): use the same scene on both"
         )
     return hello

@@ -8,8 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import COMMAND_DTYPE, Channel, FeedbackSide, frame_dtype, ordered_channels
-from mmt.core.frames import samples_per_frame as samples_of
+from mmt.core.frames import COMMAND_DTYPE, Channel, FeedbackSide
 from mmt.core.running.ticking import TimeHistogram
 from mmt.core.sequence_numbers import Range, shortest_period_ns
 from mmt.link.access import Access
@@ -26,6 +25,7 @@ from mmt.link.protocol import (
     FRAMES,
     SETTLE_S,
     STOP,
+    FollowerHello,
     LinkStatistics,
     argument_of,
     encode_rejection,
@@ -92,8 +92,14 @@ class LeaderServer:
         self._events = events
         self._slot = FollowerSlot()
         access = Access.from_settings(settings)
-        channels = ordered_channels(channels)
-        dtype = frame_dtype(channels, samples_per_frame)
+        expected = FollowerHello(
+            tuple(channels),
+            source="",
+            rate_hz=rate_hz,
+            extra="" if extra is None else extra.event or "",
+            samples_per_frame=samples_per_frame,
+        )
+        dtype = expected.frame_dtype
         self.endpoint = endpoint = Endpoint(
             BlockReader(dtype, "frames", shortest_period_ns(rate_hz, fastest)),
             math.ceil(_COMMANDS_WAIT_S * rate_hz),
@@ -119,14 +125,7 @@ class LeaderServer:
             endpoint,
             self.clock,
             events,
-            partial(
-                admit,
-                access=access,
-                channels=channels,
-                rate_hz=rate_hz,
-                samples_per_frame=samples_of(dtype),
-                extra=endpoint.extra_event,
-            ),
+            partial(admit, access=access, expected=expected),
             self._register(),
             session_id=session_id,
             network=network,
