@@ -9,7 +9,7 @@ from mmt.core.guards import ForceDisplay
 from mmt.devices.leader_reports import InterfaceState
 from mmt.follower.feedback import FollowerFeedback
 from mmt.follower.feedback import build_feedback as build_follower_feedback
-from mmt.leader.motion.feedback import Feedback
+from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.motion.feedback_part import build_feedback as build_leader_feedback
 from mmt.scene import ForceFeedback, Hand, Link, Scene, Simulated
 from mmt.testing.simulation import RATE_HZ
@@ -29,7 +29,7 @@ _NEVER_TICKS: Final = 10**9
 class Sides:
     """The leader's part, and the follower's part or None if the method has none."""
 
-    leader: Feedback
+    leader: StreamedForce
     follower: FollowerFeedback | None
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.leader.building import LeaderParts
-    from mmt.leader.motion.feedback import Feedback
+    from mmt.leader.motion.feedback import StreamedForce
     from mmt.leader.motion.hand import HandPart
 
 _CONTACT_TICKS: Final = 50
@@ -74,7 +74,7 @@ class ControlPart(Part):
         table: Control,
         hand: "HandPart",
         sharing: "SharingPart",
-        feedback: "Feedback | None",
+        feedback: "StreamedForce | None",
     ) -> None:
         control_access(table.token_file)  # raises now; the listeners' process would later
         self._session = session

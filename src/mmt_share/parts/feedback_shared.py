@@ -68,7 +68,7 @@ class SharedContactForce(StreamedForce):
         return None
 
     def pause(self, elapsed: int) -> None:
-        """Display nothing; see `Feedback`. The model stays."""
+        """Display nothing; see `StreamedForce`. The model stays."""
         self._ports.pause()
         self._contact.reset_position()
         super().pause(elapsed)

@@ -13,7 +13,7 @@ from mmt_share.tables import Operating
 if TYPE_CHECKING:
     from mmt.core.guards import ForceDisplay
     from mmt.leader.building import LeaderParts
-    from mmt.leader.motion.feedback import Feedback
+    from mmt.leader.motion.feedback import StreamedForce
     from mmt.leader.motion.feedback_model import ModelSettings
     from mmt.leader.motion.hand_contact import FollowerContact
 
@@ -58,7 +58,7 @@ class OperatingPart(Part):
 
     def display(
         self, interface: "ForceDisplay", *, limit_n: float, settings: "ModelSettings"
-    ) -> "Feedback":
+    ) -> "StreamedForce":
         """Return the display of the force; see `mmt.leader.motion.feedback_part.OtherForce`."""
         from mmt_share.parts.feedback_shared import SharedContactForce
 

@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping
 from math import hypot
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mmt.core.arrays import RecordArray, Vector, bounded
-from mmt.core.frames import FeedbackSide
 from mmt.core.guards import SILENCE_TICKS, ForceDisplay, ForceRamp
 from mmt.devices.leader_reports import InterfaceState
 
@@ -15,48 +14,10 @@ if TYPE_CHECKING:
     from mmt.contact.estimation import ContactModel
 
 
-class Feedback(FeedbackSide, Protocol):
-    """A way to display the remote force to the hand, one tick after another."""
-
-    offset_mm: Vector
-    """The follower's command minus the hand's position."""
-
-    def on_frames(self, frames: RecordArray) -> None:
-        """Handle frames (n,), n >= 1, the newest last."""
-
-    def tick(self, elapsed: int, state: InterfaceState | None) -> RecordArray | None:
-        """Display the force for the elapsed ticks.
-
-        Parameters
-        ----------
-        elapsed
-            Ticks since the last call, at least 1.
-        state
-            State of the handle, or None if it is not read.
-
-        Returns
-        -------
-        records
-            Shape (1,), to send to the follower as the same event, or None.
-        """
-
-    def pause(self, elapsed: int) -> None:
-        """Display no force for the elapsed ticks, in place of `tick`: the handle is lost.
-
-        Afterwards the force returns from zero, wherever the handle then is.
-        """
-
-    @property
-    def contact_model(self) -> "ContactModel | None":
-        """The model of the contact that the hand feels, or None if it feels none."""
-
-    @property
-    def summary(self) -> Mapping[str, Any]:
-        """Counts and estimates so far, by name."""
-
-
 class StreamedForce:
     """Write the newest streamed force to the leader's interface once a tick.
+
+    The other methods, which display another force or a part of it, are derived from this one.
 
     Parameters
     ----------
@@ -72,6 +33,7 @@ class StreamedForce:
     event: str | None = None
     dtype: "np.dtype[np.void] | None" = None
     offset_mm: Vector = (0.0, 0.0, 0.0)
+    """The follower's command minus the hand's position."""
 
     def __init__(
         self, interface: ForceDisplay, *, limit_n: float, silence_ticks: int = SILENCE_TICKS
@@ -83,7 +45,7 @@ class StreamedForce:
         self._largest_n = 0.0
 
     def on_frames(self, frames: RecordArray) -> None:
-        """Store the newest frame's force."""
+        """Store the force of frames (n,), n >= 1, the newest last."""
         self._force = bounded(frames["force_n"][-1].tolist(), self._limit_n)
         self._ramp.renew()
 
@@ -98,23 +60,39 @@ class StreamedForce:
         elapsed: int,
         state: InterfaceState | None,  # noqa: ARG002 - the force does not depend on it
     ) -> RecordArray | None:
-        """Display the force for the elapsed ticks; nothing is sent."""
+        """Display the force for the elapsed ticks.
+
+        Parameters
+        ----------
+        elapsed
+            Ticks since the last call, at least 1.
+        state
+            State of the handle, or None if it is not read.
+
+        Returns
+        -------
+        records
+            Shape (1,), to send to the follower as the same event; None if nothing is sent.
+        """
         self._show(self._ramp.shape(self._force, elapsed))
         return None
 
     def pause(self, elapsed: int) -> None:
-        """Display no force; see `Feedback`."""
+        """Display no force for the elapsed ticks, in place of `tick`: the handle is lost.
+
+        Afterwards the force returns from zero, wherever the handle then is.
+        """
         self._ramp.pause(elapsed)
         self._show((0.0, 0.0, 0.0))
 
     @property
     def contact_model(self) -> "ContactModel | None":
-        """None: the force is streamed."""
+        """The model of the contact that the hand feels, or None if it feels none."""
         return None
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """Name of the method, and the largest force displayed (N)."""
+        """Name of the method, the largest force displayed (N), and other figures so far."""
         return {"method": "streamed", "largest_n": round(self._largest_n, 3)}
 
     def _show(self, force_n: Vector) -> None:

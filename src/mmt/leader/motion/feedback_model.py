@@ -111,7 +111,7 @@ class ModelForce(StreamedForce):
         return None
 
     def pause(self, elapsed: int) -> None:
-        """Display no force; see `Feedback`. The models stay."""
+        """Display no force; see `StreamedForce`. The models stay."""
         self._ports.pause()
         self._contact.reset_position()
         self._hand_speed = SmoothSpeed()

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from mmt.core.arrays import RecordArray
 from mmt.core.guards import FADE_TICKS, SILENCE_TICKS, ForceDisplay, GuardedDisplay
-from mmt.leader.motion.feedback import Feedback, StreamedForce
+from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import ForceFeedback, Texture
 
@@ -21,7 +21,7 @@ class OtherForce(Protocol):
 
     def __call__(
         self, interface: ForceDisplay, *, limit_n: float, settings: "ModelSettings"
-    ) -> Feedback:
+    ) -> StreamedForce:
         """Return the feedback, which displays at most `limit_n`."""
 
 
@@ -38,7 +38,7 @@ class ForceFeedbackPart(Part):
         Bounds the forces that the method writes.
     """
 
-    def __init__(self, session: Session, feedback: Feedback, bound: GuardedDisplay) -> None:
+    def __init__(self, session: Session, feedback: StreamedForce, bound: GuardedDisplay) -> None:
         self._session = session
         self.feedback = feedback
         self._bound = bound
@@ -100,7 +100,7 @@ def build_feedback(
     silence_ticks: int = SILENCE_TICKS,
     opening_j: float = 0.0,
     contact: "HandContact | None" = None,
-) -> Feedback:
+) -> StreamedForce:
     """Return the leader's side of the scene's method.
 
     Parameters

@@ -63,7 +63,7 @@ class PassiveForce(StreamedForce):
         return self._report.make(self._ports.in_j, elapsed)
 
     def pause(self, elapsed: int) -> None:
-        """Display no force; see `Feedback`."""
+        """Display no force; see `StreamedForce`."""
         self._ports.pause()
         super().pause(elapsed)
 
