@@ -1,7 +1,7 @@
 """The follower's side of force feedback, if the scene's method has one."""
 
 from collections.abc import Mapping
-from typing import Any, Final, Protocol
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -14,25 +14,10 @@ from mmt.core.frames import (
     CONTACT_GATHERED,
     ENERGY,
     ENERGY_DTYPE,
-    FeedbackSide,
 )
 from mmt.scene import Scene
 
 _M: Final = 1e-3
-
-
-class FollowerFeedback(FeedbackSide, Protocol):
-    """The follower's side of a force-feedback method, called in each tick."""
-
-    def command(self, position_mm: Vector | None) -> Vector | None:
-        """Return the position (mm) that the robot is to take instead of the commanded one."""
-
-    def measured(self, frames: RecordArray) -> RecordArray | None:
-        """Handle the frames (n,), n >= 1, after the command; return records to send, or None."""
-
-    @property
-    def summary(self) -> Mapping[str, Any]:
-        """Counts and other figures so far, by name."""
 
 
 class PassiveFollower:
@@ -55,7 +40,7 @@ class PassiveFollower:
         self._report = EnergyReport()
 
     def command(self, position_mm: Vector | None) -> Vector | None:
-        """Return the position (mm) that the energy allows."""
+        """Return the position (mm) that the robot is to take: as far as the energy allows."""
         if position_mm is None:
             return None
         x, y, z = (
@@ -67,7 +52,10 @@ class PassiveFollower:
         return (x, y, z)
 
     def measured(self, frames: RecordArray) -> RecordArray | None:
-        """Count the work on the surface; return a report of returned energy, if one is due."""
+        """Count the work of frames (n,), n >= 1, that followed the command.
+
+        Returns a report of returned energy to send, if one is due.
+        """
         force = frames["force_n"].mean(axis=0).tolist()
         for port, force_n in zip(self._ports, force, strict=True):
             port.measure(force_n)
@@ -137,6 +125,10 @@ class ContactReporter:
     def summary(self) -> Mapping[str, Any]:
         """How many samples were made."""
         return {"method": "model", "samples": self._samples}
+
+
+FollowerFeedback: TypeAlias = PassiveFollower | ContactReporter
+"""The follower's side of force feedback, called in each tick."""
 
 
 def build_feedback(scene: Scene) -> FollowerFeedback | None:

@@ -9,7 +9,7 @@ take and give one frame of 1 ms at a time, with one sample or several.
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Final, Literal, Protocol
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -55,20 +55,6 @@ def course(invented: int, samples_per_frame: int) -> FloatArray:
     return np.maximum(left, release[: len(left)])
 
 
-class Concealment(Protocol):
-    """Makes the output from frames that have arrived and frames that are missing."""
-
-    @property
-    def silent(self) -> bool:
-        """Whether the output is silent, so that the stream may jump."""
-
-    def play(self, values: Sequence[float]) -> Sequence[float]:
-        """Return the output for the samples of a frame that has arrived."""
-
-    def bridge(self) -> Sequence[float]:
-        """Return the output for a frame that is missing."""
-
-
 class FadeOut:
     """Hold the last sample and fade it out within 5 ms; fade the next ones in.
 
@@ -86,16 +72,16 @@ class FadeOut:
 
     @property
     def silent(self) -> bool:
-        """Whether the output is silent."""
+        """Whether the output is silent, so that the stream may jump."""
         return self._step == 0
 
     def play(self, values: Sequence[float]) -> Sequence[float]:
-        """Return the samples, faded in after a gap."""
+        """Return the samples of a frame that has arrived, faded in after a gap."""
         self._last = values[-1]
         return values if self._step == self._steps else self._faded(values, 1)
 
     def bridge(self) -> Sequence[float]:
-        """Return the last sample, fading."""
+        """Return the last sample, fading, for a frame that is missing."""
         return self._faded([self._last] * self._count, -1)
 
     def _faded(self, values: Sequence[float], direction: int) -> list[float]:
@@ -134,11 +120,11 @@ class Continuation:
 
     @property
     def silent(self) -> bool:
-        """Whether the output is silent."""
+        """Whether the output is silent, so that the stream may jump."""
         return self._step == 0 and self._place >= len(self._continued)
 
     def play(self, values: Sequence[float]) -> Sequence[float]:
-        """Return the samples, with a crossfade to them after a gap."""
+        """Return the samples of a frame that has arrived, with a crossfade to them after a gap."""
         self._invented = max(0, self._invented - _PAID_BACK)
         if self._step < self._steps:
             values = self._faded_over(values)
@@ -146,7 +132,7 @@ class Continuation:
         return values
 
     def bridge(self) -> Sequence[float]:
-        """Return the next samples of the continuation."""
+        """Return the next samples of the continuation, for a frame that is missing."""
         if self._step > 0:
             self._step = 0
             past = np.array(list(self._past))
@@ -191,6 +177,9 @@ def modelled(seed: int, samples_per_frame: int) -> GoOn:
         return continuation(past, gain, generator.standard_normal(len(gain)), order)
 
     return go_on
+
+
+Concealment: TypeAlias = FadeOut | Continuation
 
 
 def build_concealment(way: Way, seed: int, samples_per_frame: int = 1) -> Concealment:
