@@ -8,7 +8,7 @@ parts, whose modules import this one.
 
 from collections.abc import Callable, Coroutine, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from mmt.core.arrays import FloatArray, RecordArray, Vector
 from mmt.core.errors import MmtError
@@ -21,9 +21,8 @@ from mmt.leader.run_log import Journal, RunLog
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
-    from mmt.leader.backfill import Backfill
-    from mmt.link.protocol import FollowerHello, LinkStatistics
-    from mmt.link.server import LeaderServer
+    from mmt.leader.remote import RemoteFollower
+    from mmt.link.protocol import FollowerHello
     from mmt.link.serving.http import Page
     from mmt.scene import Scene
     from mmt.texture.online.updates import ModelUpdate
@@ -253,51 +252,6 @@ class Parts:
         return problems
 
 
-class Remote(Protocol):
-    """The follower, as the parts see it; see `mmt.leader.remote.RemoteFollower`."""
-
-    backfill: "Backfill"
-    server: "LeaderServer | None"
-
-    @property
-    def connected(self) -> bool:
-        """Whether the follower is connected."""
-
-    @property
-    def has_begun(self) -> bool:
-        """Whether a frame has come."""
-
-    @property
-    def awaited(self) -> str:
-        """What the session waits for, "" while frames come."""
-
-    @property
-    def faults(self) -> list[str]:
-        """Faults of the follower and the link, a sentence each."""
-
-    @property
-    def time_s(self) -> float:
-        """Session time of the newest frame."""
-
-    @property
-    def statistics(self) -> "LinkStatistics | None":
-        """Counts of the link, or None before there is one."""
-
-    @property
-    def clock_offset_ns(self) -> int | None:
-        """The follower's clock minus this one (ns), or None if it is not known."""
-
-    @property
-    def follower_time_ns(self) -> int:
-        """Time of the newest frame by the follower's clock; 0 before the first of a connection."""
-
-    def command(self, now_ns: int, position_mm: Vector) -> None:
-        """Command a position (mm)."""
-
-    def send_extra(self, records: RecordArray) -> None:
-        """Send records (n,) of the force-feedback method."""
-
-
 class Session:
     """State that the parts of a run share.
 
@@ -332,7 +286,7 @@ class Session:
             say or (lambda _: None),
             self.time_s,
         )
-        self.remote: Remote | None = None
+        self.remote: RemoteFollower | None = None
         """The follower, or None if the scene has no link."""
         self.ticker: Ticker | None = None
         """Calls the tick; None before there is one, and in simulated time."""

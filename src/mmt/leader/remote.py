@@ -9,15 +9,15 @@ import numpy as np
 from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import FAILED
 from mmt.core.frames import COMMAND_DTYPE, FeedbackSide
+from mmt.core.running.ending import Ending
 from mmt.core.running.process import ProcessMeter
 from mmt.core.sequence_numbers import SEQUENCES, Range
 from mmt.leader.backfill import Backfill
 from mmt.leader.numbering import FrameRateWatch, SessionNumbering
-from mmt.leader.part import Session
-from mmt.scene import LARGEST_SPEED
+from mmt.leader.run_log import Journal, RunLog
+from mmt.scene import LARGEST_SPEED, Scene
 
 if TYPE_CHECKING:
-    from mmt.leader.modelling.pipeline import Modelling
     from mmt.link.clock_exchange import RemoteClock
     from mmt.link.clock_offset import ClockJump
     from mmt.link.protocol import FollowerHello, LinkStatistics
@@ -36,34 +36,37 @@ class RemoteFollower:
 
     Parameters
     ----------
-    session
-        Session of the run; its scene has a link.
+    scene
+        The scene to run; it has a link.
+    log, journal, ending
+        Of the session.
+    call
+        Calls a verb of every part.
+    pass_on
+        Passes the newest frames (n,), and their arrival, to every part that uses them.
     feedback
         Handles the follower's further event, or None.
-    modelling
-        Made to wait for frames that the follower sends again, or None.
     """
 
     def __init__(
         self,
-        session: Session,
-        feedback: FeedbackSide | None = None,
-        modelling: "Modelling | None" = None,
+        scene: Scene,
+        log: RunLog,
+        journal: Journal,
+        ending: Ending,
+        *,
+        call: Callable[..., None],
+        pass_on: Callable[[RecordArray, int], None],
+        feedback: FeedbackSide | None,
     ) -> None:
-        self._session = session
-        self._feedback = feedback
-        scene = self._scene = session.scene
-        parts = self._parts = session.parts
-        journal = self._journal = session.journal
-        self._log, self._ending = session.log, session.ending
+        self._scene, self._log, self._journal, self._ending = scene, log, journal, ending
+        self._call, self._pass_on, self._feedback = call, pass_on, feedback
         self._fastest = LARGEST_SPEED if scene.replay is not None else 1.0
         self._numbering = SessionNumbering(round(1e9 / scene.session.rate_hz), self._fastest)
         self._commands = 0
         self.backfill = Backfill(
-            scene.keep_frames(), self._numbering, parts.call, self._request_frames, journal.note
+            scene.keep_frames(), self._numbering, call, self._request_frames, journal.note
         )
-        if modelling is not None:
-            modelling.segmenting.first_missing = lambda: self.backfill.missing.first
         self.server: LeaderServer | None = None
         """None before `listen`."""
         self._clock_notes: ClockNotes | None = None
@@ -205,7 +208,7 @@ class RemoteFollower:
         self._numbering.reconnect(hello.run_id)
         self._rate.restart()
         self.backfill.connect(hello)
-        self._parts.call("on_follower", hello)
+        self._call("on_follower", hello)
         self._journal.event(f"follower connected ({hello.source})")
 
     def _on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
@@ -223,7 +226,7 @@ class RemoteFollower:
             )
         if 0 <= newest != self._numbering.newest - len(frames) - left_out:
             self.backfill.missing.jumped(newest + left_out, frames)
-        self._parts.on_frames(frames, arrival_ns)
+        self._pass_on(frames, arrival_ns)
         if self._scene.replay is None:  # a replay may be faster or slower than its session
             self._rate.add(self._numbering.newest, int(frames["time_ns"][-1]))
         if self.time_s >= self._scene.session.duration_s:
@@ -240,7 +243,7 @@ class RemoteFollower:
             return
         patience_s = self._scene.link.patience_s
         self._journal.event(f"follower lost ({reason}), waiting {patience_s:g} s for its return")
-        self._parts.call("on_lost")
+        self._call("on_lost")
         self._ending.start_timeout(patience_s, lambda: self._ending.stop("follower lost"))
 
     def _on_jump(self, jump: "ClockJump") -> None:

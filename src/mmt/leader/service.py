@@ -72,9 +72,18 @@ class Leader:
         self.remote: RemoteFollower | None = None
         """The follower, or None if the scene has no link."""
         if scene.link is not None:
-            self.session.remote = self.remote = RemoteFollower(
-                self.session, self._extra_handler(), self.parts.modelling
+            self.session.remote = self.remote = remote = RemoteFollower(
+                scene,
+                self.log,
+                self.session.journal,
+                self.ending,
+                call=self.parts.call,
+                pass_on=self.parts.on_frames,
+                feedback=self._extra_handler(),
             )
+            if self.parts.modelling is not None:
+                missing = remote.backfill.missing
+                self.parts.modelling.segmenting.first_missing = lambda: missing.first
         self.health = RunHealth(self.session, self.parts.completing, self.parts.vibration)
         self.session.verdict = self.health.verdict
         self.ticker = self.session.ticker = Ticker(self.session.period_ns, self._tick)
