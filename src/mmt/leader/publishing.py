@@ -121,9 +121,8 @@ class PublishingPart(Part, Generic[AnyOutlet]):
 
     # --- published data
 
-    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
+    def on_frames(self, frames: RecordArray, _arrival_ns: int) -> None:
         """Queue frames (n,), or only count them if their time by this machine is not known."""
-        _ = arrival_ns
         remote = self._session.remote
         offset_ns = remote.clock_offset_ns if remote is not None else None
         if remote is None or offset_ns is None:
@@ -134,9 +133,8 @@ class PublishingPart(Part, Generic[AnyOutlet]):
         self._queued += len(frames)
         self._frames.append(Block(frames, own_ns - offset_ns + self._clock_ahead_ns))
 
-    def on_event(self, event: dict[str, Any], sentence: str | None) -> None:
+    def on_event(self, event: dict[str, Any], _sentence: str | None) -> None:
         """Queue an event, stamped with the current time."""
-        _ = sentence
         if self._thread is not None:
             time_ns = time.monotonic_ns() + self._clock_ahead_ns
             self._markers.append(Marker(time_ns, to_json(event)))
@@ -163,9 +161,8 @@ class PublishingPart(Part, Generic[AnyOutlet]):
         )
         return [*filter(None, [self.error]), *([unknown] if never else [])]
 
-    def summary(self, duration_s: float) -> dict[str, Any]:
+    def summary(self, _duration_s: float) -> dict[str, Any]:
         """Return how many frames and events were published, and how many frames were not."""
-        _ = duration_s
         dropped = self._queued - self._pushed["frames"]
         figures = {"dropped": dropped, "unstamped": self._unstamped, "error": self.error}
         return {self.table: {**self._pushed, **figures}}

@@ -112,9 +112,8 @@ class RecordingPart(Part):
 
     # --- recorded data
 
-    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
+    def on_frames(self, frames: RecordArray, _arrival_ns: int) -> None:
         """Record frames (n,)."""
-        _ = arrival_ns
         if self.recorder is not None:
             self.recorder.record_frames(frames)
 
@@ -128,9 +127,8 @@ class RecordingPart(Part):
         if self.recorder is not None:
             self.recorder.record_output(first_ns, mode, vibration_m_s2)
 
-    def on_event(self, event: dict[str, Any], sentence: str | None) -> None:
+    def on_event(self, event: dict[str, Any], _sentence: str | None) -> None:
         """Record an event."""
-        _ = sentence
         self._head |= {key: event for key in _HEAD if key in event}
         if self.recorder is not None:
             self.recorder.record_event(event)
@@ -160,9 +158,8 @@ class RecordingPart(Part):
         """Return why recordings have failed."""
         return [_failure(recorder) for recorder in self._failed]
 
-    def summary(self, duration_s: float) -> dict[str, Any]:
+    def summary(self, _duration_s: float) -> dict[str, Any]:
         """Return file and counts of a recording: the first that failed, or else the newest."""
-        _ = duration_s
         recorder = next(iter(self._failed), None) or self.recorder or self._ended
         if recorder is None:
             return {}

@@ -158,18 +158,16 @@ class Modelling(Part):
         """The figures of each task, by its name."""
         return {name: task.figures for name, task in self._tasks.items()}
 
-    def on_frames(self, frames: RecordArray, arrival_ns: int = 0) -> None:
+    def on_frames(self, frames: RecordArray, _arrival_ns: int = 0) -> None:
         """Queue frames (n,); never blocks."""
-        _ = arrival_ns
         if self._newest_sample < 0:
             self._first_sample = int(frames["sequence"][0])
         self._newest_sample = int(frames["sequence"][-1])
         if self._grows:
             self.segmenting.put(frames)
 
-    def on_backfill(self, frames: RecordArray, arrival_ns: int = 0) -> None:
+    def on_backfill(self, frames: RecordArray, _arrival_ns: int = 0) -> None:
         """Insert late frames (n,) in the order of their numbers; never blocks."""
-        _ = arrival_ns
         if self._grows:
             self.segmenting.insert(frames)
 

@@ -98,14 +98,12 @@ class MonitorPart(Part):
 
         return [add]
 
-    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
+    def on_frames(self, frames: RecordArray, _arrival_ns: int) -> None:
         """Keep frames (n,) for the page."""
-        _ = arrival_ns
         self.tap.add_frames(frames)
 
-    def on_output(self, first_ns: int, mode: str, vibration_m_s2: FloatArray) -> None:
+    def on_output(self, _first_ns: int, _mode: str, vibration_m_s2: FloatArray) -> None:
         """Keep the played vibration (n,) for the page."""
-        _ = first_ns, mode
         self.tap.add_output(vibration_m_s2)
 
     def tick(self, tick: Tick) -> None:

@@ -66,9 +66,8 @@ class ForceFeedbackPart(Part):
         )
         return cls(session, feedback, display)
 
-    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
+    def on_frames(self, frames: RecordArray, _arrival_ns: int) -> None:
         """Use the newest frame's force, but not while control is away: then the force fades."""
-        _ = arrival_ns
         if not self._given_ticks:
             self.feedback.on_frames(frames)
 
@@ -83,9 +82,8 @@ class ForceFeedbackPart(Part):
         if news is not None and self._session.remote is not None:
             self._session.remote.send_extra(news)
 
-    def summary(self, duration_s: float) -> dict[str, Any]:
+    def summary(self, _duration_s: float) -> dict[str, Any]:
         """Return the counts and estimates of the method."""
-        _ = duration_s
         bound = self._bound
         counts = {"slew_limited": bound.limited_writes, "not_finite": bound.guard.not_finite}
         return {"feedback": {**self.feedback.summary, **counts}}

@@ -114,9 +114,8 @@ class HandPart(Part):
         """Release the device."""
         self.device.close()
 
-    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
+    def on_frames(self, frames: RecordArray, _arrival_ns: int) -> None:
         """Pass frames (n,) to the contact."""
-        _ = arrival_ns
         if self.contact is not None:
             self.contact.on_frames(frames)
 
@@ -150,9 +149,8 @@ class HandPart(Part):
         """Return why the handle is lost."""
         return [self.handle.problem] if self.handle is not None and self.handle.problem else []
 
-    def summary(self, duration_s: float) -> dict[str, Any]:
+    def summary(self, _duration_s: float) -> dict[str, Any]:
         """Return how often and how long a handle was lost, and the faults its driver survived."""
-        _ = duration_s
         device: Any = self.device
         found: dict[str, Any] = {}
         if self.handle is not None:

@@ -263,9 +263,8 @@ class StreamedVibration(Part):
         """Return the current delay."""
         return {"playout_delay_ms": self.buffer.statistics().delay_ms}
 
-    def summary(self, duration_s: float) -> dict[str, Any]:
+    def summary(self, _duration_s: float) -> dict[str, Any]:
         """Return delay and counts of the buffer."""
-        _ = duration_s
         remote = self._session.remote if self._session is not None else None
         age_ms = self.buffer.age_ms(remote.clock_offset_ns if remote is not None else None)
         return {"vibration": {"playout": {**asdict(self.buffer.statistics()), "age_ms": age_ms}}}

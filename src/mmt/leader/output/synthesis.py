@@ -160,9 +160,8 @@ class StreamedMotion(Part):
         limit_mm_s = (scene.link or Link()).limit_mm_s
         return cls((scene.texture or Texture()).normal, session.rate_hz, limit_mm_s)
 
-    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
+    def on_frames(self, frames: RecordArray, _arrival_ns: int) -> None:
         """Follow the newest frames (n,)."""
-        _ = arrival_ns
         self._idle_ticks = 0
         first, second = self._tangential
         positions = frames["position_mm"].tolist()

@@ -297,9 +297,8 @@ class VibrationPart(Part):
             else []
         )
 
-    def summary(self, duration_s: float) -> dict[str, Any]:
+    def summary(self, _duration_s: float) -> dict[str, Any]:
         """Return the mode at the end, every switch, and the counts of the actuator."""
-        _ = duration_s
         actuator = asdict(self.actuator.statistics)
         if self.reconnecting is not None:
             actuator |= self.reconnecting.losses_summary
