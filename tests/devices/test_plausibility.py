@@ -6,7 +6,7 @@ from itertools import product
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.core.units import LARGEST_QUANTITY
+from mmt.core.frames import LARGEST_QUANTITY
 from mmt.devices import reading_checks
 from mmt.devices.reading_checks import (
     JUMP,

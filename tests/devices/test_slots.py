@@ -13,8 +13,7 @@ from instruments import Instrument
 from synthetic_sensors import MS, SteppedSource, SyntheticSensor, simulated_time
 
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.core.frames import ALL_CHANNELS
-from mmt.core.units import LARGEST_QUANTITY
+from mmt.core.frames import ALL_CHANNELS, LARGEST_QUANTITY
 from mmt.devices.protocols import SensorReading
 from mmt.devices.streaming.slots import RobotSlot, SampledSlot
 from mmt.devices.streaming.source import DeviceSource

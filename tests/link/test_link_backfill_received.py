@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from link_samples import CHANNELS, frames
 
-from mmt.core.frames import frame_dtype
-from mmt.core.units import LARGEST_QUANTITY
+from mmt.core.frames import LARGEST_QUANTITY, frame_dtype
 from mmt.link.backfill import BackfillReceiver
 from mmt.link.endpoint import LeaderEvents
 from mmt.link.incoming import LATEST_NS

@@ -9,9 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from link_samples import commands, frames
 
-from mmt.core.frames import COMMAND_DTYPE
+from mmt.core.frames import COMMAND_DTYPE, LARGEST_QUANTITY
 from mmt.core.sequence_numbers import shortest_period_ns
-from mmt.core.units import LARGEST_QUANTITY
 from mmt.link.incoming import LATEST_NS, BlockReader
 
 

@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from link_samples import drawn_frames, hello
 
-from mmt.core.frames import ALL_CHANNELS, CHANNELS, MOST_SAMPLES
+from mmt.core.frames import ALL_CHANNELS, CHANNELS, LARGEST_QUANTITY, MOST_SAMPLES
 from mmt.core.sequence_numbers import SEQUENCES
-from mmt.core.units import LARGEST_QUANTITY
 from mmt.link.frame_sender import FrameBuffer, FrameSender
 from mmt.link.incoming import BlockReader
 from mmt.link.protocol import MAX_MESSAGE_BYTES, MAX_RECORDS_PER_MESSAGE, FollowerHello

@@ -32,6 +32,10 @@ FRAMES_HZ: Final = 1000
 MOST_SAMPLES: Final = 10
 """Most samples of acceleration in a frame."""
 
+LARGEST_QUANTITY: Final = 1e6
+"""Largest norm of a record's quantities: a kilometre (mm), or the weight of a hundred tons (N);
+more is a fault, not a measurement."""
+
 AccelerationRateHz = Annotated[
     int, Ge(FRAMES_HZ), Le(FRAMES_HZ * MOST_SAMPLES), MultipleOf(FRAMES_HZ)
 ]

@@ -23,9 +23,6 @@ DATE: Final = "date"
 """Unit of times read from dates or times of day: seconds, whatever unit the user names."""
 GRAVITY_M_S2: Final = 9.80665
 """Standard gravity."""
-LARGEST_QUANTITY: Final = 1e6
-"""Largest norm of a record's quantities: a kilometre (mm), or the weight of a hundred tons (N);
-more is a fault, not a measurement."""
 _POUND_N: Final = 0.45359237 * GRAVITY_M_S2
 _PREFIXES: Final = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "k": 1e3}
 _LONG_PREFIXES: Final = {"": "", "nano": "n", "micro": "u", "milli": "m", "centi": "c", "kilo": "k"}

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 from mmt.core.arrays import Vector
-from mmt.core.units import LARGEST_QUANTITY
+from mmt.core.frames import LARGEST_QUANTITY
 
 LOG: Final = logging.getLogger("mmt.devices")
 

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import socketio
 
-from mmt.core.frames import FIELD_OF_CHANNEL, channels_of
+from mmt.core.frames import FIELD_OF_CHANNEL, LARGEST_QUANTITY, channels_of
 from mmt.core.sequence_numbers import SEQUENCES, Range, ranges_of
-from mmt.core.units import LARGEST_QUANTITY
 from mmt.link.endpoint import LeaderEvents, call
 from mmt.link.incoming import LATEST_NS, BlockReader
 from mmt.link.protocol import (

@@ -10,10 +10,10 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import MmtError
+from mmt.core.frames import LARGEST_QUANTITY
 from mmt.core.output.logs import RepeatLimit
 from mmt.core.running.ticking import TimeHistogram
 from mmt.core.sequence_numbers import SEQUENCES, JumpBound, shortest_period_ns, steps_ahead
-from mmt.core.units import LARGEST_QUANTITY
 from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE, argument_of
 
 MESSAGES_PER_PERIOD: Final = 10
