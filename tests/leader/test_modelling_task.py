@@ -11,6 +11,7 @@ from frame_samples import made_frames
 from modelling_beside import InThread
 
 from mmt.leader.modelling.pipeline import Modelling
+from mmt.leader.modelling.process import ModellingProcess
 from mmt.leader.modelling.stage import Item, ItemQueue
 from mmt.leader.part import Session
 from mmt.scene import Scene
@@ -73,7 +74,7 @@ class Modelled:
         self.seconds = []
         settings = ModellingSettings()
         process = InThread(settings, period_s)
-        self.task = Modelling(Session(Scene()), settings, period_s, self._note, process=process)
+        self.task = Modelling(Session(Scene()), process, self._note)
 
     @property
     def modeller(self) -> SlowModeller:
@@ -275,7 +276,8 @@ async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name):
         if update is not None and not (expected and factory.is_finished(expected[-1])):
             expected.append(update)
     found = []
-    live = Modelling(Session(scene), settings, 0.5, lambda update, _: found.append(update))
+    process = ModellingProcess(settings, 0.5)
+    live = Modelling(Session(scene), process, lambda update, _: found.append(update))
     async with running(live):
         for block in blocks:  # faster than real time: the tasks work on several updates at once
             for part in np.array_split(block, 5):

@@ -127,7 +127,7 @@ class LeaderRun(ServiceRun["Leader"]):
             others: list[str] = []
             if self._modelling is not None:
                 self._modelling.launch()  # early, so that both processes import at the same time
-                others = self._modelling.numerics
+                others = self._modelling.factory.numerics
             if numerics := numerics_of(self.scene):
                 compile_kernels(numerics, super().on_event, others)
             super().run()

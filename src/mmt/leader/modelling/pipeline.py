@@ -26,9 +26,7 @@ from mmt.leader.modelling.stage import (
 )
 from mmt.leader.modelling.stages import Models, UpdateResult, received
 from mmt.leader.part import Part, Session, Tick
-from mmt.texture.modeller_factory import ModellerFactory
 from mmt.texture.online.updates import ModelUpdate, NewSamples, SurfaceStatement
-from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
@@ -46,38 +44,25 @@ class Modelling(Part):
     ----------
     session
         Session of the run.
-    settings
-        Settings of the modelling.
-    period_s
-        Time between updates.
+    process
+        Process that runs the numerics; it is started when the parts connect.
     on_update
         Called on the event loop after each update, with the update and the seconds that the tasks
         have worked on it.
-    keep_frames
-        How many frames the follower can send again: this many more may wait.
-    process
-        Process that runs the numerics; None for one that is started when the parts connect.
     """
 
     def __init__(
         self,
         session: Session,
-        settings: ModellingSettings,
-        period_s: float,
+        process: ModellingProcess,
         on_update: Callable[[ModelUpdate, float], None],
-        keep_frames: int = 0,
-        process: ModellingProcess | None = None,
     ) -> None:
-        self._session = session
+        self._session, self._process, self._factory = session, process, process.factory
         self._last_ns = 0
-        self._factory = ModellerFactory(settings, period_s)
         self._on_update = on_update
         self._on_samples: Callable[[NewSamples], None] = lambda _: None
-        self._process = process or ModellingProcess(settings, period_s)
         self._behind_segmenting = InFlight()
-        frames = self._factory.frames_at_once
-        capacity = max(2, round(LONGEST_QUEUE_S * settings.rate_hz / frames))
-        self._make_tasks(settings.rate_hz, keep_frames, capacity)
+        self._make_tasks()
         self._models: Models = {}
         self._first_sample, self._newest_sample = 0, -1  # of the session
         self.fault: str | None = None
@@ -93,23 +78,16 @@ class Modelling(Part):
         on_update: Callable[[ModelUpdate, float], None],
         process: ModellingProcess | None = None,
     ) -> "Modelling | None":
-        """Return the modelling of the scene's texture."""
+        """Return the modelling of the scene's texture, with a new process if there is none."""
         scene = session.scene
-        if scene.texture is None:
+        process = process or ModellingProcess.from_scene(scene)
+        if process is None:
             return None
-        made = cls(
-            session,
-            scene.texture.settings(session.samples_per_frame),
-            scene.texture.update_period_s,
-            on_update,
-            keep_frames=scene.keep_frames(),
-            process=process,
-        )
-        if scene.texture.surfaces is not None and scene.replay is not None:
+        if process.factory.sequential and scene.replay is not None:
             from mmt.leader.surface_log import replayed_words
 
-            made._process.notify("begin", replayed_words(scene.replay))
-        return made
+            process.notify("begin", replayed_words(scene.replay))
+        return cls(session, process, on_update)
 
     def return_samples(self, on_samples: Callable[[NewSamples], None]) -> None:
         """Set the function to call with the samples of each judged update, from the first on."""
@@ -126,16 +104,17 @@ class Modelling(Part):
         """
         self._process.start().result()
 
-    def _make_tasks(self, rate_hz: float, keep_frames: int, capacity: int) -> None:
-        process = self._process
+    def _make_tasks(self) -> None:
+        process, session, frames = self._process, self._session, self._factory.frames_at_once
+        capacity = max(2, round(LONGEST_QUEUE_S * session.rate_hz / frames))
         queues = [ItemQueue(capacity, first, self._merge) for first in (True, False, False)]
         self.completing = StageTask("judge", process, queues[2], self._judged)
         self.synthesizing = StageTask("build", process, queues[1], self.completing.put)
         self.fitting = StageTask("fit", process, queues[0], self.synthesizing.put)
         self.segmenting = SegmentingTask(
-            self._factory.frames_at_once,
-            rate_hz,
-            keep_frames,
+            frames,
+            session.rate_hz,
+            session.scene.keep_frames(),
             self._factory.sequential,
             process,
             self._behind_segmenting,

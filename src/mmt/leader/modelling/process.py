@@ -35,8 +35,8 @@ class ModellingProcess:
 
     def __init__(self, settings: "ModellingSettings", period_s: float) -> None:
         self._setup = settings, period_s
-        self.numerics = ModellerFactory(settings, period_s).numerics
-        """Names of the modules that the process imports before it models."""
+        self.factory = ModellerFactory(settings, period_s)
+        """Describes the modeller in the process."""
         self._waiting: list[tuple[object, ...]] = []
         self._process: ChildProcess | None = None
         self._meter: ProcessMeter | None = None
@@ -69,7 +69,7 @@ class ModellingProcess:
         if self._process is None:
             for package in ("numba", "scipy"):
                 require(package)  # else it would end with a traceback
-            self._process = ChildProcess("-m", __name__, *self.numerics)
+            self._process = ChildProcess("-m", __name__, *self.factory.numerics)
 
     def start(self) -> Future[None]:
         """Start to model, launch if necessary; return a future that is done when ready."""
