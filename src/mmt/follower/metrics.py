@@ -68,7 +68,7 @@ def _collect(run: FollowerFigures) -> Iterator["Metric"]:
     yield gauge("connected", "Whether the leader is connected.", client.connected)
     yield from link_metrics(client.statistics, client.latency)
     yield histogram("round_trip", "From a frame to the command that answers it.", client.round_trip)
-    yield from tick_metrics(run.ticker.statistics, run.ticker.periods)
+    yield from tick_metrics(run.ticker)
     sent = client.backfill.get("sent", 0)
     yield counter("backfilled_frames", "Frames that were sent again.", sent)
     if commands := run.commands:

@@ -52,7 +52,7 @@ class MetricsPart(Part):
         yield session(shared.log.session_id, "leader")
         yield gauge("session_time_seconds", "Session time.", shared.time_s())
         if shared.ticker is not None:
-            yield from tick_metrics(shared.ticker.statistics, shared.ticker.periods)
+            yield from tick_metrics(shared.ticker)
         for part in shared.parts:
             yield from part.metrics()
 

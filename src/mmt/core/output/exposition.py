@@ -16,7 +16,7 @@ from prometheus_client.core import (
 )
 
 from mmt.core.extras import __version__
-from mmt.core.running.ticking import TickStatistics, TimeHistogram
+from mmt.core.running.ticking import Ticker, TimeHistogram
 
 _AROUND_A_TICK_S: Final = (9e-4, 9.5e-4, 9.8e-4, 1e-3, 1.02e-3, 1.05e-3, 1.1e-3, 1.2e-3, 1.5e-3)
 BOUNDS_S: Final = (
@@ -67,10 +67,7 @@ def labelled(
 
 def state(name: str, text: str, label: str, now: str, all_of: Iterable[str]) -> Metric:
     """Return a gauge for each state: 1 for the current one, 0 for the others."""
-    family = GaugeMetricFamily(f"mmt_{name}", text, labels=[label])
-    for key in all_of:
-        family.add_metric([key], float(key == now))
-    return family
+    return labelled(name, text, label, {key: float(key == now) for key in all_of}, grows=False)
 
 
 def histogram(name: str, text: str, times: TimeHistogram) -> Metric:
@@ -138,10 +135,11 @@ def _clock_metrics(clock: Mapping[str, float | None]) -> Iterator[Metric]:
             yield gauge(f"clock_{name}_seconds", text, value_ms / 1e3)
 
 
-def tick_metrics(ticks: TickStatistics, periods: TimeHistogram) -> Iterator[Metric]:
+def tick_metrics(ticker: Ticker) -> Iterator[Metric]:
     """Yield how punctual a service's ticks are."""
-    yield counter("ticks", "Ticks that fell due.", ticks.ticks)
-    yield counter("ticks_missed", "Ticks handed over together with a later one.", ticks.missed)
-    late = round((ticks.late_share_1ms or 0.0) * ticks.ticks)
+    ticks, late = ticker.lateness
+    missed = ticker.statistics.missed
+    yield counter("ticks", "Ticks that fell due.", ticks)
+    yield counter("ticks_missed", "Ticks handed over together with a later one.", missed)
     yield counter("ticks_late", "Ticks that were over 1 ms late.", late)
-    yield histogram("tick_period", "Time from tick to tick.", periods)
+    yield histogram("tick_period", "Time from tick to tick.", ticker.periods)

@@ -241,19 +241,15 @@ def modelling_metrics(tasks: "dict[str, Figures]", log: "RunLog") -> Iterator["M
     if log.surfaces is not None:
         yield gauge("surface", "Number of the surface under the tool.", log.surfaces.current)
         yield gauge("surfaces_known", "Surfaces that were told apart.", log.surfaces.known)
-    for name, text, values in (
+    for name, text, figure in (
         ("task_items", "Items that a task of the modelling has worked on.", "items"),
         ("task_dropped_items", "Items that found no room in a task's queue.", "drops"),
-    ):
-        yield labelled(name, text, "task", {k: getattr(t, values) for k, t in tasks.items()})
-    for name, text, values in (
         ("task_queue_items", "Items that wait for a task of the modelling.", "queue_now"),
         ("task_queue_most_items", "Most items that have waited for it.", "queue_most"),
         ("task_median_seconds", "Median time that an item has taken.", "median_s"),
         ("task_longest_seconds", "Longest time that an item has taken.", "longest_s"),
     ):
-        yield labelled(
-            name, text, "task", {k: getattr(t, values) for k, t in tasks.items()}, grows=False
-        )
+        values = {task: getattr(figures, figure) for task, figures in tasks.items()}
+        yield labelled(name, text, "task", values, grows=figure in ("items", "drops"))
     dropped = tasks["segmenting"].drops
     yield counter("modelling_dropped_frames", "Frames that found no room.", dropped)
