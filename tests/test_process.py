@@ -108,12 +108,12 @@ def test_the_code_of_the_compiler_is_released_and_runs_again():
         "-c",
         """
 import numba, psutil
-from mmt.core.running.process import release_file
+from mmt.core.running.process import release_compiler
 memory_mb = lambda: psutil.Process().memory_info().rss / 1e6
 double = numba.njit('f8(f8)')(lambda x: x + x)
 before_mb = memory_mb()
-assert release_file('libllvmlite') > 0
-assert release_file('no such library') == 0
+assert release_compiler() > 0
+assert release_compiler('no such library') == 0
 assert memory_mb() < before_mb - 20.0
 assert numba.njit('f8(f8)')(lambda x: double(x) + x)(1.0) == 3.0
 """,

@@ -209,21 +209,17 @@ def release_freed_memory() -> bool:
     return True
 
 
-def release_compiler() -> None:
-    """Release the memory of the compiler's file: little of it is used once kernels are loaded."""
-    release_file("libllvmlite")
+def release_compiler(library: str = "libllvmlite") -> int:
+    """Release the memory that holds the compiler's code and constants; what is used is read again.
 
-
-def release_file(library: str) -> int:
-    """Release the memory that holds a library's code and constants; what is used is read again.
-
-    These pages are equal to the file, so that nothing is lost. Returns the bytes of the mappings
-    released, 0 if the library is not loaded or the system is not Linux.
+    Little is used once kernels are loaded. These pages are equal to the file, so that nothing is
+    lost. Returns the bytes of the mappings released, 0 if the library is not loaded or the system
+    is not Linux.
 
     Parameters
     ----------
     library
-        Part of its file's name.
+        Part of the file's name.
     """
     mappings = []
     if sys.platform == "linux" and hasattr(psutil.Process, "memory_maps"):
