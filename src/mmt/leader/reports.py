@@ -16,23 +16,23 @@ _LOOKS: Final = 11
 """Readings of the ticks, five a second, from which their lateness is judged: 2 s."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LeaderStatus:
     """One line of live progress."""
 
     phase: str
-    mode: str
+    mode: str = "silent"
     time_s: float
     frames: int
     frames_lost: int
-    samples: int
-    distance: float | None
-    completion: str | None
+    samples: int = 0
+    distance: float | None = None
+    completion: str | None = None
     """State of the criterion in use, in words."""
     ticks: int
     late_ticks: int
     tick_p99_ms: float | None
-    playout_delay_ms: float | None
+    playout_delay_ms: float | None = None
     verdict: dict[str, Any] = field(default_factory=dict)
     """See `mmt.core.verdict`."""
     more: dict[str, Any] = field(default_factory=dict)

@@ -168,17 +168,12 @@ class Leader:
         ticks = self.ticker.statistics
         figures: dict[str, Any] = {
             "phase": "streaming" if remote is None or remote.connected else "waiting",
-            "mode": "silent",
             "time_s": self.time_s,
             "frames": link.frames if link is not None else 0,
             "frames_lost": link.lost if link is not None else 0,
-            "samples": 0,
-            "distance": None,
-            "completion": None,
             "ticks": ticks.ticks,
             "late_ticks": round((ticks.late_share_1ms or 0.0) * ticks.ticks),
             "tick_p99_ms": ticks.period_p99_ms,
-            "playout_delay_ms": None,
         }
         for part in self.parts:
             figures |= part.status()
