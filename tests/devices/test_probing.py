@@ -5,8 +5,7 @@ import time
 
 import pytest
 
-from mmt.core.running.loop_timer import LoopTimer
-from mmt.core.running.ticking import open_timer
+from mmt.core.running.ticking import LoopTimer, open_timer
 from mmt.devices.streaming.polling import Retry
 
 PATIENCE_S = 20.0

@@ -16,7 +16,7 @@ from link_samples import (
     until,
 )
 
-import mmt.core.running.loop_timer
+import mmt.core.running.ticking
 from mmt.link.client import FollowerClient
 from mmt.link.emulated.network import EmulatedNetwork, EmulatedSendQueue
 from mmt.link.protocol import encode_event
@@ -49,8 +49,8 @@ async def outbox(capacity=50, **table):
 @pytest.fixture(params=["timerfd", "call_at"])
 def timers(request, monkeypatch):
     if request.param == "call_at":
-        monkeypatch.setattr(mmt.core.running.loop_timer, "open_timer", lambda: None)
-    elif (timer := mmt.core.running.loop_timer.open_timer()) is None:
+        monkeypatch.setattr(mmt.core.running.ticking, "open_timer", lambda: None)
+    elif (timer := mmt.core.running.ticking.open_timer()) is None:
         pytest.skip("this system has no timerfd")
     else:
         timer.close()

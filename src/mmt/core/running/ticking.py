@@ -1,4 +1,4 @@
-"""A fixed-rate tick on the asyncio loop: no drift, no tick lost, cheap statistics; its timer."""
+"""Precise timers on the asyncio loop, and a tick: no drift, no tick lost, cheap statistics."""
 
 import asyncio
 import ctypes
@@ -155,7 +155,79 @@ def open_timer() -> TimerFile | None:
         return None
 
 
-class Ticker:
+class LoopTimer:
+    """A timer of the running loop that is more precise than the loop's own.
+
+    Parameters
+    ----------
+    callback
+        Called with the monotonic time (ns), once for each `set`, or once for each period.
+    coarse
+        Whether to use the loop's own timer if the system has no precise ones; else the callback
+        is never called there.
+    """
+
+    def __init__(self, callback: Callable[[int], object], *, coarse: bool = False) -> None:
+        self._callback = callback
+        self._coarse = coarse
+        self._timer: TimerFile | None = None
+        self._handle: asyncio.TimerHandle | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._due_ns = 0
+
+    def start(self) -> None:
+        """Start on the running loop, unless started; without a loop the timer never expires."""
+        if self._loop is not None:
+            return
+        try:
+            self._loop = asyncio.get_running_loop()
+        except RuntimeError:
+            return
+        self._timer = open_timer()
+        if self._timer is not None:
+            self._loop.add_reader(self._timer.file, self._on_readable, self._timer)
+
+    def stop(self) -> None:
+        """End; calling it twice is harmless."""
+        if self._timer is not None and self._loop is not None:
+            self._loop.remove_reader(self._timer.file)
+            self._timer.close()
+        if self._handle is not None:
+            self._handle.cancel()
+        self._timer = self._handle = self._loop = None
+        self._due_ns = 0
+
+    def set(self, at_ns: int, period_ns: int = 0) -> None:
+        """Call back at a monotonic time (ns) in place of the one set before; 0 is never.
+
+        A precise timer then calls back every period, unless that is 0.
+        """
+        if at_ns == self._due_ns:
+            return
+        self._due_ns = at_ns
+        if self._timer is not None:
+            self._timer.arm(at_ns, period_ns)
+        elif self._coarse and self._loop is not None:
+            if self._handle is not None:
+                self._handle.cancel()
+                self._handle = None
+            if at_ns:
+                wait_s = (at_ns - time.monotonic_ns()) / 1e9
+                self._handle = self._loop.call_at(self._loop.time() + wait_s, self._expire_now)
+
+    def _on_readable(self, timer: TimerFile) -> None:
+        if timer.expirations():
+            self._expire_now()
+
+    def _expire_now(self) -> None:
+        self._due_ns = 0
+        self._expire(time.monotonic_ns())
+
+    def _expire(self, now_ns: int) -> None:
+        self._callback(now_ns)
+
+
+class Ticker(LoopTimer):
     """Call back on the running loop at a fixed rate.
 
     On Linux a timerfd wakes the loop and keeps the period to some 50 us. Elsewhere the loop
@@ -185,8 +257,8 @@ class Ticker:
         if period_ns <= 0:
             message = f"period_ns is {period_ns}: it must be positive"
             raise ValueError(message)
+        super().__init__(callback, coarse=True)
         self._period_ns = period_ns
-        self._callback = callback
         self._measures = statistics
         self.periods = TimeHistogram()
         """The times from tick to tick."""
@@ -194,10 +266,7 @@ class Ticker:
         self._missed = 0
         self._late = 0
         self._last_ns = 0
-        self._due_ns = 0
-        self._timer: TimerFile | None = None
-        self._handle: asyncio.TimerHandle | None = None
-        self._loop: asyncio.AbstractEventLoop | None = None
+        self._next_ns = 0
         self._done: asyncio.Future[None] | None = None
 
     @property
@@ -233,15 +302,10 @@ class Ticker:
         if self._done is not None:
             message = "a ticker starts once: make a new one"
             raise RuntimeError(message)
-        self._loop = asyncio.get_running_loop()
-        self._done = self._loop.create_future()
-        self._due_ns = time.monotonic_ns() + self._period_ns
-        self._timer = open_timer()
-        if self._timer is None:
-            self._schedule(self._loop)
-        else:
-            self._timer.arm(self._due_ns, self._period_ns)
-            self._loop.add_reader(self._timer.file, self._on_readable, self._timer)
+        self._done = asyncio.get_running_loop().create_future()
+        self._next_ns = time.monotonic_ns() + self._period_ns
+        super().start()
+        self.set(self._next_ns, self._period_ns)
 
     def stop(self) -> None:
         """Stop the ticker, if it is running."""
@@ -262,13 +326,9 @@ class Ticker:
         self._done.result()
 
     def _finish(self, error: Exception | None) -> None:
-        if self._loop is None or self._done is None or self._done.done():
+        if self._done is None or self._done.done():
             return
-        if self._timer is not None:
-            self._loop.remove_reader(self._timer.file)
-            self._timer.close()
-        if self._handle is not None:
-            self._handle.cancel()
+        super().stop()
         if error is None:
             self._done.set_result(None)
         elif isinstance(error, StopIteration):  # which a future cannot carry
@@ -278,28 +338,23 @@ class Ticker:
         else:
             self._done.set_exception(error)
 
-    def _on_readable(self, timer: "TimerFile") -> None:
-        elapsed = timer.expirations()
-        if elapsed:
+    def _on_readable(self, timer: TimerFile) -> None:
+        if elapsed := timer.expirations():
             self._tick(elapsed)
 
-    def _schedule(self, loop: asyncio.AbstractEventLoop) -> None:
-        wait_s = (self._due_ns - time.monotonic_ns()) / 1e9
-        self._handle = loop.call_at(loop.time() + wait_s, self._on_deadline, loop)
-
-    def _on_deadline(self, loop: asyncio.AbstractEventLoop) -> None:
-        elapsed = (time.monotonic_ns() - self._due_ns) // self._period_ns + 1
+    def _expire(self, now_ns: int) -> None:
+        elapsed = (now_ns - self._next_ns) // self._period_ns + 1
         if elapsed > 0:  # the loop may wake us early by its clock's resolution
             self._tick(elapsed)
         if self.running:
-            self._schedule(loop)
+            self.set(self._next_ns)
 
     def _tick(self, elapsed: int) -> None:
         if self._measures:
             self._measure(elapsed)
         self._ticks += elapsed
         self._missed += elapsed - 1
-        self._due_ns += elapsed * self._period_ns
+        self._next_ns += elapsed * self._period_ns
         try:
             self._callback(elapsed)
         except Exception as error:  # noqa: BLE001 - passed on to the waiting task
@@ -310,6 +365,6 @@ class Ticker:
         if self._last_ns:
             self.periods.add(now_ns - self._last_ns)
         self._last_ns = now_ns
-        late_ns = now_ns - self._due_ns - LATE_NS
+        late_ns = now_ns - self._next_ns - LATE_NS
         if late_ns > 0:
             self._late += min(late_ns // self._period_ns + 1, elapsed)

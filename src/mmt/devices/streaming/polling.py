@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from mmt.core.running.loop_timer import LoopTimer
+from mmt.core.running.ticking import LoopTimer
 
 POLLS_HZ: Final = 100
 

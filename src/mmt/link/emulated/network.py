@@ -17,7 +17,7 @@ from typing import Any, Final, Literal
 from aiohttp import web
 
 from mmt.core.errors import InputError
-from mmt.core.running.loop_timer import LoopTimer
+from mmt.core.running.ticking import LoopTimer
 from mmt.link.emulated.impairments import MessageImpairments
 from mmt.link.queue import SendQueue
 from mmt.link.serving.accepting import HANDSHAKE_S
