@@ -6,7 +6,7 @@ from link_samples import CHANNELS, frames
 
 from mmt.core.frames import LARGEST_QUANTITY, frame_dtype
 from mmt.link.backfill import BackfillReceiver
-from mmt.link.endpoint import LeaderEvents
+from mmt.link.endpoint import Endpoint, LeaderEvents
 from mmt.link.incoming import LATEST_NS
 from mmt.link.protocol import MAX_RANGES, MISSING, encode_event
 
@@ -35,7 +35,9 @@ class Received:
             on_error=self.errors.append,
         )
         expects = "follower".__eq__
-        self.receiver = BackfillReceiver(self, DTYPE, events, expects, self)
+        endpoint = Endpoint(self, 1, 1000, events, print)
+        endpoint.outbox = self
+        self.receiver = BackfillReceiver(self, DTYPE, endpoint, events, expects)
 
     def is_plausible(self, sent, arrival_ns):
         return arrival_ns > 0 and sent < 1000
@@ -98,7 +100,7 @@ def test_at_the_end_the_follower_hears_what_is_missing():
         assert link.give("settle", {"frames": sent}) == {"missing": RANGES[:listed]}
         assert link.receiver.settling is (4 in link.settled)
     assert link.settled == [0, 4, 0, 999]
-    link.receiver.request(link, iter(RANGES))
+    link.receiver.request(iter(RANGES))
     assert link.sent == [(0, encode_event(MISSING, RANGES[:MAX_RANGES]))]
 
 

@@ -12,8 +12,8 @@ import socketio
 
 from mmt.core.frames import FIELD_OF_CHANNEL, LARGEST_QUANTITY, channels_of
 from mmt.core.sequence_numbers import SEQUENCES, Range, ranges_of
-from mmt.link.endpoint import LeaderEvents, call
-from mmt.link.incoming import LATEST_NS, BlockReader
+from mmt.link.endpoint import Endpoint, LeaderEvents
+from mmt.link.incoming import LATEST_NS
 from mmt.link.protocol import (
     BACKFILL,
     GONE,
@@ -25,7 +25,6 @@ from mmt.link.protocol import (
     encode_event,
     ranges_of_payload,
 )
-from mmt.link.queue import SendQueue
 
 
 class BackfillReceiver:
@@ -37,37 +36,37 @@ class BackfillReceiver:
         Socket.IO server at which the events are registered.
     dtype
         Dtype of the frames.
+    endpoint
+        Has the send queue, and the reader of the live frames, which knows which sequence numbers
+        are plausible and counts rejected messages.
     events
         Callbacks of the service.
     expects
         Returns whether events of this Socket.IO session are accepted.
-    reader
-        Reader of the live frames: it knows which sequence numbers are plausible, and counts
-        rejected messages.
     """
 
     def __init__(
         self,
         server: socketio.AsyncServer,
         dtype: np.dtype[np.void],
+        endpoint: Endpoint,
         events: LeaderEvents,
         expects: Callable[[str], bool],
-        reader: BlockReader,
     ) -> None:
         self._dtype = dtype
+        self._endpoint = endpoint
         self._events = events
         self._expects = expects
-        self._reader = reader
-        self._reject = reader.reject
+        self._reject = endpoint.reader.reject
         self.settling = False
         """Whether a follower that is ending was sent a list of missing frames."""
         server.on(BACKFILL, self._on_backfill)
         server.on(GONE, self._on_gone)
         server.on(SETTLE, self._on_settle)
 
-    def request(self, outbox: SendQueue, ranges: Iterable[Range]) -> None:
+    def request(self, ranges: Iterable[Range]) -> None:
         """Request frames from the follower; ranges that exceed one message are left out."""
-        outbox.put(0, encode_event(MISSING, list(ranges)[:MAX_RANGES]))
+        self._endpoint.outbox.put(0, encode_event(MISSING, list(ranges)[:MAX_RANGES]))
 
     def _on_backfill(self, sid: str, *arguments: object) -> None:
         if not self._expects(sid):
@@ -85,9 +84,9 @@ class BackfillReceiver:
         if not good.all():
             self._reject("unusable back-fill")
             bad = np.unique(frames["sequence"][~good]).astype(np.int64)
-            call(self._events.on_gone, ranges_of(bad), on_error=self._events.on_error)
+            self._endpoint.notify(self._events.on_gone, ranges_of(bad))
         if good.any():
-            call(self._events.on_backfill, frames[good], on_error=self._events.on_error)
+            self._endpoint.notify(self._events.on_backfill, frames[good])
 
     def _on_gone(self, sid: str, *arguments: object) -> None:
         if not self._expects(sid):
@@ -96,7 +95,7 @@ class BackfillReceiver:
         if ranges is None:
             self._reject("malformed gone")
             return
-        call(self._events.on_gone, ranges, on_error=self._events.on_error)
+        self._endpoint.notify(self._events.on_gone, ranges)
 
     def _on_settle(self, sid: str, *arguments: object) -> dict[str, Any]:
         payload = argument_of(arguments)
@@ -107,7 +106,7 @@ class BackfillReceiver:
         if not isinstance(sent, int) or not 0 <= sent <= SEQUENCES:
             self._reject("malformed settle")
             return {"missing": missing}
-        if not self._reader.is_plausible(sent, time.monotonic_ns()):
+        if not self._endpoint.reader.is_plausible(sent, time.monotonic_ns()):
             return {"missing": missing}  # the end event, with the same count, is rejected
         try:
             missing = self._events.on_settle(sent)[:MAX_RANGES]

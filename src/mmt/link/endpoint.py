@@ -88,16 +88,6 @@ class FollowerEvents:
     """One of the above raised; by default the error is logged and the link goes on."""
 
 
-def call(
-    function: Callable[..., None], *arguments: object, on_error: Callable[[Exception], None]
-) -> None:
-    """Call a callback and hand its exception to `on_error`; python-socketio would only log it."""
-    try:
-        function(*arguments)
-    except Exception as error:  # noqa: BLE001 - handed to the service
-        on_error(error)
-
-
 def emulated_network(
     scene: Scene, direction: Literal["up", "down"], say: Callable[[str], None]
 ) -> "EmulatedNetwork | None":
@@ -159,8 +149,11 @@ class Endpoint:
             self._extra.restart()
 
     def notify(self, function: Callable[..., None], *arguments: object) -> None:
-        """Call one of the callbacks; its exception goes to ``on_error``."""
-        call(function, *arguments, on_error=self._events.on_error)
+        """Call one of the callbacks; `on_error` gets its exception, which the library would log."""
+        try:
+            function(*arguments)
+        except Exception as error:  # noqa: BLE001 - handed to the service
+            self._events.on_error(error)
 
     def notify_jump(self, jump: ClockJump) -> None:
         """Report that one of the clocks has jumped."""

@@ -117,7 +117,7 @@ class LeaderServer:
         self.clock = ClockResponder(endpoint.reader, endpoint.outbox, endpoint.notify_jump)
         self._host = LinkServer(settings, access, pages, busy=lambda: self._slot.in_session)
         self._backfill = BackfillReceiver(
-            self._host.server, dtype, events, self._slot.expects, endpoint.reader
+            self._host.server, dtype, endpoint, events, self._slot.expects
         )
         self._handshake = Handshake(
             self._host,
@@ -204,7 +204,7 @@ class LeaderServer:
     def request_frames(self, ranges: Iterable[Range]) -> None:
         """Request frames that did not arrive; ignored without a follower."""
         if self.can_send:
-            self._backfill.request(self.endpoint.outbox, ranges)
+            self._backfill.request(ranges)
 
     def send_extra(self, records: RecordArray) -> None:
         """Queue records (n,) of the scene's further event for the follower; never waits."""
