@@ -134,24 +134,18 @@ class FollowerHello:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "channels", ordered_channels(self.channels))
-        if not 1 <= self.samples_per_frame <= MOST_SAMPLES:
-            raise InputError(
-                f"samples_per_frame is {self.samples_per_frame}: allowed is 1 to {MOST_SAMPLES}"
-            )
+        for name, least, most in (
+            ("samples_per_frame", 1, MOST_SAMPLES),
+            ("frames_per_message", 1, MAX_RECORDS_PER_MESSAGE),
+            ("keep_frames", 0, MAX_KEPT_FRAMES),
+        ):
+            if not least <= (value := getattr(self, name)) <= most:
+                raise InputError(f"{name} is {value}: allowed is {least} to {most}")
         object.__setattr__(self, "samples_per_frame", samples_per_frame(self.frame_dtype))
-        if not 1 <= self.frames_per_message <= MAX_RECORDS_PER_MESSAGE:
-            raise InputError(
-                f"frames_per_message is {self.frames_per_message}: "
-                f"allowed is 1 to {MAX_RECORDS_PER_MESSAGE}"
-            )
         if len(self.annotations) > MAX_ANNOTATIONS_BYTES:
             raise InputError(
                 f"annotations are {len(self.annotations)} bytes: "
                 f"at most {MAX_ANNOTATIONS_BYTES} are allowed"
-            )
-        if not 0 <= self.keep_frames <= MAX_KEPT_FRAMES:
-            raise InputError(
-                f"keep_frames is {self.keep_frames}: allowed is 0 to {MAX_KEPT_FRAMES}"
             )
         for name in ("source", "clock_id", "run_id", "extra"):
             if len(getattr(self, name)) > MAX_TEXT:
