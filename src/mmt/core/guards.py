@@ -1,9 +1,7 @@
-"""Guards right before a device, after all arithmetic: its input is finite and does not jump.
+"""Guards right before a device, after all arithmetic: values are finite, bounded, without jumps.
 
 A value that is not finite is neither used nor kept. Instead, the last finite value fades to
 zero, and the next finite values fade in, so that the output has no steps.
-
-The guards are the last before a device: values are finite, and bounded in size and slew.
 """
 
 import math

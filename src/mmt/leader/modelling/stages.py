@@ -1,4 +1,4 @@
-"""Stages of the modelling, which run in a process of their own, and the results that it returns.
+"""Stages of the modelling, and the results that they return.
 
 They run in a process of their own (`mmt.leader.modelling.process`), so that no step delays a tick
 by holding the interpreter lock.
