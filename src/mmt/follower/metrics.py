@@ -66,7 +66,7 @@ def _collect(run: FollowerFigures) -> Iterator["Metric"]:
     client = run.client
     yield session(run.session_id, "follower")
     yield gauge("connected", "Whether the leader is connected.", client.connected)
-    yield from link_metrics(client.statistics, client.latency)
+    yield from link_metrics(client.statistics, client.endpoint.reader.latency)
     yield histogram("round_trip", "From a frame to the command that answers it.", client.round_trip)
     yield from tick_metrics(run.ticker)
     sent = client.backfill.get("sent", 0)

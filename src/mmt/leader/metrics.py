@@ -64,7 +64,7 @@ class MetricsPart(Part):
         if remote is not None and remote.server is not None:
             server = remote.server
             yield gauge("connected", "Whether a follower is connected.", server.connected)
-            yield from link_metrics(server.statistics, server.latency)
+            yield from link_metrics(server.statistics, server.endpoint.reader.latency)
             yield from _backfill(remote.backfill)
 
 

@@ -127,11 +127,6 @@ class FollowerClient:
         return self._connection.connected
 
     @property
-    def latency(self) -> TimeHistogram:
-        """One-way latencies of the commands that came while the clock offset was known."""
-        return self.endpoint.reader.latency
-
-    @property
     def statistics(self) -> LinkStatistics:
         """Counts since the start; takes a few hundred microseconds to compute."""
         endpoint = self.endpoint

@@ -180,6 +180,7 @@ class BlockReader:
         self._seen = 0
         self._offset_ns: int | None = None
         self.latency = TimeHistogram()
+        """One-way latencies of the records that came while the clock offset was known."""
         self.messages = self.bytes = self.records = 0
         self.lost = self.repeated = self.out_of_order = 0
         self.rejected: dict[str, int] = {}

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Final
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import COMMAND_DTYPE, Channel, FeedbackSide
-from mmt.core.running.ticking import TimeHistogram
 from mmt.core.sequence_numbers import Range, shortest_period_ns
 from mmt.link.access import Access
 from mmt.link.backfill import BackfillReceiver
@@ -140,11 +139,6 @@ class LeaderServer:
     def connected(self) -> bool:
         """Whether a follower is connected that has not ended the session."""
         return self._slot.in_session
-
-    @property
-    def latency(self) -> TimeHistogram:
-        """One-way latencies of the frames that came while the clock offset was known."""
-        return self.endpoint.reader.latency
 
     @property
     def statistics(self) -> LinkStatistics:

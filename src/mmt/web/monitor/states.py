@@ -97,7 +97,7 @@ def link_message(server: "LeaderServer") -> bytes:
         "latency_p99_ms": statistics["latency_p99_ms"],
         "clock": statistics["clock"],
     }
-    return pack("link", header | _histogram(server.latency, LATENCY_MS), {})
+    return pack("link", header | _histogram(server.endpoint.reader.latency, LATENCY_MS), {})
 
 
 def ticks_message(ticker: "Ticker | None", playout_delay_ms: float | None) -> bytes:
