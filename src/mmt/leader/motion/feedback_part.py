@@ -56,8 +56,7 @@ class ForceFeedbackPart(Part):
         step_n = math.inf if table.slew_n_s == "off" else table.slew_n_s / session.rate_hz
         display = GuardedDisplay(hand.device, table.limit_n, step_n)
         if other_force is not None:
-            passivity = _passivity(table, 1.0 / session.rate_hz)
-            settings = _model_settings(table, passivity, normal)
+            settings = _model_settings(table, 1.0 / session.rate_hz, normal)
             shown = other_force(display, limit_n=table.limit_n, settings=settings)
             return cls(session, shown, display)
         contact = None if hand.contact is None else hand.contact.model
@@ -120,14 +119,13 @@ def build_feedback(
     """
     if table.method == "streamed":
         return StreamedForce(interface, limit_n=table.limit_n, silence_ticks=silence_ticks)
-    passivity = _passivity(table, 1.0 / rate_hz)
     if table.method == "passive":
         from mmt.leader.motion.feedback_passive import PassiveForce
 
         return PassiveForce(
             interface,
             limit_n=table.limit_n,
-            settings=passivity,
+            settings=_passivity(table, 1.0 / rate_hz),
             silence_ticks=silence_ticks,
             opening_j=opening_j,
         )
@@ -136,7 +134,7 @@ def build_feedback(
     return ModelForce(
         interface,
         limit_n=table.limit_n,
-        settings=_model_settings(table, passivity, normal),
+        settings=_model_settings(table, 1.0 / rate_hz, normal),
         silence_ticks=silence_ticks,
         opening_j=opening_j,
         hand=contact,
@@ -144,15 +142,14 @@ def build_feedback(
 
 
 def _model_settings(
-    table: ForceFeedback, passivity: "PassivitySettings", normal: Literal["x", "y", "z"]
+    table: ForceFeedback, tick_s: float, normal: Literal["x", "y", "z"]
 ) -> "ModelSettings":
     from mmt.contact.estimation import EstimationSettings
     from mmt.contact.rendering import RenderingSettings
     from mmt.leader.motion.feedback_model import ModelSettings
 
-    tick_s = passivity.tick_s
     return ModelSettings(
-        passivity=passivity,
+        passivity=_passivity(table, tick_s),
         estimation=EstimationSettings(table.contact_n, table.forgetting_s, tick_s),
         rendering=RenderingSettings(1e3 * table.largest_stiffness_n_mm, tick_s=tick_s),
         normal=normal,
