@@ -12,7 +12,7 @@ from modelling_beside import InThread
 
 from mmt.leader.modelling.pipeline import Modelling
 from mmt.leader.modelling.process import ModellingProcess
-from mmt.leader.modelling.stage import Item, ItemQueue
+from mmt.leader.modelling.stage import Item, StageTask
 from mmt.leader.part import Session
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
@@ -318,21 +318,21 @@ class Works:
 
 def test_a_full_queue_drops_the_oldest_segments_but_still_removes_what_they_removed():
     works = Works()
-    queue = ItemQueue(2, True, works.absorb)
-    dropped = [queue.put(works.item([SampleRange(k - 10, k - 9)])) for k in range(4)]
-    assert dropped == [0, 0, 1, 1]
-    assert works.absorbed == 2
-    first = queue.items[0]
+    task = StageTask("fit", None, 2, works.absorb, print)
+    for k, drops in enumerate([0, 0, 1, 2]):
+        task.put(works.item([SampleRange(k - 10, k - 9)]))
+        assert task.figures.drops == works.absorbed == drops
+    first = task.items[0]
     assert works.starts(first) == [2]
     assert works.each[first.number].removed == [(-10, -9), (-9, -8), (-8, -7)]
 
 
 def test_a_task_that_cannot_keep_up_takes_all_as_one_update():
     works = Works()
-    queue = ItemQueue(4, True, works.absorb)
+    task = StageTask("fit", None, 4, works.absorb, print)
     for k in range(4):
-        queue.put(works.item([SampleRange(k - 1, k)] if k == 3 else [], 0.25))
-    item = queue.get()
+        task.put(works.item([SampleRange(k - 1, k)] if k == 3 else [], 0.25))
+    item = task.get()
     assert works.starts(item) == [0, 1, 3]  # segment 2 no longer holds
     assert item.seconds == 1.0
-    assert queue.get() is None
+    assert task.get() is None

@@ -20,7 +20,6 @@ from mmt.leader.modelling.stage import (
     Figures,
     InFlight,
     Item,
-    ItemQueue,
     StageTask,
     modelling_metrics,
 )
@@ -107,10 +106,10 @@ class Modelling(Part):
     def _make_tasks(self) -> None:
         process, session, frames = self._process, self._session, self._factory.frames_at_once
         capacity = max(2, round(LONGEST_QUEUE_S * session.rate_hz / frames))
-        queues = [ItemQueue(capacity, first, self._merge) for first in (True, False, False)]
-        self.completing = StageTask("judge", process, queues[2], self._judged)
-        self.synthesizing = StageTask("build", process, queues[1], self.completing.put)
-        self.fitting = StageTask("fit", process, queues[0], self.synthesizing.put)
+        queue = process, capacity, self._merge
+        self.completing = StageTask("judge", *queue, self._judged)
+        self.synthesizing = StageTask("build", *queue, self.completing.put)
+        self.fitting = StageTask("fit", *queue, self.synthesizing.put)
         self.segmenting = SegmentingTask(
             frames,
             session.rate_hz,

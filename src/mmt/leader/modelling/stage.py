@@ -3,7 +3,7 @@
 import asyncio
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -115,64 +115,13 @@ class InFlight:
         await self._none.wait()
 
 
-@dataclass
-class ItemQueue:
-    """A bounded queue of work for one model, oldest first; a full one drops the oldest.
-
-    The next work takes over the removals from the model and the observations of the stream of
-    dropped work. If the queue is at least half full, the task cannot keep up and takes all items
-    as one update.
-
-    Attributes
-    ----------
-    capacity
-        Most items that may wait.
-    drops_segments
-        Whether the new segments of dropped work are lost; later in the pipeline they are among
-        the fits of the next work.
-    on_absorbed
-        Called for each item that a later one has taken over: with the later item, the earlier
-        item, and whether the earlier item's new segments count.
-    """
-
-    capacity: int
-    drops_segments: bool
-    on_absorbed: Callable[[Item, Item, bool], None]
-    items: deque[Item] = field(default_factory=deque)
-    filled: asyncio.Event = field(default_factory=asyncio.Event)
-
-    def put(self, item: Item) -> int:
-        """Queue an item; return how many were dropped for it."""
-        dropped = 0
-        self.items.append(item)
-        self.filled.set()
-        while len(self.items) > self.capacity:
-            oldest = self.items.popleft()
-            self.on_absorbed(self.items[0], oldest, not self.drops_segments)
-            dropped += 1
-        return dropped
-
-    def get(self) -> Item | None:
-        """Return the oldest item, or all in one if too many wait; None if none waits."""
-        if not self.items:
-            self.filled.clear()
-            return None
-        item = self.items.popleft()
-        if len(self.items) >= self.capacity / 2:
-            while self.items:
-                later = self.items.popleft()
-                later.seconds += item.seconds
-                self.on_absorbed(later, item, True)
-                item = later
-        return item
-
-    def clear(self) -> None:
-        """Discard all items that wait."""
-        self.items.clear()
-
-
 class StageTask:
-    """Takes items from its queue, lets the process work on each one, and delivers it.
+    """Takes work from its bounded queue, lets the process work on each item, and delivers it.
+
+    A full queue drops the oldest item; the next one takes over its removals from the model and its
+    observations of the stream. Its new segments are lost only if they were not fitted yet: later
+    they are among the fits of the next work. If the queue is at least half full, the task cannot
+    keep up and takes all items as one update.
 
     Parameters
     ----------
@@ -180,8 +129,11 @@ class StageTask:
         Name of the method of `mmt.leader.modelling.stages.Stages` that works on an item.
     process
         Process that runs the numerics.
-    queue
-        Items that wait.
+    capacity
+        Most items that may wait.
+    on_absorbed
+        Called for each item that a later one has taken over: with the later item, the earlier
+        item, and whether the earlier item's new segments count.
     deliver
         Called on the event loop with each item that is done.
     """
@@ -190,31 +142,55 @@ class StageTask:
         self,
         stage: Literal["fit", "build", "judge"],
         process: "ModellingProcess",
-        queue: ItemQueue,
+        capacity: int,
+        on_absorbed: Callable[[Item, Item, bool], None],
         deliver: Callable[[Item], None],
     ) -> None:
         self._stage = stage
         self._process = process
+        self._capacity = capacity
+        self._on_absorbed = on_absorbed
         self._deliver = deliver
         self._generation = 0
-        self.queue = queue
-        self.figures = Figures(lambda: len(queue.items))
+        self._filled = asyncio.Event()
+        self.items: deque[Item] = deque()
+        """Items that wait, the oldest first."""
+        self.figures = Figures(lambda: len(self.items))
 
     def put(self, item: Item) -> None:
         """Queue an item; never blocks."""
-        self.figures.drops += self.queue.put(item)
+        self.items.append(item)
+        self._filled.set()
+        while len(self.items) > self._capacity:
+            oldest = self.items.popleft()
+            self._on_absorbed(self.items[0], oldest, self._stage != "fit")
+            self.figures.drops += 1
         self.figures.record_length()
+
+    def get(self) -> Item | None:
+        """Return the oldest item, or all in one if too many wait; None if none waits."""
+        if not self.items:
+            self._filled.clear()
+            return None
+        item = self.items.popleft()
+        if len(self.items) >= self._capacity / 2:
+            while self.items:
+                later = self.items.popleft()
+                later.seconds += item.seconds
+                self._on_absorbed(later, item, True)
+                item = later
+        return item
 
     def clear(self) -> None:
         """Discard the items that wait and the one under way."""
         self._generation += 1
-        self.queue.clear()
+        self.items.clear()
 
     async def run(self) -> None:
         """Work until cancelled."""
         while True:
-            await self.queue.filled.wait()
-            item = self.queue.get()
+            await self._filled.wait()
+            item = self.get()
             if item is None:
                 continue
             generation, started = self._generation, perf_counter()
