@@ -176,7 +176,7 @@ async def test_the_end_of_a_session_fills_in_what_is_missing_to_its_last_frame()
         client.send_frames(frames(0, 10))
         await until(lambda: len(notes.sequences) == 10)
         await client.end("done")
-        assert client.backfill == {"kept": 10, "asked": 7, "sent": 6, "gone": 1}
+        assert client.frames.backfill == {"kept": 10, "asked": 7, "sent": 6, "gone": 1}
     assert settled == [10, 10, 10]
     assert sorted(filled) == [-10, 2, 3, 4, 8, 8, 9]
     assert notes.ends == ["done"]

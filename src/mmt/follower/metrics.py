@@ -69,7 +69,7 @@ def _collect(run: FollowerFigures) -> Iterator["Metric"]:
     yield from link_metrics(client.statistics, client.endpoint.reader.latency)
     yield histogram("round_trip", "From a frame to the command that answers it.", client.round_trip)
     yield from tick_metrics(run.ticker)
-    sent = client.backfill.get("sent", 0)
+    sent = client.frames.backfill.get("sent", 0)
     yield counter("backfilled_frames", "Frames that were sent again.", sent)
     if commands := run.commands:
         yield counter("silences", "Times that the leader fell silent.", commands["silences"])

@@ -263,7 +263,7 @@ class Follower:
             link=asdict(self.client.statistics),
             ticks=asdict(self.ticker.statistics),
             process=cost.as_dict(),
-            backfill=self.client.backfill,
+            backfill=self.client.frames.backfill,
             **self._guarded.summary,
         )
 

@@ -103,8 +103,9 @@ class FollowerClient:
             extra=extra,
         )
         """Reader of received messages, and queue of messages to send."""
-        self._frames = FrameSender(hello, endpoint.outbox)
-        self._backfiller = self._frames.backfiller
+        self.frames = FrameSender(hello, endpoint.outbox)
+        """Has the counts of back-filled frames."""
+        self._backfiller = self.frames.backfiller
         self._clock_hz = clock_hz
         self.clock = ClockRequester(endpoint.reader, endpoint.outbox, endpoint.notify_jump)
         """Estimate of the leader's clock."""
@@ -136,11 +137,6 @@ class FollowerClient:
             clock=self.clock.statistics,
             round_trip=self.round_trip,
         )
-
-    @property
-    def backfill(self) -> dict[str, int]:
-        """Counts of buffered, requested, resent and missing frames; empty without a buffer."""
-        return self._frames.backfill
 
     async def connect(self, timeout_s: float) -> None:
         """Connect, waiting up to `timeout_s` for the leader to appear.
@@ -179,7 +175,7 @@ class FollowerClient:
         ValueError
             The frames are of another dtype.
         """
-        self._frames.put(frames)
+        self.frames.put(frames)
 
     def send_extra(self, records: RecordArray) -> None:
         """Queue records (n,) of the scene's further event for the leader; never waits."""
@@ -198,13 +194,13 @@ class FollowerClient:
             return
         self._ended = True
         self.clock.stop()
-        self._frames.flush()
+        self.frames.flush()
         if self._backfiller is not None:
             await self._settle(self._backfiller)
         await self.endpoint.outbox.finish(CLOSE_TIMEOUT_S)
         if not self.connected:
             return
-        payload = {"reason": reason, "frames": self._frames.sent}
+        payload = {"reason": reason, "frames": self.frames.sent}
         try:
             await self._connection.request(END, payload, ACKNOWLEDGE_S)
         except ConnectionError:
@@ -247,7 +243,7 @@ class FollowerClient:
             await self.endpoint.outbox.flush(CLOSE_TIMEOUT_S)
             try:
                 answer = await self._connection.request(
-                    SETTLE, {"frames": self._frames.sent}, _SETTLED_S
+                    SETTLE, {"frames": self.frames.sent}, _SETTLED_S
                 )
             except ConnectionError:
                 return  # the leader hangs, or has no such event
