@@ -2,7 +2,6 @@
 
 import asyncio
 from dataclasses import replace
-from functools import partial
 from unittest.mock import Mock
 
 import pytest
@@ -53,8 +52,8 @@ class Host:
             self.endpoint,
             self.clock,
             events,
-            partial(admit, **SCENE),
             {"frames": lambda *some: self.received.append(some)},
+            **SCENE,
             session_id="session 7",
             network=self if emulates else None,
         )

@@ -140,11 +140,6 @@ def admit(
     return hello
 
 
-Admit = Callable[[object, FollowerHello | None], FollowerHello]
-"""Returns the hello in an ``auth``, given the hello of the connected follower or None, or raises
-MmtError with a message for the follower's user."""
-
-
 class Handshake:
     """Admit a follower, send it the welcome, and free its slot when it disconnects.
 
@@ -158,10 +153,10 @@ class Handshake:
         Restarted with each follower.
     events
         Callbacks of the service.
-    admit
-        Decides whether a follower is admitted.
     frequent
         Handlers of frequent events, called with the sid; they bypass the library if possible.
+    access, expected
+        As of `admit`.
     session_id
         Identifier of the session.
     network
@@ -175,9 +170,10 @@ class Handshake:
         endpoint: Endpoint,
         clock: ClockResponder,
         events: LeaderEvents,
-        admit: Admit,
         frequent: Mapping[str, Callable[..., None]],
         *,
+        access: Access,
+        expected: FollowerHello,
         session_id: str,
         network: "EmulatedNetwork | None",
     ) -> None:
@@ -186,7 +182,7 @@ class Handshake:
         self._endpoint = endpoint
         self._clock = clock
         self._events = events
-        self._admit = admit
+        self._access, self._expected = access, expected
         self._frequent = frequent
         self._session_id = session_id
         self._network = network
@@ -206,7 +202,8 @@ class Handshake:
 
     def _on_connect(self, sid: str, environ: Mapping[str, object], auth: object = None) -> None:
         try:
-            hello = self._admit(auth, self._slot.hello)
+            occupant = self._slot.hello
+            hello = admit(auth, occupant, access=self._access, expected=self._expected)
             self._clear_slot()
             self._events.on_follower(hello)
         except MmtError as error:

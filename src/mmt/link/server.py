@@ -4,7 +4,6 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from mmt.core.arrays import RecordArray
@@ -14,7 +13,7 @@ from mmt.link.access import Access
 from mmt.link.backfill import BackfillReceiver
 from mmt.link.clock_exchange import ClockResponder
 from mmt.link.endpoint import Endpoint, LeaderEvents
-from mmt.link.handshake import FollowerSlot, Handshake, admit
+from mmt.link.handshake import FollowerSlot, Handshake
 from mmt.link.incoming import BlockReader
 from mmt.link.protocol import (
     CLOCK,
@@ -124,8 +123,9 @@ class LeaderServer:
             endpoint,
             self.clock,
             events,
-            partial(admit, access=access, expected=expected),
             self._register(),
+            access=access,
+            expected=expected,
             session_id=session_id,
             network=network,
         )
