@@ -134,7 +134,7 @@ def metrics(session: Session, _: LeaderParts) -> Part:
     """Make the part that serves metrics."""
     from mmt.leader.metrics import MetricsPart
 
-    return MetricsPart.build(session)
+    return MetricsPart(session)
 
 
 def monitor(session: Session, parts: LeaderParts) -> Part | None:

@@ -20,22 +20,16 @@ class MetricsPart(Part):
     ----------
     session
         Session of the run.
+
+    Raises
+    ------
+    InputError
+        prometheus-client is not installed.
     """
 
     def __init__(self, session: Session) -> None:
-        self._session = session
-
-    @classmethod
-    def build(cls, session: Session) -> "MetricsPart":
-        """Return the part.
-
-        Raises
-        ------
-        InputError
-            prometheus-client is not installed.
-        """
         require("prometheus_client")
-        return cls(session)
+        self._session = session
 
     def pages(self) -> "list[Page]":
         """Return ``/metrics``."""
