@@ -237,11 +237,8 @@ class VibrationPart(Part):
     @property
     def name(self) -> str:
         """The actuator's name."""
-        return (
-            self.reconnecting.name
-            if self.reconnecting is not None
-            else type(self.actuator).__name__
-        )
+        device = self.actuator if self.reconnecting is None else self.reconnecting.device
+        return type(device).__name__
 
     def connect(self) -> None:
         """Open the actuator and calibrate it."""
@@ -291,11 +288,8 @@ class VibrationPart(Part):
 
     def faults(self) -> list[str]:
         """Return why the actuator is lost."""
-        return (
-            [self.reconnecting.problem]
-            if self.reconnecting is not None and self.reconnecting.problem
-            else []
-        )
+        problem = None if self.reconnecting is None else self.reconnecting.problem
+        return [problem] if problem else []
 
     def summary(self, _duration_s: float) -> dict[str, Any]:
         """Return the mode at the end, every switch, and the counts of the actuator."""
