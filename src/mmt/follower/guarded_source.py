@@ -166,13 +166,19 @@ class GuardedSource:
         self._devices = scene.devices
         self._newest: RecordArray | None = None
         self._measures_position = "position" in scene.channels()
-        self.guard = None if scene.replay is not None else _guard(scene, say)
+        link, rate_hz, limits = scene.link or Link(), scene.session.rate_hz, scene.motion_limits
+        self.guard: CommandGuard | None = None
         """The command guard; None if a recording is replayed, which follows no commands."""
-        limits = scene.motion_limits
-        self._limit = None
-        if limits is not None:
-            limit_mm_s = (scene.link or Link()).limit_mm_s
-            self._limit = MotionLimit(limits, limit_mm_s, scene.session.rate_hz)
+        if scene.replay is None:
+            self.guard = CommandGuard(
+                link,
+                rate_hz,
+                (scene.texture or Texture()).normal,
+                measures_position=self._measures_position,
+                say=say,
+                box_mm=None if limits is None else limits.box_mm,
+            )
+        self._limit = None if limits is None else MotionLimit(limits, link.limit_mm_s, rate_hz)
         self._of_devices = source if isinstance(source, DeviceBackedSource) else None
         if self._of_devices is not None:
             self._of_devices.on_loss(self._on_device)
@@ -249,14 +255,3 @@ class GuardedSource:
             self.guard.release()
         does = "holding" if devices.on_lost == "hold" else "retracting"
         self._say(f"{sentence}{f': {does}' if lost else ': taking commands again'}")
-
-
-def _guard(scene: Scene, say: Callable[[str], None]) -> CommandGuard:
-    return CommandGuard(
-        scene.link or Link(),
-        scene.session.rate_hz,
-        (scene.texture or Texture()).normal,
-        measures_position="position" in scene.channels(),
-        say=say,
-        box_mm=scene.motion_limits.box_mm if scene.motion_limits is not None else None,
-    )
