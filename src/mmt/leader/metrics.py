@@ -9,7 +9,6 @@ from mmt.leader.part import Part, Session
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
-    from mmt.leader.backfill import Backfill
     from mmt.link.serving.http import Page
 
 
@@ -52,21 +51,16 @@ class MetricsPart(Part):
 
     def metrics(self) -> "Iterable[Metric]":
         """Return the counts of the link."""
-        from mmt.core.output.exposition import gauge, link_metrics
+        from mmt.core.output.exposition import counter, gauge, link_metrics
 
         remote = self._session.remote
-        if remote is not None and remote.server is not None:
-            server = remote.server
-            yield gauge("connected", "Whether a follower is connected.", server.connected)
-            yield from link_metrics(server.statistics, server.endpoint.reader.latency)
-            yield from _backfill(remote.backfill)
-
-
-def _backfill(backfill: "Backfill") -> Iterator["Metric"]:
-    from mmt.core.output.exposition import counter, gauge
-
-    frames = backfill.missing.summary
-    yield counter("missing_frames", "Frames that were missing at their turn.", frames["missing"])
-    yield counter("filled_frames", "Missing frames that were filled in.", frames["filled"])
-    yield gauge("unfilled_frames", "Missing frames that were given up.", frames["lost"])
-    yield gauge("awaited_frames", "Missing frames that may still come.", frames["waiting"])
+        if remote is None or remote.server is None:
+            return
+        server, frames = remote.server, remote.backfill.missing.summary
+        yield gauge("connected", "Whether a follower is connected.", server.connected)
+        yield from link_metrics(server.statistics, server.endpoint.reader.latency)
+        text = "Frames that were missing at their turn."
+        yield counter("missing_frames", text, frames["missing"])
+        yield counter("filled_frames", "Missing frames that were filled in.", frames["filled"])
+        yield gauge("unfilled_frames", "Missing frames that were given up.", frames["lost"])
+        yield gauge("awaited_frames", "Missing frames that may still come.", frames["waiting"])
