@@ -1,8 +1,8 @@
 """The follower's metrics, on a port of their own; a follower serves nothing else."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.output.exposition import (
     counter,
@@ -24,28 +24,14 @@ if TYPE_CHECKING:
 
 HOST: Final = "127.0.0.1"
 
-
-class FollowerFigures(Protocol):
-    """The figures of a running follower that the metrics show."""
-
-    @property
-    def session_id(self) -> str | None:
-        """The leader's name of the session, or None before it is known."""
-
-    @property
-    def client(self) -> FollowerClient:
-        """The link to the leader."""
-
-    @property
-    def ticker(self) -> Ticker:
-        """The ticks."""
-
-    @property
-    def commands(self) -> Mapping[str, Any]:
-        """Counts of the command guard, empty if a recording is replayed."""
+Figures = Callable[[], tuple[str | None, Mapping[str, Any]]]
+"""Returns the leader's name of the session, None before it is known, and the counts of the command
+guard, empty if a recording is replayed."""
 
 
-async def serve_metrics(run: FollowerFigures, port: int, access: Access) -> Listener:
+async def serve_metrics(
+    client: FollowerClient, ticker: Ticker, figures: Figures, port: int, access: Access
+) -> Listener:
     """Serve ``/metrics`` on this machine alone, with the link's token if it has one.
 
     Raises
@@ -55,23 +41,24 @@ async def serve_metrics(run: FollowerFigures, port: int, access: Access) -> List
     """
     access = Access(access.token)
     application = guarded_application(access)
-    metrics_page(registry_of(lambda: _collect(run)))(application, access)
+    metrics_page(registry_of(lambda: _collect(client, ticker, *figures())))(application, access)
     entrance = replace(FOLLOWERS, address="follower_port of [metrics]")
-    listener = Listener(application, entrance, busy=lambda: run.client.connected)
+    listener = Listener(application, entrance, busy=lambda: client.connected)
     await listener.start(HOST, port, access, allowed=False)
     return listener
 
 
-def _collect(run: FollowerFigures) -> Iterator["Metric"]:
-    client = run.client
-    yield session(run.session_id, "follower")
+def _collect(
+    client: FollowerClient, ticker: Ticker, session_id: str | None, commands: Mapping[str, Any]
+) -> Iterator["Metric"]:
+    yield session(session_id, "follower")
     yield gauge("connected", "Whether the leader is connected.", client.connected)
     yield from link_metrics(client.statistics, client.endpoint.reader.latency)
     yield histogram("round_trip", "From a frame to the command that answers it.", client.round_trip)
-    yield from tick_metrics(run.ticker)
+    yield from tick_metrics(ticker)
     sent = client.frames.backfill.get("sent", 0)
     yield counter("backfilled_frames", "Frames that were sent again.", sent)
-    if commands := run.commands:
+    if commands:
         yield counter("silences", "Times that the leader fell silent.", commands["silences"])
         yield counter("silent_seconds", "Time without a fresh command.", commands["silent_s"])
         yield counter("stale_commands", "Commands thrown away.", commands["stale_commands"])

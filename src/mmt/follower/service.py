@@ -192,7 +192,13 @@ class Follower:
         require("prometheus_client")
         from mmt.follower.metrics import serve_metrics
 
-        return await serve_metrics(self, metrics.follower_port, self._access)
+        return await serve_metrics(
+            self.client,
+            self.ticker,
+            lambda: (self.session_id, self.commands),
+            metrics.follower_port,
+            self._access,
+        )
 
     async def _connect(self) -> None:
         """Connect, unless the user stops the session first."""
