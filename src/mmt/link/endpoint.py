@@ -32,11 +32,6 @@ def _nothing(*_: object) -> None:
     """Ignore the event."""
 
 
-def _no_ranges(_: int) -> list[Range]:
-    """Report no missing frames."""
-    return []
-
-
 def _log(error: Exception) -> None:
     LOG.error("an event of the link was not handled", exc_info=error)
 
@@ -61,7 +56,7 @@ class LeaderEvents:
     """Back-filled frames (n,), read-only, validated except for their sequence numbers."""
     on_gone: Callable[[list[Range]], None] = _nothing
     """Ranges of frames that the follower no longer has, or that cannot be used."""
-    on_settle: Callable[[int], list[Range]] = _no_ranges
+    on_settle: Callable[[int], list[Range]] = lambda _: []
     """The follower is about to end and has sent the numbers below this one; return the missing
     ranges that it is to send again."""
     on_error: Callable[[Exception], None] = _log

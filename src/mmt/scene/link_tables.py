@@ -105,10 +105,6 @@ class Network(PartTable):
             raise ValueError("outage_s must not exceed outage_every_s, from start to start")
         return self
 
-    def applies_to(self, direction: Literal["up", "down"]) -> bool:
-        """Return whether the emulation treats messages of this direction."""
-        return self.direction in {"both", direction}
-
     def describe(self) -> str:
         """Return a one-line summary of the emulation."""
         ways = "" if self.direction == "both" else f" {self.direction} alone"

@@ -196,7 +196,8 @@ class EmulatedNetwork:
         application.router.add_put(PATH, replace)
 
     def _own_settings(self) -> Network:
-        return self.settings if self.settings.applies_to(self._direction) else Network()
+        applies = self.settings.direction in {"both", self._direction}
+        return self.settings if applies else Network()
 
     def _seed(self) -> int:
         own = self.settings.seed
