@@ -8,7 +8,9 @@ import typer
 from rich.table import Table
 
 from mmt.cli.common import Force, json_option, output, write_json
+from mmt.cli.device.options import EqualisingOptions
 from mmt.cli.main import command_group
+from mmt.cli.options import with_options
 from mmt.core.errors import InputError, MmtError
 from mmt.core.files.existing import require_absent
 from mmt.core.output.tables import plain_table
@@ -152,7 +154,7 @@ def calibrate_accelerometer(
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
 ) -> None:
     """Calibrate an ADXL335, or the load of a tool on its force sensor, by gravity; store it."""
-    from mmt.cli.device.calibrating import Files, calibrate_by_gravity, calibrate_tool
+    from mmt.cli.device.calibrating import calibrate_by_gravity, calibrate_tool
     from mmt.cli.device.testing import devices_named, is_scene
     from mmt.devices.drivers import load_device
 
@@ -166,10 +168,11 @@ def calibrate_accelerometer(
     role = "accelerometer" if is_scene(what) else None
     named = devices_named(what, role, settings or [])[0]
     device = load_device(named.driver, named.options, role=named.role)
-    calibrate_by_gravity(device, named.driver, duration, Files(rests, keep, json_file))
+    calibrate_by_gravity(device, named.driver, duration, rests, keep, json_file)
 
 
 @app.command("equalise")
+@with_options
 def equalise_actuator(
     what: Annotated[
         str | None,
@@ -179,52 +182,11 @@ def equalise_actuator(
         ),
     ] = None,
     *,
-    serial: Annotated[
-        str | None,
-        typer.Option(help="Store it under this serial number; unless given, the scene's."),
-    ] = None,
-    actuator: Annotated[
-        str | None, typer.Option(metavar="DRIVER", help="Play a sweep now, by this driver.")
-    ] = None,
-    accelerometer: Annotated[
-        str | None,
-        typer.Option(metavar="DRIVER", help="On the handle, to record the sweep."),
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="ROLE.KEY=VALUE",
-            help="An option of a driver, as actuator.port=/dev/ttyACM0; repeatable.",
-        ),
-    ] = None,
-    duration: Annotated[float, typer.Option(help="Seconds of the sweep, 2 to 60.")] = 8.0,
-    level_v: Annotated[
-        float | None,
-        typer.Option(help="Peak of the sweep (V); unless given, found by listening."),
-    ] = None,
-    largest_m_s2: Annotated[
-        float, typer.Option(help="Shake the handle by no more than about this (m/s2).")
-    ] = 15.0,
-    keep: Annotated[
-        Path | None, typer.Option(metavar="FILE.npz", help="Keep what was recorded.")
-    ] = None,
-    low_hz: Annotated[
-        float | None,
-        typer.Option(help="Lower end of the band (Hz); unless given, found by the sweep."),
-    ] = None,
-    high_hz: Annotated[float, typer.Option(help="Upper end of the band (Hz).")] = 450.0,
-    largest_gain_db: Annotated[
-        float, typer.Option(help="Raise or lower a frequency by so much at most (dB).")
-    ] = 12.0,
-    force: Force = False,
-    json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
+    options: EqualisingOptions,
 ) -> None:
     """Fit a Haptuator's level and equaliser to a sweep, recorded or played now; store both."""
-    from mmt.cli.device.equalising import EqualiserFit, Live, equalise
+    from mmt.cli.device.equalising import equalise
 
-    if keep is not None:
-        require_absent(keep, force=force)
-    fit = EqualiserFit(serial, low_hz, high_hz, largest_gain_db, json_file)
-    live = Live(actuator, accelerometer, settings or [], duration, level_v, largest_m_s2, keep)
-    equalise(what, fit, live)
+    if options.keep is not None:
+        require_absent(options.keep, force=options.force)
+    equalise(what, options)

@@ -4,7 +4,6 @@ import asyncio
 import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -44,18 +43,14 @@ _TURNED: Final = 5
 Measured = TypeVar("Measured")
 
 
-@dataclass(frozen=True, slots=True)
-class Files:
-    """Files that are read and written beside the calibration."""
-
-    rests: Path | None
-    """Recorded rests to use instead of measuring, or None."""
-    keep: Path | None
-    """File for the measured rests, or None."""
-    json: Path | None
-
-
-def calibrate_by_gravity(device: Any, driver: str, duration_s: float, files: Files) -> None:
+def calibrate_by_gravity(
+    device: Any,
+    driver: str,
+    duration_s: float,
+    recorded: Path | None,
+    keep: Path | None,
+    json_file: Path | None,
+) -> None:
     """Measure or read rests, fit, compare with the stored calibration, and store.
 
     Parameters
@@ -64,8 +59,10 @@ def calibrate_by_gravity(device: Any, driver: str, duration_s: float, files: Fil
         An ADXL335, and the name of its driver.
     duration_s
         Duration of each rest.
-    files
-        See `Files`.
+    recorded
+        File of rests to use instead of measuring, or None.
+    keep, json_file
+        Files for the measured rests and for the figures, or None.
 
     Raises
     ------
@@ -79,12 +76,12 @@ def calibrate_by_gravity(device: Any, driver: str, duration_s: float, files: Fil
             "adxl335-serial and adxl335-board"
         )
     problems: list[Exception] = []
-    if files.rests is not None:
-        serial, rests = _read(files.rests, device.named)
+    if recorded is not None:
+        serial, rests = _read(recorded, device.named)
     else:
         serial, rests = _measure(device, duration_s)
         with noting(problems):  # a file that cannot be written must not cost the measurement
-            _keep(files.keep, serial, rests)
+            _keep(keep, serial, rests)
     made = calibrate(rests, device.supply_v)
     moved = _changes(serial, made)
     path = save_calibration(adxl335.CALIBRATED_AS, serial, made.as_dict())
@@ -93,7 +90,7 @@ def calibrate_by_gravity(device: Any, driver: str, duration_s: float, files: Fil
         output.print(f"- changed since the last time: {sentence}")
     messages.print(f"stored: {path}")
     figures = {"serial": serial, "file": str(path), **made.as_dict(), "changes": moved}
-    write_json(files.json, {**figures, "rests": [rest._asdict() for rest in rests]})
+    write_json(json_file, {**figures, "rests": [rest._asdict() for rest in rests]})
     raise_problems(problems)
 
 

@@ -1,12 +1,13 @@
 """``mmt device equalise``: fit and store level and equaliser, from a sweep recorded or played."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mmt.cli.common import messages, noting, output, raise_problems, write_json
+from mmt.cli.device.options import EqualisingOptions
 from mmt.cli.device.testing import devices_named, options_from
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
@@ -25,33 +26,7 @@ _MARGIN_HZ = (30.0, 40.0)
 _EDGES_HZ = (20.0, 495.0)
 
 
-@dataclass(frozen=True)
-class EqualiserFit:
-    """Settings of the fit, and where to store its result."""
-
-    serial: str | None
-    low_hz: float | None
-    high_hz: float
-    largest_gain_db: float
-    json_file: Path | None
-
-
-@dataclass(frozen=True)
-class Live:
-    """Actuator, accelerometer and settings of a sweep that is played now."""
-
-    actuator: str | None
-    """Driver of the actuator; None takes the scene's."""
-    accelerometer: str | None
-    settings: list[str]
-    duration_s: float
-    level_v: float | None
-    largest_m_s2: float
-    keep: Path | None
-    """File for the recorded sweep, or None."""
-
-
-def equalise(what: str | None, fit: EqualiserFit, live: Live) -> None:
+def equalise(what: str | None, options: EqualisingOptions) -> None:
     """Read a recording, or play and record a sweep; fit, show and store.
 
     Raises
@@ -64,57 +39,58 @@ def equalise(what: str | None, fit: EqualiserFit, live: Live) -> None:
     """
     problems: list[Exception] = []
     if what is not None and not what.endswith(".toml") and Path(what).suffix:
-        _refuse_live(live)
-        serial = fit.serial
+        _refuse_live(options)
+        serial = options.serial
         if serial is None:
             raise InputError("--serial is missing: under which name is it to be stored?")
         volts, acceleration = _read(Path(what))
         played = {}
     else:
-        serial, recording = _record(what, fit, live)
+        serial, recording = _record(what, options)
         with noting(problems):
-            _keep(live.keep, recording)
+            _keep(options.keep, recording)
         volts, acceleration = recording.volts, recording.acceleration_m_s2
         played = {"level_v": recording.level_v, "peak_m_s2": recording.peak_m_s2}
     fitted = fit_equaliser(
         volts,
         acceleration,
-        low_hz=fit.low_hz,
-        high_hz=fit.high_hz,
-        largest_gain_db=fit.largest_gain_db,
+        low_hz=options.low_hz,
+        high_hz=options.high_hz,
+        largest_gain_db=options.largest_gain_db,
     )
     path = store_level(fitted, serial)
     output.print(
         f"Haptuator {serial}: {fitted.volts_per_m_s2:.4g} V for 1 m/s2; uneven by "
-        f"{fitted.unevenness_db:.1f} dB from {fitted.low_hz:.0f} to {fit.high_hz:g} Hz, evened out "
-        f"to {fitted.remaining_db:.1f} dB; coherence {fitted.coherence:.3f}"
+        f"{fitted.unevenness_db:.1f} dB from {fitted.low_hz:.0f} to {options.high_hz:g} Hz, evened "
+        f"out to {fitted.remaining_db:.1f} dB; coherence {fitted.coherence:.3f}"
     )
     output.print(f"stored in {path}", soft_wrap=True)
     output.print(f'the drivers take it by: serial = "{serial}"')
-    write_json(fit.json_file, {**asdict(fitted), "serial": serial, "file": str(path), **played})
+    figures = {**asdict(fitted), "serial": serial, "file": str(path), **played}
+    write_json(options.json_file, figures)
     raise_problems(problems)
 
 
-def _refuse_live(live: Live) -> None:
+def _refuse_live(options: EqualisingOptions) -> None:
     given = {
-        "--actuator": live.actuator,
-        "--accelerometer": live.accelerometer,
-        "--set": live.settings or None,
-        "--level-v": live.level_v,
-        "--keep": live.keep,
+        "--actuator": options.actuator,
+        "--accelerometer": options.accelerometer,
+        "--set": options.settings or None,
+        "--level-v": options.level_v,
+        "--keep": options.keep,
     }
     for option, value in given.items():
         if value is not None:
             raise InputError(f"{option} is for a sweep that is played now: a recording was given")
 
 
-def _record(scene: str | None, fit: EqualiserFit, live: Live) -> tuple[str, SweepRecording]:
+def _record(scene: str | None, options: EqualisingOptions) -> tuple[str, SweepRecording]:
     """Play and record; return the serial number and the recording."""
-    options = _options_of(live.settings)
-    actuator, actuator_options = _chosen("actuator", scene, live.actuator, options)
-    accelerometer, sensor_options = _chosen("accelerometer", scene, live.accelerometer, options)
+    given = _options_of(options.settings or [])
+    actuator, actuator_options = _chosen("actuator", scene, options.actuator, given)
+    accelerometer, sensor_options = _chosen("accelerometer", scene, options.accelerometer, given)
     stored_as = actuator_options.pop("serial", None)
-    serial = fit.serial or stored_as
+    serial = options.serial or stored_as
     if serial is None:
         raise InputError("--serial is missing: under which name is it to be stored?")
     level = {"volts_per_m_s2": 1.0}  # not used: the sweep is in volts
@@ -124,11 +100,11 @@ def _record(scene: str | None, fit: EqualiserFit, live: Live) -> tuple[str, Swee
         load_device(actuator, played, role="actuator"),
         load_device(accelerometer, sensor_options, role="accelerometer"),
         SweepSettings(
-            low_hz=max(_EDGES_HZ[0], (fit.low_hz or 0.0) - below),
-            high_hz=min(_EDGES_HZ[1], fit.high_hz + above),
-            duration_s=live.duration_s,
-            largest_m_s2=live.largest_m_s2,
-            level_v=live.level_v,
+            low_hz=max(_EDGES_HZ[0], (options.low_hz or 0.0) - below),
+            high_hz=min(_EDGES_HZ[1], options.high_hz + above),
+            duration_s=options.duration,
+            largest_m_s2=options.largest_m_s2,
+            level_v=options.level_v,
         ),
         messages.print,
     )
