@@ -349,7 +349,7 @@ def test_the_metrics_say_whose_hand_moves_the_robot(monkeypatch):
     robot.step((0.0, 0.0, 0.0))
     assert mover() == "leader"
     robot.part.receive({"control": "ask", "who": 2, "name": "bob"})
-    robot.part.refuse(2)
+    robot.part.orders()["control"]({"decision": "refuse", "who": 2})
     robot.ask_and_grant(1)
     for _ in range(FADE_TICKS):
         assert mover() == "none"

@@ -133,8 +133,11 @@ class ControlPart(Part):
             raise InputError("who is the number of a listener that asks")
         if decision == "take back":
             self.revoke_control()
+        elif decision == "give":
+            self.grant_control(who)
         else:
-            (self.grant_control if decision == "give" else self.refuse)(who)
+            self._over.refuse(who)
+            self._report_changes()
         return _DECISIONS[decision]
 
     def grant_control(self, who: int) -> None:
@@ -151,17 +154,6 @@ class ControlPart(Part):
         self._over.grant_control(who)
         self._motion, self._clutch = OperatorMotion(self._silence_ns), None
         self._grants += 1
-        self._report_changes()
-
-    def refuse(self, who: int) -> None:
-        """Refuse a listener that asks for control.
-
-        Raises
-        ------
-        InputError
-            The listener does not ask.
-        """
-        self._over.refuse(who)
         self._report_changes()
 
     def revoke_control(self) -> None:
@@ -238,7 +230,7 @@ class ControlPart(Part):
             self._held_ticks += tick.elapsed
             self._clutch = None
             return self._command_mm
-        self._go(self._step(hand, tick.elapsed), tick.elapsed)
+        self._command_mm = self._follow(hand, self._command_mm, tick.elapsed)
         tick.operating = hand._replace(position_mm=self._command_mm)
         return self._command_mm
 
@@ -252,20 +244,16 @@ class ControlPart(Part):
             return own_mm
         still = InterfaceState(own_mm, (0.0, 0.0, 0.0), 0.0, contact=False)
         hand = still if state is None else state._replace(position_mm=own_mm)
-        self._go(self._step(hand, tick.elapsed), tick.elapsed)
+        self._command_mm = self._follow(hand, self._command_mm, tick.elapsed)
         tick.offset_mm = difference(self._command_mm, own_mm)
         return self._command_mm
 
-    def _step(self, hand: InterfaceState, elapsed: int) -> Vector:
-        assert self._command_mm is not None  # noqa: S101 - the callers have looked
+    def _follow(self, hand: InterfaceState, command_mm: Vector, elapsed: int) -> Vector:
+        """Return the command that follows a hand, no faster than the robot may move."""
         if self._clutch is None:
-            self._clutch = Clutch(self._command_mm, hand.position_mm, self._recovery_mm_s)
-        return self._clutch.step(hand, elapsed * self._period_s)
-
-    def _go(self, wanted_mm: Vector, elapsed: int) -> None:
-        """Move the command towards a position, no faster than the robot may move."""
-        assert self._command_mm is not None  # noqa: S101 - the callers have looked
-        self._command_mm = step_towards(self._command_mm, wanted_mm, self._limit_mm * elapsed)
+            self._clutch = Clutch(command_mm, hand.position_mm, self._recovery_mm_s)
+        wanted_mm = self._clutch.step(hand, elapsed * self._period_s)
+        return step_towards(command_mm, wanted_mm, self._limit_mm * elapsed)
 
     def tick(self, tick: Tick) -> None:
         """Advance the time, and send the operator the contact for its own force."""

@@ -52,23 +52,19 @@ class HandOver:
         self._silence_ticks = silence_ticks
         self._held_ticks = self._silent_ticks = 0
         self._may_move = False
-        self._names: dict[int, str] = {}
         self.state: State = "own"
         self.grant = 0
         """Number of the newest grant."""
         self.operator: int | None = None
         """Number of the listener that control is given to, or None."""
+        self.name = ""
+        """Name of the operator, empty if there is none."""
         self.asking: dict[int, str] = {}
         """Names of the listeners that ask, by number, the longest waiting first."""
         self.holds = self.refusals = 0
         """How often the robot was held between two hands, and how often a request was refused."""
         self.changes: deque[Change] = deque()
         """Changes that the caller has not taken yet."""
-
-    @property
-    def name(self) -> str:
-        """Name of the operator, empty if there is none."""
-        return "" if self.operator is None else self._names[self.operator]
 
     def request_control(self, who: int, name: str) -> None:
         """Note that a listener asks for control, unless it asks already or is the operator."""
@@ -108,7 +104,7 @@ class HandOver:
         if self.operator is not None:
             self._end("control went to another")
         self.grant += 1
-        self.operator, self._names = who, {who: name}
+        self.operator, self.name = who, name
         self._hold("giving")
         self._record_change("giving", who, name)
 
@@ -154,7 +150,7 @@ class HandOver:
     def _end(self, why: str) -> None:
         assert self.operator is not None  # noqa: S101 - the callers have looked
         self._record_change("ended", self.operator, self.name, why)
-        self.operator = None
+        self.operator, self.name = None, ""
         self._hold("returning")
 
     def _hold(self, state: State) -> None:

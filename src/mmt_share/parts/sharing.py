@@ -255,10 +255,12 @@ class SharingPart(Part):
                     self._session.journal.event(line["event"], **line["details"])
 
     async def _hand_on(self) -> None:
-        time_s = self._session.time_s()
-        state = self._packed_state(time_s)
+        """Pass on the state of the hand that moves the robot, if it is known, and the model."""
+        state = None if self._state is None else self._state.moving
         if state is not None:
-            self._write({"state": [encode_event(STATE, state), time_s, time.monotonic_ns()]})
+            time_s = self._session.time_s()
+            message = encode_event(STATE, np.array((time_s, *state), STATE_DTYPE).tobytes())
+            self._write({"state": [message, time_s, time.monotonic_ns()]})
         await self._hand_on_model()
 
     async def _hand_on_model(self) -> None:
@@ -292,21 +294,6 @@ class SharingPart(Part):
             completion=self._session.verdict().readiness,
             complete=log.stop_s is not None or self._session.scene.texture is None,
         )
-
-    def _packed_state(self, time_s: float) -> bytes | None:
-        """Return the state of the hand that moves the robot as bytes, or None if not known."""
-        state = None if self._state is None else self._state.moving
-        if state is None:
-            return None
-        record = np.zeros(1, STATE_DTYPE)
-        record[0] = (
-            time_s,
-            state.position_mm,
-            state.velocity_mm_s,
-            state.force_n,
-            state.contact,
-        )
-        return record.tobytes()
 
     @property
     def _congested(self) -> bool:
