@@ -7,7 +7,6 @@ strokes, which are recorded and timed, and the answers of a participant.
 import asyncio
 import itertools
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
@@ -211,30 +210,21 @@ class PageConnection:
             await self._answer(message, sentence, good=good)
 
     def _carry_out(self, message: dict[str, Any]) -> str:
-        with self._player.ordering:  # an order goes on although its page has gone
-            return self._order_function(message)()
-
-    def _order_function(self, message: dict[str, Any]) -> Callable[[], str]:
         player, what, last = self._player, message["do"], len(self._player.names) - 1
-        if what == "begin":
-            scenario, participant = message.get("scenario"), line(message, "participant")
-            return lambda: player.begin(str(scenario), participant)
-        if what == "leave":
-            return player.end_scenario
-        if player.study is None:
-            raise InputError("begin a scenario first")
-        study = player.study
-        if what == "rate":
-            rating = whole_number(message, "rating", BEST, 1)
-            return lambda: study.rate(rating)
-        if what == "answer":
-            sample, tile = (
-                whole_number(message, "sample", last),
-                whole_number(message, "tile", last),
-            )
-            return lambda: study.answer(sample, tile)
-        if what == "finish":
-            return study.finish
+        with player.ordering:  # an order goes on although its page has gone
+            if what == "begin":
+                return player.begin(str(message.get("scenario")), line(message, "participant"))
+            if what == "leave":
+                return player.end_scenario()
+            if player.study is None:
+                raise InputError("begin a scenario first")
+            if what == "rate":
+                return player.study.rate(whole_number(message, "rating", BEST, 1))
+            if what == "answer":
+                sample, tile = (whole_number(message, name, last) for name in ("sample", "tile"))
+                return player.study.answer(sample, tile)
+            if what == "finish":
+                return player.study.finish()
         raise InputError(f"do is {what!r}: allowed are begin, leave, rate, answer, finish")
 
     async def _answer(self, message: dict[str, Any], text: str, *, good: bool) -> None:
