@@ -18,8 +18,8 @@ from mmt_share.commands.visitors_page import reachable_url
 from mmt_share.tables import Listening
 
 if TYPE_CHECKING:
+    from mmt_share.player.player import Player
     from mmt_share.player.results import ResultsFile
-    from mmt_share.player.server import PlayerServer
 
 _MCAP: Final = ".mcap"
 
@@ -65,7 +65,6 @@ def play(
     from mmt.texture.model.texture_model import TextureModel
     from mmt_share.player.player import Player
     from mmt_share.player.results import ResultsFile
-    from mmt_share.player.server import PlayerServer
 
     if shared is not None:
         asyncio.run(_serve_shared(shared, ResultsFile(results), link, everyone))
@@ -83,15 +82,12 @@ def play(
         replace=force,
         seed=seed,
     )
-    asyncio.run(
-        serve_until_ended(PlayerServer(player, Access.from_settings(link)), link, everyone=everyone)
-    )
+    asyncio.run(serve_until_ended(player, link, everyone=everyone))
 
 
 async def _serve_shared(url: str, results: "ResultsFile", link: Link, everyone: bool) -> None:
     """Serve the surface that a leader shares, to several pages at once."""
     from mmt_share.player.following import SharedTexture
-    from mmt_share.player.server import PlayerServer
 
     table = table_from(Listening, "listening", {"url": url, "name": "player"})
     texture = SharedTexture(table, messages.print)
@@ -99,8 +95,7 @@ async def _serve_shared(url: str, results: "ResultsFile", link: Link, everyone: 
     try:
         player = await texture.connect(results)
         following = asyncio.create_task(texture.follow(player))
-        server = PlayerServer(player, Access.from_settings(link), several=True)
-        await serve_until_ended(server, link, everyone=everyone)
+        await serve_until_ended(player, link, everyone=everyone, several=True)
     finally:
         if following is not None:
             following.cancel()
@@ -108,18 +103,21 @@ async def _serve_shared(url: str, results: "ResultsFile", link: Link, everyone: 
 
 
 async def serve_until_ended(
-    server: "PlayerServer",
+    player: "Player",
     link: Link,
     *,
     everyone: bool = False,
+    several: bool = False,
     on_page: Callable[[str], object] = lambda _: None,
 ) -> None:
     """Serve pages until a signal, and print what was recorded.
 
     Parameters
     ----------
-    server, link, everyone
-        The server, and the arguments of `PlayerServer.start`: `link` has host and port.
+    player, everyone, several
+        As in `PlayerServer` and its `start`.
+    link
+        Host and port, and what is required of a page that connects.
     on_page
         Called with the page's address.
 
@@ -128,7 +126,10 @@ async def serve_until_ended(
     MmtError
         The port cannot be used, or a recording has stopped.
     """
-    ended, player = asyncio.Event(), server.player
+    from mmt_share.player.server import PlayerServer
+
+    server = PlayerServer(player, Access.from_settings(link), several=several)
+    ended = asyncio.Event()
     await server.start(link.host, link.port, everyone=everyone)
     stop_on_signals(ended.set)
     url = f"{reachable_url(link, server.port)}/player/"

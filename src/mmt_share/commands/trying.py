@@ -17,7 +17,6 @@ from mmt.cli.options import with_options
 from mmt.core.errors import InputError
 from mmt.core.files.existing import require_absent, write_file
 from mmt.core.kernel_cache import compile_kernels
-from mmt.link.access import Access
 from mmt.scene import Link
 from mmt_share.commands.playing import serve_until_ended
 
@@ -41,7 +40,6 @@ def try_recording(
     from mmt.cli.reporting import scene_of
     from mmt_share.player.player import Player
     from mmt_share.player.results import ResultsFile
-    from mmt_share.player.server import PlayerServer
 
     session = _session(source, options.checked())
     model, update, _ = built([session], scene_of(session))
@@ -49,10 +47,8 @@ def try_recording(
     progress = update.progress
     share_text = f"{100.0 * progress.value:.0f} % of strokes should feel right"
     messages.print(f"model:    {target}, {share_text if progress.scale.rises else progress}")
-    link = Link(port=port)
     player = Player([source.stem], [model], results=ResultsFile("mmt-play.csv"), scenarios=False)
-    server = PlayerServer(player, Access.from_settings(link))
-    asyncio.run(serve_until_ended(server, link, on_page=open_page))
+    asyncio.run(serve_until_ended(player, Link(port=port), on_page=open_page))
 
 
 def _session(source: Path, options: "ImportOptions") -> "RecordedSession":
