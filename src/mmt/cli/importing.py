@@ -32,7 +32,7 @@ SourceFile = Annotated[
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """Options that many recordings of other programs need, for `with_options`."""
+    """Options that many recordings of other programs need, named as in `ImportOptions`."""
 
     columns: Annotated[
         list[str] | None,
@@ -54,31 +54,35 @@ class ReadingOptions:
             "acceleration=g, or of one target, such as position_z=um. May be repeated.",
         ),
     ] = None
-    rate: Annotated[
+    rate_hz: Annotated[
         float | None,
         typer.Option(
+            "--rate",
             help="Rows a second (Hz), in place of the file's times; of several files, of those "
-            "without."
+            "without.",
         ),
     ] = None
-    acceleration_rate: Annotated[
+    acceleration_rate_hz: Annotated[
         int | None,
         typer.Option(
+            "--acceleration-rate",
             help="Hz at which acceleration is kept, 1000 to 10000 in steps of 1000; 1000 if "
-            "absent, or that of a file that mmt exported."
+            "absent, or that of a file that mmt exported.",
         ),
     ] = None
-    reading_memory: Annotated[
+    reading_memory_gb: Annotated[
         float | None,
         typer.Option(
+            "--reading-memory",
             metavar="GB",
             help="Memory to read a file of another format; 2 GB and 16 times its size if absent.",
             rich_help_panel=_OF_LIMITS,
         ),
     ] = None
-    reading_time: Annotated[
+    reading_time_s: Annotated[
         float | None,
         typer.Option(
+            "--reading-time",
             metavar="S",
             help="Time to read it; 60 s, and 5 s for each MB, if absent.",
             rich_help_panel=_OF_LIMITS,
@@ -95,15 +99,14 @@ class ReadingOptions:
         """
         from mmt.session.importing.options import ImportOptions, assignments
 
-        return ImportOptions(
-            columns=assignments(self.columns or [], "--map"),
-            units=assignments(self.units or [], "--unit"),
-            rate_hz=self.rate,
-            acceleration_rate_hz=self.acceleration_rate,
-            reading_memory_gb=self.reading_memory,
-            reading_time_s=self.reading_time,
-            **others,
-        )
+        given: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in vars(self).items()
+            if value is not None
+        }
+        given["columns"] = assignments(self.columns or [], "--map")
+        given["units"] = assignments(self.units or [], "--unit")
+        return ImportOptions(**given, **others)
 
 
 @dataclass(frozen=True)
@@ -113,9 +116,11 @@ class ImportingOptions(ReadingOptions):
     blanks_as_gaps: Annotated[
         bool, typer.Option("--blanks-as-gaps", help="Leave out rows with an empty cell or NaN.")
     ] = False
-    longest_gap: Annotated[
+    longest_gap_s: Annotated[
         float | None,
-        typer.Option(help="Seconds over which is interpolated; five intervals if absent."),
+        typer.Option(
+            "--longest-gap", help="Seconds over which is interpolated; five intervals if absent."
+        ),
     ] = None
     stamps: Annotated[
         StampChoice,
@@ -166,17 +171,6 @@ class ImportingOptions(ReadingOptions):
             "axes by the orientation. May be repeated.",
         ),
     ] = None
-
-    def checked(self, **others: Any) -> "ImportOptions":
-        """Return the options and others as an import takes them, see `ReadingOptions.checked`."""
-        same = ("blanks_as_gaps", "episode", "header", "sheet", "separator", "decimal", "stamps")
-        return super().checked(
-            longest_gap_s=self.longest_gap,
-            missing=tuple(self.missing or ()),
-            tool_axes=tuple(self.tool_axes or ()),
-            **{name: getattr(self, name) for name in same},
-            **others,
-        )
 
 
 @with_options
