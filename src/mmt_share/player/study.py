@@ -128,9 +128,15 @@ class Study(ABC):
             Nothing can be rated yet, or all is rated already.
         """
 
-    @abstractmethod
     def state(self) -> dict[str, Any]:
         """Return the state for the page; if `hidden`, it plays the `textures` without names."""
+        return {
+            "scenario": self.scenario,
+            "participant": self.participant,
+            "hidden": self.hidden,
+            "done": self.done,
+            "textures": [self.texture(tile) for tile in range(len(self.names))],
+        }
 
     def _row(self, event: str, **values: Value) -> None:
         self._write(
@@ -146,24 +152,13 @@ class Study(ABC):
             }
         )
 
-    def _common(self) -> dict[str, Any]:
-        return {
-            "scenario": self.scenario,
-            "participant": self.participant,
-            "hidden": self.hidden,
-            "done": self.done,
-            "textures": [self.texture(tile) for tile in range(len(self.names))],
-        }
-
 
 class Exploration(Study):
     """Rate pairs of a real and a rendered texture, one after the other."""
 
     scenario = "exploration"
-
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        self.trial = 0
-        super().__init__(*arguments, **options)
+    trial = 0
+    """Number of the current pair, from 0."""
 
     def texture(self, tile: int) -> int | None:
         """Return the texture under the current pair's tile, or None under the others."""
@@ -195,7 +190,7 @@ class Exploration(Study):
     def state(self) -> dict[str, Any]:
         """Return the state for the page."""
         return {
-            **self._common(),
+            **super().state(),
             "trial": self.trial + 1,
             "trials": len(self.order),
             "tile": None if self.done else self.order[self.trial],
@@ -272,7 +267,7 @@ class Matching(Study):
     def state(self) -> dict[str, Any]:
         """Return the state for the page."""
         return {
-            **self._common(),
+            **super().state(),
             "samples": self.order,
             "tiles": {str(sample): tile for sample, tile in self.tiles.items()},
             "matches": self.matches,
