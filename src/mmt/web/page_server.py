@@ -18,7 +18,6 @@ import json
 import struct
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -46,15 +45,7 @@ _VENDORED: Final = {
 }
 
 
-@dataclass(frozen=True)
-class PageFile:
-    """A file's content and its content type."""
-
-    body: bytes
-    content_type: str
-
-
-def monitor_files(main: str = "monitor.js") -> dict[str, PageFile]:
+def monitor_files(main: str = "monitor.js") -> dict[str, bytes]:
     """Return the files of the monitor's page by name, about 200 KB.
 
     Parameters
@@ -67,7 +58,7 @@ def monitor_files(main: str = "monitor.js") -> dict[str, PageFile]:
     return {**files, "main.js": files[main]}
 
 
-def page_files(folder: Path, vendored: Mapping[str, str]) -> dict[str, PageFile]:
+def page_files(folder: Path, vendored: Mapping[str, str]) -> dict[str, bytes]:
     """Return a page's own files, the shared files and libraries, by their names in the page.
 
     Parameters
@@ -84,8 +75,8 @@ def page_files(folder: Path, vendored: Mapping[str, str]) -> dict[str, PageFile]
         if path.suffix in _TYPES
     }
     paths |= {name: _FOLDER / path for name, path in vendored.items()}
-    files = {name: PageFile(path.read_bytes(), _TYPES[path.suffix]) for name, path in paths.items()}
-    return {**files, "palette.css": PageFile(style_sheet().encode(), _TYPES[".css"])}
+    files = {name: path.read_bytes() for name, path in paths.items()}
+    return {**files, "palette.css": style_sheet().encode()}
 
 
 REFUSED: Final = 4401
@@ -101,17 +92,18 @@ _HEADERS: Final = {
 }
 
 
-def add_page(application: web.Application, path: str, files: Mapping[str, PageFile]) -> None:
+def add_page(application: web.Application, path: str, files: Mapping[str, bytes]) -> None:
     """Serve a page's files below a path such as ``/monitor``."""
 
     async def redirect(_: web.Request) -> web.StreamResponse:
         raise web.HTTPFound(f"{path}/")
 
     async def file(request: web.Request) -> web.StreamResponse:
-        found = files.get(request.match_info["name"] or "index.html")
-        if found is None:
+        name = request.match_info["name"] or "index.html"
+        if name not in files:
             raise web.HTTPNotFound
-        return web.Response(body=found.body, content_type=found.content_type, headers=_HEADERS)
+        content_type = _TYPES.get(Path(name).suffix)
+        return web.Response(body=files[name], content_type=content_type, headers=_HEADERS)
 
     application.router.add_get(path, redirect)
     application.router.add_get(f"{path}/{{name:[^/]*}}", file)

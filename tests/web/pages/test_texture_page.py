@@ -27,7 +27,7 @@ from mmt.core.errors import InputError
 from mmt.texture.model.json_form import model_json
 from mmt.texture.model.texture_model import load_model
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt.web.page_server import PageFile, add_page
+from mmt.web.page_server import add_page
 from mmt.web.texture_page import MODULE, MOST_BYTES, texture_page
 
 __all__ = ["browser"]
@@ -154,13 +154,13 @@ async def test_the_element_plays_in_anothers_page(browser):
     page_text = """<!doctype html><script type="module" src="mmt-texture.js"></script>
         <mmt-texture src="a.json"></mmt-texture><mmt-texture src="bad.json"></mmt-texture>"""
     texts = {
-        "index.html": ("text/html", page_text),
-        "mmt-texture.js": ("text/javascript", MODULE.read_text()),
-        "a.json": ("application/json", model_json(model(), "a")),
-        "bad.json": ("application/json", '{"format": "mmt-texture", "version": 7}'),
+        "index.html": page_text,
+        "mmt-texture.js": MODULE.read_text(),
+        "a.json": model_json(model(), "a"),
+        "bad.json": '{"format": "mmt-texture", "version": 7}',
     }
     application = web.Application()
-    files = {name: PageFile(text.encode(), kind) for name, (kind, text) in texts.items()}
+    files = {name: text.encode() for name, text in texts.items()}
     add_page(application, "/page", files)
     async with TestServer(application) as server, a_page(browser) as page:
         await page.goto(str(server.make_url("/page/")))
