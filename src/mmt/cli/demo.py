@@ -28,7 +28,7 @@ from mmt.cli.main import GROUP as COMMANDS
 from mmt.cli.options import with_flags
 from mmt.cli.running.display import command_text, print_ending, telling_of_report
 from mmt.cli.running.scene_services import DemoRun, run_services
-from mmt.cli.running.service import create_side_services
+from mmt.cli.running.service import SceneFile, create_side_services
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import require
 from mmt.core.files.existing import free_folder, write_file
@@ -51,6 +51,8 @@ _EMULATED: Final = {
 }
 """By driver: the emulated driver, and options with the device's address, to be removed."""
 _NETWORK: Final = {"profile": "wan"}
+_HAND, _COIL = "hand.npz", "coil.npz"
+"""Files for the emulated hand's motion and the emulated coil's input."""
 
 
 class SceneFiles(NamedTuple):
@@ -68,16 +70,6 @@ def pair_named(name: Path) -> SceneFiles | None:
                 *(find_scene(Path(f"{name}-{side}{suffix}")) for side in SceneFiles._fields)
             )
     return None
-
-
-def hand_log(directory: Path) -> Path:
-    """Return the file for the emulated hand's motion."""
-    return directory / "hand.npz"
-
-
-def coil_log(directory: Path) -> Path:
-    """Return the file for the emulated coil's input."""
-    return directory / "coil.npz"
 
 
 def write_emulated(pair: SceneFiles, directory: Path) -> SceneFiles:
@@ -108,9 +100,9 @@ def _emulated(scene: Scene, directory: Path) -> dict[str, Any]:
     tables.setdefault("network", _NETWORK)
     tables.setdefault("recording", {}).update(file=str(directory / "session.mcap"))
     if "handle" in tables:
-        tables["handle"] = {**_device(tables["handle"]), "log": str(hand_log(directory))}
+        tables["handle"] = {**_device(tables["handle"]), "log": str(directory / _HAND)}
     if tables.get("actuator", {}).get("driver"):
-        tables["actuator"] = {**_device(tables["actuator"]), "log": str(coil_log(directory))}
+        tables["actuator"] = {**_device(tables["actuator"]), "log": str(directory / _COIL)}
     devices = tables.get("devices", {})
     for role in ("robot", "force_sensor", "accelerometer"):
         if role in devices:
@@ -129,7 +121,6 @@ def _device(table: dict[str, Any]) -> dict[str, Any]:
     return {**left, "driver": emulated}
 
 
-_DEMO = Path("demo")
 _NICENESS = 5  # of the thread that imports beside the services
 
 
@@ -137,9 +128,7 @@ _NICENESS = 5  # of the thread that imports beside the services
 def demo(
     flags: list[Flag],
     *,
-    scene_file: Annotated[
-        Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
-    ] = _DEMO,
+    scene_file: SceneFile = Path("demo"),
     output_directory: Annotated[
         Path, typer.Option("--output", help="Where recording and report go.")
     ] = Path("mmt-demo"),
@@ -280,7 +269,7 @@ def _report(
 
 def _coil(run: DemoRun, pair: SceneFiles) -> dict[str, Any]:
     """Return, and print, figures of an emulated actuator's coil; {} if there is none."""
-    hand, coil = hand_log(pair.leader.parent), coil_log(pair.leader.parent)
+    hand, coil = pair.leader.with_name(_HAND), pair.leader.with_name(_COIL)
     vibration = run.leader.get("vibration", {})
     switches = [each for each in vibration.get("switches", ()) if each["mode"] == "synthesized"]
     devices = load_scene(pair.follower).devices
@@ -315,7 +304,7 @@ def _check(scene: Scene, directory: Path) -> None:
         load_device(scene.actuator.driver, scene.actuator.options, role="actuator").close()
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        for earlier in (hand_log(directory), coil_log(directory)):
-            earlier.unlink(missing_ok=True)
+        for earlier in (_HAND, _COIL):
+            (directory / earlier).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"--output {directory}: {error.strerror or error}") from error

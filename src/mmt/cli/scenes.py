@@ -12,6 +12,7 @@ from rich.table import Table
 
 from mmt.cli.common import json_option, messages, output, write_json
 from mmt.cli.main import command_group
+from mmt.cli.running.service import SceneFile
 from mmt.core.extras import require
 from mmt.core.output.tables import plain_table
 from mmt.scene import Scene
@@ -42,9 +43,7 @@ def main() -> None:
 
 @app.command()
 def explain(
-    scene_file: Annotated[
-        Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
-    ],
+    scene_file: SceneFile,
     replay: Annotated[
         Path | None, typer.Option(help="Replay this recorded session; else a simulated one.")
     ] = None,
