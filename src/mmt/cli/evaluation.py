@@ -82,11 +82,6 @@ def _show(evaluations: "list[Evaluation]") -> None:
         )
 
 
-@reports.callback()
-def _reports() -> None:
-    """Make `compare` a subcommand although it is the only command."""
-
-
 @reports.command()
 def compare(
     left: Annotated[Path, typer.Argument(metavar="A", help="A report's folder.")],

@@ -68,8 +68,13 @@ def _load(entry: EntryPoint) -> Any:
 
 
 def command_group(title: str) -> typer.Typer:
-    """Return a group of commands, to which entry points may add further commands."""
-    return typer.Typer(cls=Commands, no_args_is_help=True, add_completion=False, help=title)
+    """Return a group of commands, to which entry points may add further commands.
+
+    By its callback a group stays one with a single command, too.
+    """
+    return typer.Typer(
+        cls=Commands, no_args_is_help=True, add_completion=False, help=title, callback=lambda: None
+    )
 
 
 app = typer.Typer(

@@ -36,11 +36,6 @@ _FIGURES: Final = {
 """Heading and digits of each of `mmt.cli.scene.costs.FIGURES`."""
 
 
-@app.callback()
-def main() -> None:
-    """Make `explain` a subcommand although it is the only command."""
-
-
 @app.command()
 def explain(
     scene_file: SceneFile,
