@@ -19,7 +19,7 @@ from mmt.scene import Scene
 from mmt.scene.files import load_scene
 
 if TYPE_CHECKING:
-    from mmt.cli.scene.description import SceneDescription, SideParts, Stream
+    from mmt.cli.scene.description import SceneDescription, Stream
 
 app = command_group("Show what scenes run and cost.")
 
@@ -122,16 +122,12 @@ def _parts_table(description: "SceneDescription") -> Table:
     for name in ("service", "runs", "tasks", "left out"):
         table.add_column(name, ratio=None if name == "service" else 1)
     for name, side in (("leader", description.leader), ("follower", description.follower)):
-        table.add_row(name, *_sides(side))
+        if side is None:
+            table.add_row(name, "none in this scene", "", "")
+            continue
+        runs, tasks, left_out = map(", ".join, (side.runs, side.tasks, side.left_out))
+        table.add_row(name, runs or "nothing", tasks, left_out or "nothing")
     return table
-
-
-def _sides(side: "SideParts | None") -> tuple[str, str, str]:
-    """Return the parts that run, the tasks, and the parts that are left out."""
-    if side is None:
-        return "none in this scene", "", ""
-    runs, tasks, left_out = map(", ".join, (side.runs, side.tasks, side.left_out))
-    return runs or "nothing", tasks, left_out or "nothing"
 
 
 def _wire_table(description: "SceneDescription", bytes_per_s: Mapping[str, float]) -> Table:
