@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Coroutine, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Generic, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Generic, Protocol, TypeAlias, TypeVar
 
 import typer
 
@@ -32,33 +32,17 @@ from mmt.core.output.streams import drain_output
 from mmt.scene import Scene, Service
 from mmt.scene.table import Flag, imported
 
+if TYPE_CHECKING:
+    from mmt.follower.service import Follower, FollowerSummary
+    from mmt.leader.reports import LeaderSummary
+    from mmt.leader.service import Leader
+
 SceneFile: TypeAlias = Annotated[
     Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
 ]
 Version: TypeAlias = Annotated[
     bool, typer.Option("--version", callback=version, is_eager=True, help="Print the version.")
 ]
-
-
-class Summary(Protocol):
-    """A service's result."""
-
-    @property
-    def problem(self) -> str | None:
-        """Why the run failed, or None."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the summary as JSON values."""
-
-
-class RunnableService(Protocol):
-    """A service that runs on the event loop."""
-
-    async def run(self, on_ready: Callable[[], None] | None = None) -> Summary:
-        """Run until the session ends."""
-
-    def stop(self) -> None:
-        """End the session; `run` then returns the summary."""
 
 
 class SideService(Protocol):
@@ -105,7 +89,7 @@ def create_side_services(
 
 
 _LOG = "Progress and log"
-AnyService = TypeVar("AnyService", bound=RunnableService)
+AnyService = TypeVar("AnyService", bound="Leader | Follower")
 
 
 @dataclass(frozen=True)
@@ -241,7 +225,7 @@ class ServiceRun(ABC, Generic[AnyService]):
             program = called if called.startswith("mmt-") else f"mmt-{self.name}"
             print_ending(program, {self.name: content}, evaluation, report)
 
-    async def _run(self, logs: Logs) -> Summary:
+    async def _run(self, logs: Logs) -> "LeaderSummary | FollowerSummary":
         service = self.build(logs)
 
         def ready() -> None:
