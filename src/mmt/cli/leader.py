@@ -4,7 +4,7 @@ import asyncio
 import signal
 import sys
 import time
-from collections.abc import Coroutine, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -20,6 +20,7 @@ from mmt.cli.running.service import (
     ServiceRun,
     Version,
     create_side_services,
+    start_side_services,
 )
 from mmt.core.errors import InputError
 from mmt.core.extras import require
@@ -181,14 +182,7 @@ class LeaderRun(ServiceRun["Leader"]):
     def on_event(self, sentence: str) -> None:
         """Report an event, and start the side services that wait for it."""
         super().on_event(sentence)
-        for service in self._side_services:
-            entering = service.start_on_event(sentence)
-            if entering is not None:
-                loop = asyncio.get_running_loop()
-                self._entering.append(loop.create_task(self._start_side_service(entering)))
-
-    async def _start_side_service(self, entering: Coroutine[Any, Any, str]) -> None:
-        self.on_event(await entering)
+        self._entering += start_side_services(self._side_services, sentence, self.on_event)
 
     @property
     def report(self) -> Path | None:

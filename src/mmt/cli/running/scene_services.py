@@ -1,7 +1,7 @@
 """Run a scene's services as two processes on loopback."""
 
 import asyncio
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -11,7 +11,7 @@ from rich.console import Console
 from mmt.cli.common import messages, open_page, stopping_on_signals
 from mmt.cli.running.child import Child
 from mmt.cli.running.display import StatusLine
-from mmt.cli.running.service import SideService
+from mmt.cli.running.service import SideService, start_side_services
 from mmt.scene import Scene
 from mmt.scene.table import added_flags
 
@@ -36,11 +36,8 @@ class DemoRun:
 
     def tables(self) -> dict[str, Any]:
         """Return the received summaries by service."""
-        return {
-            name: table
-            for name, table in (("leader", self.leader), ("follower", self.follower))
-            if table
-        }
+        both = {"leader": self.leader, "follower": self.follower}
+        return {name: table for name, table in both.items() if table}
 
 
 async def run_services(
@@ -219,9 +216,6 @@ class _Services:
         elif line["kind"] == "modules":
             self.found.modules[child.name] = line["modules"]
 
-    async def _start_side_service(self, entering: Coroutine[Any, Any, str]) -> None:
-        self.line.print_line(await entering)
-
     def _take_leader(self, line: dict[str, Any]) -> None:
         kind = line["kind"]
         if kind == "status":
@@ -229,10 +223,8 @@ class _Services:
         elif kind == "event":
             if self.verbose or not self.begun:  # early events, such as of compiling
                 self.line.print_line(f"leader: {line['event']}")
-            for service in self.side_services:
-                entering = service.start_on_event(line["event"])
-                if entering is not None:
-                    self.starting.append(asyncio.create_task(self._start_side_service(entering)))
+            say = self.line.print_line
+            self.starting += start_side_services(self.side_services, line["event"], say)
         elif kind == "ready":
             self.begun = True
         elif kind == "summary":

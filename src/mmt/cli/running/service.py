@@ -88,6 +88,18 @@ def create_side_services(
     ]
 
 
+def start_side_services(
+    services: Iterable[SideService], sentence: str, say: Callable[[str], None]
+) -> list[asyncio.Task[None]]:
+    """Start the services that wait for an event of the leader; `say` is called with their texts."""
+
+    async def start(entering: Coroutine[Any, Any, str]) -> None:
+        say(await entering)
+
+    found = [service.start_on_event(sentence) for service in services]
+    return [asyncio.create_task(start(entering)) for entering in found if entering is not None]
+
+
 _LOG = "Progress and log"
 AnyService = TypeVar("AnyService", bound="Leader | Follower")
 
