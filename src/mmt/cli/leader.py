@@ -184,22 +184,17 @@ class LeaderRun(ServiceRun["Leader"]):
         super().on_event(sentence)
         self._entering += start_side_services(self._side_services, sentence, self.on_event)
 
-    @property
-    def report(self) -> Path | None:
-        """The report's page, or None without a report."""
-        page = self._report and self._report / "report.html"
-        return page if page and page.exists() else None
-
-    def evaluate(self, summary: dict[str, Any]) -> dict[str, Any]:
-        """Write the report of the recording, if requested, and return its figures, else {}."""
+    def evaluate(self, summary: dict[str, Any]) -> tuple[dict[str, Any], Path | None]:
+        """Write the report of the recording, if requested; return its figures and its page."""
         if self._report is None or "recording" not in summary:  # it ended before it was ready
-            return {}
+            return {}, None
         options, file = self.options, Path(summary["recording"]["file"])
         tables = options.verbose and not options.json_lines
         with telling_of_report(self._report, file):
             from mmt.cli.reporting import report_recording
 
-            return report_recording(self._report, file, {"leader": summary}, tables=tables)
+            figures = report_recording(self._report, file, {"leader": summary}, tables=tables)
+        return figures, self._report / "report.html"
 
 
 def run() -> None:

@@ -179,15 +179,10 @@ class ServiceRun(ABC, Generic[AnyService]):
         else:
             self.line.print_line(sentence)
 
-    @property
-    def report(self) -> Path | None:
-        """The report's page that `evaluate` writes, or None."""
-        return None
-
-    def evaluate(self, summary: dict[str, Any]) -> dict[str, Any]:
-        """Evaluate the recording if requested; return the figures, else {}."""
+    def evaluate(self, summary: dict[str, Any]) -> tuple[dict[str, Any], Path | None]:
+        """Evaluate the recording if requested; return the figures and the report's page."""
         _ = summary
-        return {}
+        return {}, None
 
     def run(self) -> None:
         """Run the service to its end and report its summary.
@@ -230,8 +225,7 @@ class ServiceRun(ABC, Generic[AnyService]):
         with noting(self.problems):
             write_json(options.json_file, content)
         with noting(self.problems, "the report"):
-            evaluation = self.evaluate(content)
-            report = self.report
+            evaluation, report = self.evaluate(content)
         if not options.json_lines:
             called = Path(sys.argv[0]).stem
             program = called if called.startswith("mmt-") else f"mmt-{self.name}"
