@@ -3,14 +3,14 @@
 import asyncio
 from contextlib import asynccontextmanager
 
-from mmt.web.viewing.server import RecordingServer
+from mmt.web.viewing.server import serve_recording
 
 
 @asynccontextmanager
 async def serving(recording):
     """Serve a recording; give the page's address."""
-    server, address = RecordingServer(recording), asyncio.Queue[str]()
-    running = asyncio.create_task(server.run(address.put_nowait))
+    ended, address = asyncio.Event(), asyncio.Queue[str]()
+    running = asyncio.create_task(serve_recording(recording, 0, ended, address.put_nowait))
     asking = asyncio.create_task(address.get())
     await asyncio.wait([running, asking], return_when=asyncio.FIRST_COMPLETED)
     if running.done():  # it has failed: say why
@@ -19,5 +19,5 @@ async def serving(recording):
     try:
         yield asking.result()
     finally:
-        server.stop()
+        ended.set()
         await running

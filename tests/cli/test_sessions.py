@@ -1,5 +1,6 @@
 """``mmt session``: trials, what was no measurement, data sets, strangers' files, the view."""
 
+import asyncio
 import shlex
 import socket
 
@@ -18,7 +19,7 @@ from mmt.session.windows import MemoryWindows
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
 from mmt.web.viewing.recording import ViewedRecording
-from mmt.web.viewing.server import RecordingServer
+from mmt.web.viewing.server import serve_recording
 
 
 def simulate(*options):
@@ -178,7 +179,7 @@ async def test_a_port_that_is_taken():
         other.listen()
         port = other.getsockname()[1]
         with pytest.raises(MmtError, match=f"port {port} .*: set --port to"):
-            await RecordingServer(recording(), port).run(lambda _: None)
+            await serve_recording(recording(), port, asyncio.Event(), print)
 
 
 async def test_what_is_asked_wrongly_is_refused():

@@ -237,7 +237,7 @@ def view(
     """Show a session file in a browser, moment by moment, as the monitor shows a run."""
     compile_kernels(["mmt.web.viewing.recording"], messages.print)
     from mmt.web.viewing.recording import ViewedRecording
-    from mmt.web.viewing.server import RecordingServer
+    from mmt.web.viewing.server import serve_recording
 
     recording = ViewedRecording.open(source)
     if recording.windows.in_memory:
@@ -250,9 +250,9 @@ def view(
             messages.print("no browser was found: open the address in one")
 
     async def serve() -> None:
-        server = RecordingServer(recording, port)
-        stop_on_signals(server.stop)
-        await server.run(ready)
+        ended = asyncio.Event()
+        stop_on_signals(ended.set)
+        await serve_recording(recording, port, ended, ready)
 
     asyncio.run(serve())
 
