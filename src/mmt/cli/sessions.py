@@ -236,6 +236,7 @@ def view(
 ) -> None:
     """Show a session file in a browser, moment by moment, as the monitor shows a run."""
     compile_kernels(["mmt.web.viewing.recording"], messages.print)
+    from mmt.session.mcap.index import open_windows
     from mmt.web.viewing.recording import ViewedRecording
     from mmt.web.viewing.server import serve_recording
 
@@ -271,7 +272,8 @@ def recover(
     if target is None:
         beside = source.parent / f"{source.stem}.recovered{source.suffix}"
         target = beside if force else free_path(beside)
-    elif not _same_file(source, target):  # `recover` refuses the same file, even with --force
+    elif not (source.exists() and target.exists() and source.samefile(target)):
+        # `recover` refuses the same file, even with --force
         require_absent(target, force=force)
     saved = recover_session(source, target)
     messages.print(

@@ -23,6 +23,7 @@ from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.session.data import OutputBlock, RecordedSession
 from mmt.session.files import export_session
+from mmt.session.mcap.index import open_windows
 from mmt.testing.simulation.offline import simulate_session
 from mmt.web.viewing.rebuilding import ModelRebuild
 from mmt.web.viewing.recording import ViewedRecording
@@ -58,7 +59,7 @@ def recorded(tmp_path_factory):
 
 def viewing(path):
     """Serve a recording; give the page's address."""
-    return serving(ViewedRecording.open(path))
+    return serving(ViewedRecording(open_windows(path)))
 
 
 async def at(page):
@@ -110,7 +111,7 @@ async def test_a_person_goes_through_a_recording(browser, recorded, size, scheme
 async def test_a_moment_before_any_model_is_not_said_to_be_built_for_ever(
     browser, recorded, monkeypatch
 ):
-    recording = ViewedRecording.open(recorded)
+    recording = ViewedRecording(open_windows(recorded))
     with monkeypatch.context() as held:
         held.setattr(ModelRebuild, "start", lambda _: None)
         async with serving(recording) as url, a_page(browser) as page:
@@ -244,7 +245,7 @@ async def test_the_page_says_what_has_failed_and_leaves_it_with_the_person(
     browser, recorded, monkeypatch
 ):
     async with a_page(browser) as page:
-        recording = ViewedRecording.open(recorded)
+        recording = ViewedRecording(open_windows(recorded))
         state_at = recording.state_at
 
         def broken(time_s):

@@ -16,6 +16,7 @@ from mmt.leader.output.vibration import Mode
 from mmt.scene import Scene
 from mmt.session.data import OutputBlock, RecordedSession
 from mmt.session.files import export_session
+from mmt.session.mcap.index import open_windows
 from mmt.session.windows import MemoryWindows, Window
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
@@ -233,7 +234,7 @@ def test_a_comparison_of_clocks_counts_on_its_side_of_a_jump_only():
 def test_a_recording_without_force_is_shown_without_a_model(tmp_path):
     frames = made_frames(0, 1000, ("position", "acceleration"))
     export_session(RecordedSession(frames), tmp_path / "no-force.mcap")
-    recording = ViewedRecording.open(tmp_path / "no-force.mcap")
+    recording = ViewedRecording(open_windows(tmp_path / "no-force.mcap"))
     recording.start()
     opening = unpack(recording.opening())
     assert opening["remarks"] == ["No model: the recording has no force channel."]

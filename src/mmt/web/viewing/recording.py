@@ -1,13 +1,11 @@
 """Answers to the page's requests on a recording: description, growth of the model, moments."""
 
-from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from mmt.core.errors import InputError
 from mmt.core.verdict import Facts, Verdict, verdict
 from mmt.scene import Scene, Texture
 from mmt.scene.files import scene_of_recording
-from mmt.session.mcap.index import open_windows
 from mmt.session.windows import SessionWindows, Window
 from mmt.texture.model.texture_model import TextureModel
 from mmt.web.monitor import states
@@ -43,17 +41,6 @@ class ViewedRecording:
         self.settings = self._texture.settings(windows.samples_per_frame)
         self._link = LinkRecord(windows.events)
         self._rebuilding = self._rebuild()
-
-    @classmethod
-    def open(cls, path: str | Path) -> Self:
-        """Open a session file.
-
-        Raises
-        ------
-        InputError
-            The file is missing, of an unknown format, not valid, or holds no frames.
-        """
-        return cls(open_windows(Path(path)))
 
     def start(self) -> None:
         """Start rebuilding the model in a thread."""
