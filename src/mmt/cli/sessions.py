@@ -240,7 +240,7 @@ def view(
     from mmt.web.viewing.recording import ViewedRecording
     from mmt.web.viewing.server import serve_recording
 
-    recording = ViewedRecording.open(source)
+    recording = ViewedRecording(open_windows(source))
     if recording.windows.in_memory:
         messages.print(f"{source} has no index: all of it is held in memory")
 
@@ -280,7 +280,3 @@ def recover(
         f"{saved.frames} frames ({saved.duration_s:.1f} s) saved to {saved.path}; "
         f"{saved.problem or 'the file was whole'}"
     )
-
-
-def _same_file(source: Path, target: Path) -> bool:
-    return source.exists() and target.exists() and source.samefile(target)

@@ -4,7 +4,7 @@ Missing values are NaN, so that no line is drawn across a gap.
 """
 
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -114,7 +114,8 @@ class LinkRecord:
                 abs(float(event["at_s"]) - time_s),
             ),
         )
-        latencies_ms = _latencies_ms(clock, arrivals)
+        came_ns, sent_ns = arrivals.T
+        latencies_ms = (came_ns - sent_ns + clock_offset_ns(clock, came_ns)) / 1e6
         edges = np.array([-np.inf, *LATENCY_MS, np.inf])
         table["clock"] = {
             "offset_ms": float(clock["clock_offset_ns"]) / 1e6,
@@ -127,12 +128,6 @@ class LinkRecord:
         table["bounds_ms"] = list(LATENCY_MS)
         table["counts"] = np.histogram(latencies_ms, edges)[0].tolist()
         return table
-
-
-def _latencies_ms(clock: Mapping[str, Any], arrivals: IntArray) -> FloatArray:
-    """Return the latencies of blocks, given a comparison of the two clocks."""
-    came_ns, sent_ns = arrivals.T
-    return np.asarray((came_ns - sent_ns + clock_offset_ns(clock, came_ns)) / 1e6)
 
 
 def _count(event: JsonObject, name: str) -> int:
