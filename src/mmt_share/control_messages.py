@@ -17,6 +17,7 @@ from mmt.core.errors import InputError, printable
 from mmt.link.access import Access
 from mmt.link.protocol import encode_event
 from mmt.scene.table import SecuredTable
+from mmt_share.messages import HAND_FIELDS
 from mmt_share.tables import CONTROL_VARIABLE
 
 ASK: Final = "ask"
@@ -40,15 +41,7 @@ _LARGEST: Final = {"position_mm": FARTHEST_MM, "velocity_mm_s": 100_000.0, "forc
 _LONGEST_SENTENCE: Final = 200
 _GRANT: Final = np.dtype("<u4")
 
-MOTION_DTYPE: Final = np.dtype(
-    [
-        ("time_ns", "<i8"),
-        ("position_mm", "<f4", 3),
-        ("velocity_mm_s", "<f4", 3),
-        ("force_n", "<f4"),
-        ("contact", "u1"),
-    ]
-)
+MOTION_DTYPE: Final = np.dtype([("time_ns", "<i8"), *HAND_FIELDS])
 """State of a hand at a time of its own monotonic clock, 37 bytes: wanted position of the robot,
 velocity and normal force of the hand, and whether it presses."""
 

@@ -49,15 +49,14 @@ PING_S: Final = 5, 5
 """Seconds between two pings of a listener, and time-out of its answer. A ping costs as much time as
 ten states. Only silent connections need pings: a closed one is noticed at once."""
 
-STATE_DTYPE: Final = np.dtype(
-    [
-        ("time_s", "<f8"),
-        ("position_mm", "<f4", 3),
-        ("velocity_mm_s", "<f4", 3),
-        ("force_n", "<f4"),
-        ("contact", "u1"),
-    ]
+HAND_FIELDS: Final = (
+    ("position_mm", "<f4", 3),
+    ("velocity_mm_s", "<f4", 3),
+    ("force_n", "<f4"),
+    ("contact", "u1"),
 )
+"""Fields of a hand's state beside its time."""
+STATE_DTYPE: Final = np.dtype([("time_s", "<f8"), *HAND_FIELDS])
 """State of the hand that moves the robot, 37 bytes; `force_n` is its normal force."""
 
 
