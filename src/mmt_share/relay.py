@@ -275,8 +275,3 @@ class ConnectedListener:
     def reject(self, _: str) -> None:
         """Count a message that could not be used."""
         self.rejected += 1
-
-    def lag_order(self) -> tuple[bool, float]:
-        """Return a sort key that grows with the lag; an unknown lag is the lowest."""
-        lag_ms = self.feed.lag.last_ms
-        return lag_ms is not None, lag_ms or 0.0

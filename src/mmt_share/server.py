@@ -156,8 +156,9 @@ class SharingServer:
     def figures(self) -> dict[str, Any]:
         """Return the totals of all listeners, and ``rows`` for the 30 with the largest lag."""
         everyone = self._connected.values()
-        behind = sorted(everyone, key=ConnectedListener.lag_order, reverse=True)
-        lags = sorted(lag for each in everyone if (lag := each.feed.lag.last_ms) is not None)
+        known = {each.number: ms for each in everyone if (ms := each.feed.lag.last_ms) is not None}
+        behind = sorted(everyone, key=lambda each: known.get(each.number, -1.0), reverse=True)
+        lags = sorted(known.values())
         return {
             "listeners": len(everyone),
             "joined": self._joined,
