@@ -9,8 +9,15 @@ export function prepare(canvas) {
   const pen = canvas.getContext("2d");
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, width, height);
+  pen.font = "12px system-ui, sans-serif";
   const style = getComputedStyle(document.documentElement);
   return { pen, width, height, colour: (name) => style.getPropertyValue(`--${name}`).trim() };
+}
+
+/** Begin a path with a circle. */
+export function circle(pen, x, y, radius) {
+  pen.beginPath();
+  pen.arc(x, y, radius, 0, 2 * Math.PI);
 }
 
 /** How much a cell of `cells` lacks: 0 where it has its part of what stops, 1 at twice what is left at the start. */
@@ -42,8 +49,7 @@ export function drawAdvice(pen, colour, [x, y], size = 1) {
   pen.strokeStyle = colour("ink");
   pen.lineWidth = 2;
   for (const radius of [6 * size, 12 * size]) {
-    pen.beginPath();
-    pen.arc(x, y, radius, 0, 2 * Math.PI);
+    circle(pen, x, y, radius);
     pen.stroke();
   }
 }
@@ -69,8 +75,7 @@ export function drawTrail(pen, colour, trail, at) {
   pen.globalAlpha = 1;
   const now = trail.at(-1);
   if (!now) return;
-  pen.beginPath();
-  pen.arc(...at(now), 8, 0, 2 * Math.PI);
+  circle(pen, ...at(now), 8);
   pen.fill();
 }
 

@@ -1,6 +1,6 @@
 // The speed-force plane: samples, triangles, nine cells, the hand and its trail.
 
-import { ModelPlane, advise, drawAdvice, drawTrail, lack, prepare, shade, worstOf } from "./canvas.js";
+import { ModelPlane, advise, circle, drawAdvice, drawTrail, lack, prepare, shade, worstOf } from "./canvas.js";
 
 const MARGIN = { left: 48, right: 18, top: 10, bottom: 36 };
 const CELLS = ["slow", "medium", "fast"];
@@ -37,7 +37,6 @@ export class Plane extends ModelPlane {
       pen.fillStyle = shade(need, this.colour);
       pen.fillRect(x, y, this.area.width / 3, this.area.height / 3);
       pen.fillStyle = this.colour("ink");
-      pen.font = "12px system-ui, sans-serif";
       pen.textAlign = "left";
       pen.fillText(value.toFixed(2), x + 6, y + 16);
     });
@@ -48,7 +47,6 @@ export class Plane extends ModelPlane {
     pen.strokeStyle = this.colour("line");
     pen.lineWidth = 1;
     pen.fillStyle = this.colour("ink");
-    pen.font = "12px system-ui, sans-serif";
     for (let i = 0; i <= 3; i++) {
       const [px] = this.#at(i / 3, 0), [, py] = this.#at(0, i / 3);
       pen.beginPath();
@@ -88,8 +86,7 @@ export class Plane extends ModelPlane {
     }
     pen.fillStyle = this.colour("measured");
     for (let i = 0; points && i < points.length; i += 2) {
-      pen.beginPath();
-      pen.arc(...this.#at(points[i], points[i + 1]), 4, 0, 2 * Math.PI);
+      circle(pen, ...this.#at(points[i], points[i + 1]), 4);
       pen.fill();
     }
   }

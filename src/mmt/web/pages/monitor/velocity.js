@@ -1,6 +1,6 @@
 // The space of velocity and force, seen along the force: heading and speed, one force band at a time.
 
-import { ModelPlane, advise, drawAdvice, drawTrail, headingOf, lack, prepare, shade, worstOf } from "./canvas.js";
+import { ModelPlane, advise, circle, drawAdvice, drawTrail, headingOf, lack, prepare, shade, worstOf } from "./canvas.js";
 
 const BANDS = ["light", "medium", "strong"];
 const DIVISIONS = 3;
@@ -51,8 +51,7 @@ export class VelocityPlane extends ModelPlane {
     const { cells } = this;
     if (!cells) return;
     pen.save();
-    pen.beginPath();
-    pen.arc(disc.x, disc.y, disc.radius, 0, 2 * Math.PI);
+    circle(pen, disc.x, disc.y, disc.radius);
     pen.clip();
     const size = (2 * disc.radius) / DIVISIONS;
     cells.slice(band * DIVISIONS ** 2, (band + 1) * DIVISIONS ** 2).forEach((value, index) => {
@@ -64,7 +63,6 @@ export class VelocityPlane extends ModelPlane {
       pen.strokeRect(x, y, size, size);
       if (!numbers) return;
       pen.fillStyle = this.colour("ink");
-      pen.font = "12px system-ui, sans-serif";
       pen.textAlign = "center";
       const inwards = (1 - column) * size * 0.18;
       pen.fillText(value.toFixed(2), x + size / 2 + inwards, y + size / 2 + (row - 1) * size * 0.3);
@@ -77,10 +75,8 @@ export class VelocityPlane extends ModelPlane {
     pen.strokeStyle = this.colour("line");
     pen.fillStyle = this.colour("ink");
     pen.lineWidth = 1;
-    pen.font = "12px system-ui, sans-serif";
     for (let i = 1; i <= 3; i++) {
-      pen.beginPath();
-      pen.arc(disc.x, disc.y, (disc.radius * i) / 3, 0, 2 * Math.PI);
+      circle(pen, disc.x, disc.y, (disc.radius * i) / 3);
       pen.stroke();
       pen.textAlign = "left";
       // between two spokes, where no cell has its number
@@ -105,8 +101,7 @@ export class VelocityPlane extends ModelPlane {
     const points = this.model?.arrays.points;
     if (!points) return;
     pen.save();
-    pen.beginPath();
-    pen.arc(disc.x, disc.y, disc.radius, 0, 2 * Math.PI);
+    circle(pen, disc.x, disc.y, disc.radius);
     pen.clip(); // the tetrahedra reach a little beyond what a hand does
     pen.strokeStyle = this.colour("faint");
     pen.globalAlpha = 0.45;
@@ -121,8 +116,7 @@ export class VelocityPlane extends ModelPlane {
     pen.fillStyle = pen.strokeStyle = this.colour("measured");
     for (let i = 0; i < points.length; i += 3) {
       const inside = bandOf(points[i + 2]) === band;
-      pen.beginPath();
-      pen.arc(...within(disc, points[i], points[i + 1]), inside ? 4.5 : 2, 0, 2 * Math.PI);
+      circle(pen, ...within(disc, points[i], points[i + 1]), inside ? 4.5 : 2);
       if (inside) pen.fill();
       else pen.stroke();
     }
@@ -140,13 +134,11 @@ export class VelocityPlane extends ModelPlane {
     const x = disc.x + disc.radius + 2 * MARGIN;
     const radius = Math.min((height - 2 * MARGIN) / 8, (width - x) / 2 - 4);
     if (radius < 14) return;
-    pen.font = "12px system-ui, sans-serif";
     BANDS.forEach((name, band) => {
       const small = { x: x + radius, y: height / 2 + (1 - band) * (2 * radius + 26) + 6, radius };
       this.#cells(pen, small, band, false);
       this.#mark(pen, small, band, 0.4);
-      pen.beginPath();
-      pen.arc(small.x, small.y, radius, 0, 2 * Math.PI);
+      circle(pen, small.x, small.y, radius);
       pen.lineWidth = band === shown ? 3 : 1;
       pen.strokeStyle = this.colour(band === shown ? "ink" : "line");
       pen.stroke();
