@@ -1,6 +1,6 @@
 // The grid of textures: their pictures, which one is touched, chosen or asked for.
 
-const letter = (tile) => String.fromCharCode(65 + tile);
+export const letter = (tile) => String.fromCharCode(65 + tile);
 
 export class Grid {
   constructor(node) {

@@ -1,9 +1,9 @@
 // The scenarios: what is asked of the participant, and the answers.
 
+import { letter } from "./grid.js";
 import { Orders, say } from "./orders.js";
 
 const $ = (id) => document.getElementById(id);
-const letter = (tile) => String.fromCharCode(65 + tile);
 
 export class Study {
   constructor(link, grid) {

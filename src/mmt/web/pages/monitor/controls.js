@@ -98,19 +98,18 @@ export class Controls {
         const item = document.createElement("li");
         item.append(
           `${name} asks for control `,
-          this.#decision("Give", "give", who, name),
-          this.#decision("Refuse", "refuse", who, name),
+          ...["Give", "Refuse"].map((label) => this.#decision(label, who, name)),
         );
         return item;
       }),
     );
   }
 
-  #decision(label, decision, who, name) {
+  #decision(label, who, name) {
     const button = document.createElement("button");
     button.textContent = label;
     button.setAttribute("aria-label", `${label}: ${name}`);
-    button.onclick = () => this.orders.give({ do: "control", decision, who });
+    button.onclick = () => this.orders.give({ do: "control", decision: label.toLowerCase(), who });
     return button;
   }
 

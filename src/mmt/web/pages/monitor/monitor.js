@@ -32,9 +32,7 @@ const take = {
     panels.dirty = true;
   },
 
-  model(message) {
-    panels.model(message);
-  },
+  model: (message) => panels.model(message),
 
   completion(message) {
     panels.curve(message.arrays);
@@ -62,9 +60,7 @@ const take = {
     });
   },
 
-  listeners({ figures }) {
-    showListeners(figures);
-  },
+  listeners: (message) => showListeners(message.figures),
 
   events(message) {
     $("events").replaceChildren(...message.events.toReversed().map(([time_s, sentence]) => {
@@ -76,14 +72,8 @@ const take = {
     }));
   },
 
-  controls(message) {
-    controls.show(message);
-  },
-
-  control(message) {
-    controls.showControl(message);
-  },
-
+  controls: (message) => controls.show(message),
+  control: (message) => controls.showControl(message),
   answer: (message) => controls.orders.answered(message),
 
   end({ outcome, verdict }) {

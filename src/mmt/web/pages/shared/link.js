@@ -28,19 +28,15 @@ export class Link {
     Object.assign(this, { server, onMessage, onState });
     $("token-form").onsubmit = (event) => {
       event.preventDefault();
-      this.#useToken($("token").value);
+      this.token = $("token").value;
+      sessionStorage.setItem("mmt-token", this.token);
       $("token").value = "";
+      this.open();
     };
     this.token = sessionStorage.getItem("mmt-token");
     this.tries = 0;
     this.ended = null;
     setInterval(() => this.#watch(), 1000);
-    this.open();
-  }
-
-  #useToken(token) {
-    this.token = token;
-    sessionStorage.setItem("mmt-token", token);
     this.open();
   }
 
