@@ -147,10 +147,6 @@ class ModelDescription:
     completion: str
     complete: bool
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the description as a map for the wire."""
-        return dict(vars(self))
-
     @classmethod
     def from_message(cls, message: Any) -> Self:
         """Parse a message, which is not trusted.
@@ -179,7 +175,7 @@ def model_message(
     number: int, made_ns: int, about: ModelDescription, file: bytes
 ) -> dict[str, Any]:
     """Return the argument of `MODEL`; `made_ns` is a time of the leader's monotonic clock."""
-    return {"number": number, "made_ns": made_ns, **about.as_dict(), "file": file}
+    return {"number": number, "made_ns": made_ns, **vars(about), "file": file}
 
 
 def encode_change(
@@ -187,7 +183,7 @@ def encode_change(
 ) -> bytes:
     """Encode the `CHANGE` from the state before this number to this one."""
     head = {"number": number, "since": number - 1, "made_ns": made_ns}
-    return encode_event(CHANGE, {**head, **about.as_dict(), **change})
+    return encode_event(CHANGE, {**head, **vars(about), **change})
 
 
 def shared_at(sentence: str) -> str | None:

@@ -75,7 +75,7 @@ def _list_store(url: str, json_file: Path | None) -> None:
             *(str(entry.samples), error, entry.note),
         )
     output.print(table)
-    write_json(json_file, [entry.as_dict() for entry in entries])
+    write_json(json_file, [vars(entry) for entry in entries])
 
 
 def pull(
@@ -123,7 +123,7 @@ def push(
     description = Entry(name or source.stem, who, licence, note, error_db=error_db)
     entry = _remote(store).push(data, description)
     messages.print(f"stored as {entry.name} ({entry.hash[:_SHOWN]})")
-    write_json(json_file, entry.as_dict())
+    write_json(json_file, vars(entry))
 
 
 def _file_name(name: str) -> str:

@@ -50,10 +50,6 @@ class Heartbeat:
     number: int = 0
     leaving: bool = False
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the beat as a map for the wire."""
-        return dict(vars(self))
-
     @classmethod
     def from_message(cls, message: Any) -> Self:
         """Parse a beat, which is not trusted.

@@ -119,7 +119,7 @@ class Hub:
         """Leave the other hubs and disconnect the listeners; harmless without `start`."""
         await cancel_until_ended(self._tasks)
         if self.address:
-            await self._channel.publish(_BEAT, self._own_beat(leaving=True).as_dict())
+            await self._channel.publish(_BEAT, self._own_beat(leaving=True))
         await self._stop_feeding()
         await self.server.stop()
         await self._channel.close()
@@ -154,12 +154,13 @@ class Hub:
 
     # --- events sent to all hubs
 
-    def _own_beat(self, *, leaving: bool = False) -> Heartbeat:
+    def _own_beat(self, *, leaving: bool = False) -> dict[str, Any]:
         copy = self.copy
         feeding = self.feeding and not leaving
-        return Heartbeat(
+        beat = Heartbeat(
             self.id, self.address, self.listeners, feeding, copy.session_id, copy.number, leaving
         )
+        return vars(beat)
 
     async def _beat(self) -> None:
         """Check Redis, send a beat and request what this hub lacks, once a second."""
@@ -173,7 +174,7 @@ class Hub:
             if told and problem is None:
                 self.copy.lacking = True
             if problem is None:
-                await self._channel.publish(_BEAT, self._own_beat().as_dict())
+                await self._channel.publish(_BEAT, self._own_beat())
             if self.copy.lacking:
                 await self._ask()
             await asyncio.sleep(BEAT_S)

@@ -116,7 +116,7 @@ class RemoteStore:
         MmtError
             The store does not answer, or does not accept the model; the message says why.
         """
-        given = description.as_dict().items()
+        given = vars(description).items()
         about = {k: v for k, v in given if v or (k == "error_db" and v is not None)}
         path = f"/models?{urllib.parse.urlencode(about)}"
         answer = self._request(path, _LARGEST_ENTRY, data=data)

@@ -20,7 +20,7 @@ def store_pages(store: ModelStore, *, accepts: bool) -> "Page":
 
     async def listed(_: web.Request) -> web.Response:
         entries = await asyncio.to_thread(store.entries)
-        return web.json_response([entry.as_dict() for entry in entries])
+        return web.json_response([vars(entry) for entry in entries])
 
     async def fetched(request: web.Request) -> web.StreamResponse:
         path = store.path(request.match_info["digest"])
@@ -36,7 +36,7 @@ def store_pages(store: ModelStore, *, accepts: bool) -> "Page":
             return web.Response(status=400, text=f"{error}\n")
         except (OSError, MmtError) as error:
             return web.Response(status=507, text=f"it cannot be stored: {error}\n")
-        return web.json_response(entry.as_dict())
+        return web.json_response(vars(entry))
 
     async def refused(_: web.Request) -> web.Response:
         return web.Response(status=403, text="it takes no models: set accept of its [sharing]\n")

@@ -9,7 +9,7 @@ import hashlib
 import json
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -61,10 +61,6 @@ class Entry:
     order: int = 0
     rate_hz: float = 0.0
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the entry as a map for JSON."""
-        return asdict(self)
-
     @classmethod
     def from_listing(cls, given: Any) -> Self:
         """Parse an entry that a store has listed, which is not trusted.
@@ -78,7 +74,7 @@ class Entry:
             entry = cls(**given)
         except TypeError as error:
             raise InputError(f"what is listed of a model is malformed: {error}") from error
-        values = entry.as_dict()
+        values = vars(entry)
         for name, value in values.items():
             number = float | None if name == "error_db" else float
             allowed = str if name in _TEXTS else number
@@ -172,7 +168,7 @@ class ModelStore:
         )
         try:
             write_file(self.folder / f"{digest}.npz", data)
-            write_file(about, json.dumps(entry.as_dict(), indent=1))
+            write_file(about, json.dumps(vars(entry), indent=1))
         except InputError as error:  # the fault of the folder, not of the model
             raise MmtError(str(error)) from error
         return entry
