@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from mmt.core.errors import InputError
+from mmt.core.running.ending import start_task
 from mmt.link.access import Access
 from mmt.link.connection import LeaderConnection, check_url
 from mmt.link.incoming import PeriodLimit, RateLimit
@@ -273,10 +274,7 @@ class ListenerClient:
         line = self._connection.line
         if line is None:
             return None
-        task = asyncio.get_running_loop().create_task(_sent(line.client, event, argument))
-        self._emitting.add(task)
-        task.add_done_callback(self._emitting.discard)
-        return task
+        return start_task(_sent(line.client, event, argument), self._emitting)
 
 
 async def _sent(client: Any, event: str, argument: object) -> None:

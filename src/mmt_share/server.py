@@ -3,7 +3,7 @@
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
@@ -13,6 +13,7 @@ from aiohttp import web
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.output.logs import RepeatLimit
+from mmt.core.running.ending import start_task
 from mmt.core.running.process import release_freed_memory
 from mmt.link.access import Access, Entrance
 from mmt.link.incoming import RateLimit
@@ -128,7 +129,7 @@ class SharingServer:
     async def start(self) -> None:
         """Listen; see `LinkServer.start` for the errors."""
         await self._host.start()
-        self._releasing = self._start(_release())
+        self._releasing = start_task(_release(), self._tasks)
 
     async def stop(self) -> None:
         """Send every listener its last messages, for at most a second, and close."""
@@ -219,7 +220,7 @@ class SharingServer:
             messages_hz += operators.messages_hz
         limit = RateLimit(messages_hz, listener.reject, on_exceeded)
         self._host.sockets.admit(environ, handlers, limit)
-        self._start(self._host.server.emit(WELCOME, self._welcome, to=sid))
+        start_task(self._host.server.emit(WELCOME, self._welcome, to=sid), self._tasks)
         who = {"id": listener.number, "name": listener.name}
         self._report_change(f"{listener.text} joined", "listener joined", **who)
 
@@ -245,7 +246,7 @@ class SharingServer:
         listener.feed.restart()
         if listener.serving is None:
             self._relay.listeners[sid] = listener.feed
-            listener.serving = self._start(self._serve(sid, listener))
+            listener.serving = start_task(self._serve(sid, listener), self._tasks)
 
     def _on_have(self, sid: str, data: object = None, *_: object) -> None:
         listener = self._connected.get(sid)
@@ -267,12 +268,6 @@ class SharingServer:
                 return
         listener.serving = None  # the end was sent; the listener may ask again
         self._relay.listeners.pop(sid, None)
-
-    def _start(self, coroutine: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
-        task = asyncio.get_running_loop().create_task(coroutine)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
-        return task
 
     def _report_change(self, text: str, kind: str, **listener: object) -> None:
         count = len(self._connected)

@@ -5,11 +5,11 @@ import logging
 import time
 import uuid
 from collections import deque
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from typing import Any, Final
 
 from mmt.core.errors import InputError, MmtError
-from mmt.core.running.ending import cancel_until_ended
+from mmt.core.running.ending import cancel_until_ended, start_task
 from mmt_share.client import ListenerClient
 from mmt_share.hub.channel import HubChannel
 from mmt_share.hub.copy import HubCopy
@@ -75,7 +75,7 @@ class Hub:
         self._told_hubs: list[str] = []
         self._told_session = ""
         self._told: dict[str, str | None] = {}
-        self._tasks: list[asyncio.Task[None]] = []
+        self._tasks: set[asyncio.Task[None]] = set()
 
     @property
     def feeding(self) -> bool:
@@ -106,8 +106,8 @@ class Hub:
             The leader did not answer in time or refused this hub, and no hub has reached it yet.
         """
         over = asyncio.create_task(ended.wait())
-        parts: tuple[Coroutine[Any, Any, None], ...] = (self._beat(), self._poll(), self._post())
-        self._tasks = [asyncio.create_task(part) for part in parts]
+        for part in (self._beat(), self._poll(), self._post()):
+            start_task(part, self._tasks)
         try:
             done, _ = await asyncio.wait([over, *self._tasks], return_when=asyncio.FIRST_COMPLETED)
             for task in done:
@@ -135,7 +135,7 @@ class Hub:
             self.copy.receive(event, message)
             if event == WELCOME and self.copy.session_id != self._told_session:
                 self._told_session = self.copy.session_id
-                self._spawn(self.server.welcome(**self.copy.welcome))
+                start_task(self.server.welcome(**self.copy.welcome), self._tasks)
 
     def _on_heartbeat(self, message: Any) -> None:
         try:
@@ -297,8 +297,3 @@ class Hub:
     def _on_listeners(self, _: str, details: dict[str, Any]) -> None:
         self.listeners = details["listeners"]
         self.most_listeners = max(self.listeners, self.most_listeners)
-
-    def _spawn(self, coroutine: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.get_running_loop().create_task(coroutine)
-        self._tasks.append(task)
-        task.add_done_callback(self._tasks.remove)

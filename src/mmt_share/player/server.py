@@ -14,6 +14,7 @@ from typing import Any, Final
 from aiohttp import WSMsgType, web
 
 from mmt.core.errors import InputError, MmtError
+from mmt.core.running.ending import start_task
 from mmt.link.access import TOKEN_VARIABLE, Access, Entrance
 from mmt.link.incoming import RateLimit
 from mmt.link.serving.http import Listener
@@ -173,9 +174,7 @@ class PageConnection:
             elif len(self._orders) >= _MOST_ORDERS:
                 raise InputError("too many orders at once")
             else:
-                task = asyncio.create_task(self._order(message))
-                self._orders.add(task)
-                task.add_done_callback(self._orders.discard)
+                start_task(self._order(message), self._orders)
         except MmtError as error:
             self._rejected += 1
             await self._answer(message, str(error), good=False)

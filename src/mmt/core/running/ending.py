@@ -2,7 +2,7 @@
 
 import asyncio
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Coroutine, Iterable
 from concurrent.futures import Future
 from contextlib import suppress
 from typing import Any, Final
@@ -10,6 +10,16 @@ from typing import Any, Final
 from mmt.core.errors import FAILED, MmtError
 
 _ASK_AGAIN_S: Final = 1.0
+
+
+def start_task(
+    coroutine: Coroutine[Any, Any, None], running: set[asyncio.Task[None]]
+) -> asyncio.Task[None]:
+    """Start a task, and keep it among the running ones until it ends: the loop does not."""
+    task = asyncio.get_running_loop().create_task(coroutine)
+    running.add(task)
+    task.add_done_callback(running.discard)
+    return task
 
 
 async def cancel_until_ended(tasks: Iterable[asyncio.Future[Any]]) -> None:
