@@ -35,6 +35,17 @@ MOST_STEPS: Final = 40
 """Largest number of scores if no step is given: rows that fit on a screen."""
 
 
+class SessionEvaluation(Evaluation):
+    """An evaluation that prints as the table of ``mmt evaluate``."""
+
+    def __str__(self) -> str:
+        """Return the table of the steps, as ``mmt evaluate`` prints it."""
+        from mmt.evaluation.reports.document import as_text
+        from mmt.evaluation.reports.tables import levels, overview, steps
+
+        return f"{as_text(steps(self))}\n{as_text(overview([self]), levels([self]))}"
+
+
 def evaluate_session(
     session: Recording,
     settings: ModellingSettings | None = None,
@@ -110,13 +121,13 @@ def evaluate_session(
     return _evaluation(modelled, Scorer(modelled, seed, Spectra(spectra)), step_s)
 
 
-def _evaluation(of: ModelledSession, scorer: Scorer, step_s: float) -> Evaluation:
+def _evaluation(of: ModelledSession, scorer: Scorer, step_s: float) -> SessionEvaluation:
     """Return the evaluation of a session that was modelled."""
     session, leader, truth = of.session, of.leader, of.truth
     steps = np.arange(1, int(of.duration_s / step_s + 1e-9) + 1) * step_s
     model = scorer.model(of.final_s)  # kept, so that it is built only once
     worst, power_map = scorer.errors(of.final_s)
-    return Evaluation(
+    return SessionEvaluation(
         name=printable(session.path.stem) or "session",
         path=str(session.path),
         surface=truth.surface.name if truth is not None else None,

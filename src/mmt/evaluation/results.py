@@ -267,13 +267,6 @@ class Evaluation(Plottable):
         """Return the model that the leader had at a session time, None before the first."""
         return self.models.model_at(time_s)
 
-    def __str__(self) -> str:
-        """Return the table of the steps, as ``mmt evaluate`` prints it."""
-        from mmt.evaluation.reports.document import as_text
-        from mmt.evaluation.reports.tables import levels, overview, steps
-
-        return f"{as_text(steps(self))}\n{as_text(overview([self]), levels([self]))}"
-
     def __repr__(self) -> str:
         met = [
             f"{name} {'never' if at_s is None else f'at {at_s:.1f} s'}"
