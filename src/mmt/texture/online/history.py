@@ -217,8 +217,7 @@ def build_together(
         check_frame_rate(block, modellers[0].settings.rate_hz)
         (segmented,) = modellers[0].segment(block)
         for place, modeller in enumerate(modellers):
-            durations_s = segmented.durations_s.copy()
-            work = replace(segmented, modeller=modeller, durations_s=durations_s)
+            work = segmented.copy_for(modeller)
             modeller.fit(work)
             modeller.build(work)
             logged = logs[place].add(work)

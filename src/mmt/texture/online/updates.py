@@ -2,8 +2,8 @@
 
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, Protocol
 
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.texture_model import TextureModel
@@ -12,7 +12,6 @@ from mmt.texture.signals.aligned import AlignedBlock, SignalFaults
 if TYPE_CHECKING:
     from mmt.texture.field.blocks import Blocks
     from mmt.texture.model.fits import Fit
-    from mmt.texture.online.modeller import OnlineModeller
     from mmt.texture.segmentation.segmenter import SampleRange, Segment
     from mmt.texture.touch_down.fitting import TouchDown
 
@@ -55,6 +54,19 @@ def surface_statements(events: Iterable[Mapping[str, Any]]) -> list[SurfaceState
         for sample, surface in stated
         if isinstance(sample, int) and isinstance(surface, int) and sample >= 0 < surface
     ]
+
+
+class UpdateSteps(Protocol):
+    """The steps of one update; see `mmt.texture.online.modeller.OnlineModeller`."""
+
+    def fit(self, work: "UpdateWork") -> None:
+        """Fit the new segments."""
+
+    def build(self, work: "UpdateWork") -> None:
+        """Build the model of the fits."""
+
+    def judge(self, work: "UpdateWork") -> "ModelUpdate":
+        """Judge the model; set and return ``work.update``."""
 
 
 ModelSource = Callable[[], TextureModel | None]
@@ -158,7 +170,7 @@ class UpdateWork:
         Set by ``judge``: the result.
     """
 
-    modeller: "OnlineModeller"
+    modeller: UpdateSteps
     time_s: float
     observed: list[AlignedBlock]
     added: "list[Segment]"
@@ -182,6 +194,10 @@ class UpdateWork:
     left: tuple[ModelUpdate, ...] = ()
     session_time_s: float | None = None
     update: ModelUpdate | None = None
+
+    def copy_for(self, modeller: UpdateSteps) -> "UpdateWork":
+        """Return a copy of new work for another modeller."""
+        return replace(self, modeller=modeller, durations_s=self.durations_s.copy())
 
     @property
     def samples(self) -> "NewSamples":
