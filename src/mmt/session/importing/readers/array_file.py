@@ -149,8 +149,8 @@ def _completed(content: bytes) -> io.BytesIO:
     frame = int.from_bytes(head[head.find(b"fmt ") + 20 :][:2], "little") or 1
     size = len(data) // frame * frame
     whole = head + b"data" + size.to_bytes(4, "little") + data[:size]
-    finished = int.from_bytes(content[4:8], "little") == len(content) - 8  # it holds no sound
-    return io.BytesIO(whole if found and not finished else content)
+    empty = int.from_bytes(data[4:8], "little") == len(data) - 8  # a chunk follows, and ends it
+    return io.BytesIO(whole if found and not empty else content)
 
 
 def _frames(acceleration_m_s2: FloatArray, rate_hz: int) -> RecordArray | None:
