@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Final
@@ -11,6 +11,7 @@ import socketio
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.output.logs import RepeatLimit
+from mmt.core.running.ending import start_task
 from mmt.core.running.process import clock_id
 from mmt.link.access import REFUSED, Access
 from mmt.link.clock_exchange import ClockResponder
@@ -219,14 +220,14 @@ class Handshake:
         self._endpoint.rate_limit.open()
         self._host.sockets.admit(environ, handlers, self._endpoint.rate_limit)
         send = self._host.sockets.send(sid, environ)
-        self._start(self._send_welcome(sid, hello.protocol, send))
+        start_task(self._send_welcome(sid, hello.protocol, send), self._tasks)
 
     def _clear_slot(self) -> None:
         """Drop the earlier connection of a follower that connects again."""
         occupant = self._slot.sid
         if occupant is not None:
             self._on_disconnect(occupant, "it connects anew")
-            self._start(self._host.server.disconnect(occupant))
+            start_task(self._host.server.disconnect(occupant), self._tasks)
 
     def _on_disconnect(self, sid: str, reason: str) -> None:
         slot = self._slot
@@ -253,8 +254,3 @@ class Handshake:
         """Send the emulated network's settings, so that the follower emulates the same one."""
         if self._network is not None and self._slot.sid is not None:
             await self._host.server.emit(NETWORK, self._network.payload(), to=self._slot.sid)
-
-    def _start(self, coroutine: Coroutine[object, object, None]) -> None:
-        task = asyncio.get_running_loop().create_task(coroutine)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)

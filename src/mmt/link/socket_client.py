@@ -10,6 +10,7 @@ from typing import Final
 import aiohttp
 import socketio
 
+from mmt.core.running.ending import start_task
 from mmt.link.incoming import RateLimit
 from mmt.link.protocol import MAX_MESSAGE_BYTES, MAX_SENTENCE, peer_text
 from mmt.link.websocket import Handlers, Packet, client_websocket, wire_logger
@@ -86,9 +87,7 @@ class SocketClient:
         """Close the WebSocket of a link that timed out, which the library leaves open."""
         websocket = getattr(self.client.eio, "ws", None)
         if isinstance(websocket, aiohttp.ClientWebSocketResponse) and not websocket.closed:
-            task = asyncio.get_running_loop().create_task(websocket.close())
-            self._dropping.add(task)
-            task.add_done_callback(self._dropping.discard)
+            start_task(websocket.close(), self._dropping)
 
     async def close(self) -> None:
         """Close the client and its HTTP session, in bounded time."""

@@ -155,9 +155,8 @@ class ObservingPart(Part):
         if self._vibrates:
             self._accelerations.extend(acceleration_samples(frames).tolist())
 
-    def tick(self, tick: Tick) -> None:
+    def tick(self, _tick: Tick) -> None:
         """Set `ready` when there is something to observe."""
-        _ = tick
         if self._newest is None or self._ready.is_set():
             return
         if self._handle is not None or self._hand.command_mm is not None:

@@ -4,6 +4,8 @@ import asyncio
 from contextlib import suppress
 from typing import Final, Self
 
+from mmt.core.running.ending import start_task
+
 _HOST: Final = "127.0.0.1"
 _CHUNK: Final = 65_536
 
@@ -69,9 +71,7 @@ class Proxy:
             return
         for source, sink in ((reader, back), (there, writer)):
             self._sinks.add(sink)
-            task = asyncio.create_task(self._pass_on(source, sink))
-            self._tasks.add(task)
-            task.add_done_callback(self._tasks.discard)
+            start_task(self._pass_on(source, sink), self._tasks)
 
     async def _pass_on(self, source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
         try:

@@ -180,9 +180,8 @@ class GeneratingPart(Part):
         """Return why the generator has failed, empty if it has not."""
         return [] if self.vibration.fault is None else [self.vibration.fault]
 
-    def summary(self, duration_s: float) -> dict[str, Any]:
+    def summary(self, _duration_s: float) -> dict[str, Any]:
         """Return counts and times of fits and blocks, and the generator's state."""
-        _ = duration_s
         vibration, seconds = self.vibration, self._seconds
         block = [vibration.times.quantile_ms(fraction) for fraction in (0.5, 0.99)]
         return {

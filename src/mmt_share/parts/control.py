@@ -303,9 +303,8 @@ class ControlPart(Part):
         """Return metrics of whose hand moves the robot, and of how often that has changed."""
         return control_metrics(self._over.state, self._figures())
 
-    def summary(self, duration_s: float) -> dict[str, Any]:
+    def summary(self, _duration_s: float) -> dict[str, Any]:
         """Return figures of control, and the delay of the operator's motion."""
-        _ = duration_s
         delay_ms = round(self._motion.delay_ms, 1)
         return {"control": {**self._figures(), "delay_ms": delay_ms}}
 

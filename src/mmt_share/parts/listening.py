@@ -88,9 +88,8 @@ class ListeningPart(Part):
         about = self.client.replica.about
         return {} if about is None else {"samples": about.samples, "completion": about.completion}
 
-    def summary(self, duration_s: float) -> dict[str, Any]:
+    def summary(self, _duration_s: float) -> dict[str, Any]:
         """Return how much was received."""
-        _ = duration_s
         client = self.client
         return {
             "listening": {

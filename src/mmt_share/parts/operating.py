@@ -98,9 +98,8 @@ class OperatingPart(Part):
         news = self.client.news
         return {"control": None if news is None else news.state}
 
-    def summary(self, duration_s: float) -> dict[str, Any]:
+    def summary(self, _duration_s: float) -> dict[str, Any]:
         """Return how often control was given, and how much was sent."""
-        _ = duration_s
         client = self.client
         return {
             "operating": {

@@ -182,9 +182,8 @@ class SharingPart(Part):
         """Return the figures of the listeners."""
         return {"listeners": {"figures": self.listeners.figures}}
 
-    def summary(self, duration_s: float) -> dict[str, Any]:
+    def summary(self, _duration_s: float) -> dict[str, Any]:
         """Return how much was shared, and with which listeners."""
-        _ = duration_s
         return {
             "sharing": {"port": self.port, "models": self.models, **self.listeners.summary()},
         }

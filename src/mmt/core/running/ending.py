@@ -5,16 +5,18 @@ import threading
 from collections.abc import Callable, Coroutine, Iterable
 from concurrent.futures import Future
 from contextlib import suppress
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from mmt.core.errors import FAILED, MmtError
 
 _ASK_AGAIN_S: Final = 1.0
 
+Result = TypeVar("Result")
+
 
 def start_task(
-    coroutine: Coroutine[Any, Any, None], running: set[asyncio.Task[None]]
-) -> asyncio.Task[None]:
+    coroutine: Coroutine[Any, Any, Result], running: set[asyncio.Task[Result]]
+) -> asyncio.Task[Result]:
     """Start a task, and keep it among the running ones until it ends: the loop does not."""
     task = asyncio.get_running_loop().create_task(coroutine)
     running.add(task)

@@ -9,6 +9,7 @@ from typing import Final
 import socketio
 from aiohttp import WSCloseCode, web
 
+from mmt.core.running.ending import start_task
 from mmt.link.incoming import HandshakeLimit, RateLimit
 from mmt.link.queue import UnbufferedSend
 from mmt.link.serving.accepting import HANDSHAKE_S, admit_connection
@@ -40,20 +41,16 @@ class ServerSockets:
 
             receive_directly(response, {}, HandshakeLimit(), cut)
             loop = asyncio.get_running_loop()
-            loop.call_later(HANDSHAKE_S, self._expire, loop, weakref.ref(response))
+            loop.call_later(HANDSHAKE_S, self._expire, weakref.ref(response))
 
-    def _expire(
-        self, loop: asyncio.AbstractEventLoop, reference: "weakref.ref[web.WebSocketResponse]"
-    ) -> None:
+    def _expire(self, reference: "weakref.ref[web.WebSocketResponse]") -> None:
         """Close a connection that was not admitted in time."""
         websocket = reference()
         if websocket is None or websocket in self._admitted or websocket.closed:
             return
         if not websocket.prepared:
             return  # the client left before it was opened
-        closing = loop.create_task(websocket.close(code=WSCloseCode.POLICY_VIOLATION))
-        self._closing.add(closing)
-        closing.add_done_callback(self._closing.discard)
+        start_task(websocket.close(code=WSCloseCode.POLICY_VIOLATION), self._closing)
 
     async def close(self, timeout_s: float) -> None:
         """Close all open WebSockets, within `timeout_s`."""
