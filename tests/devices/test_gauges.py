@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sensor_reading import read_some, read_until_fault, read_until_lost
 
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.ati.gauges import (
     Gauges,
     GaugesOptions,
@@ -256,6 +256,20 @@ def test_overload_saturation_and_broken_voltages_are_counted(board, sensor):
     board.truth = lambda _time_ns: (0.0, math.nan, 0.0)
     read_until_fault(sensor, "impossible value", 5)
     assert "check the transducer's cable, and that calibration" in sensor.explain_fault()
+
+
+@pytest.mark.parametrize("gauge", range(6))
+@pytest.mark.parametrize(("volts", "saturated"), [(9.5, 0), (-9.5, 0), (9.9, 1), (-9.9, 1)])
+def test_each_gauge_saturates_at_either_end(board, sensor, gauge, volts, saturated):
+    raw = [0.0] * 6
+    raw[gauge] = volts
+    sensor.read()
+    board.read = lambda: [VoltageReading(10**12, tuple(raw))]
+    sensor.read()
+    assert sensor.faults.get("saturation", 0) == saturated
+    sensor.close()
+    with pytest.raises(DeviceLost, match=r"gauges by FT00019.cal is closed: connect it again"):
+        sensor.read()
 
 
 def test_silence_stuck_voltages_and_the_boards_own_faults_are_told(board, sensor):
