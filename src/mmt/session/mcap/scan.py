@@ -5,7 +5,6 @@ Reading does not need the index at the end of the file. `Scan.problem` says what
 
 import os
 import struct
-from collections import ChainMap
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -144,7 +143,7 @@ def iterate_mcap(
             scan, indexed = Scan(path), None
             with suppress(*DAMAGE, OSError):
                 indexed = make_reader(stream).get_summary()
-            schemas = ChainMap(scan.schemas, indexed.schemas if indexed else {})
+            told = indexed.schemas if indexed else {}
             with open_records(stream) as records:
                 for opcode, content, _ in records:
                     if opcode not in (Opcode.ATTACHMENT, Opcode.METADATA):
@@ -152,7 +151,8 @@ def iterate_mcap(
                     for message in scan.messages:
                         channel = scan.channels.get(message.channel_id)
                         if channel is not None:
-                            yield schemas.get(channel.schema_id), channel, message
+                            number = channel.schema_id
+                            yield scan.schemas.get(number, told.get(number)), channel, message
                     scan.messages.clear()
     except OSError as error:
         raise InputError(f"session {path}: {error.strerror or error}") from error
