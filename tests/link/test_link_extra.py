@@ -72,3 +72,15 @@ def test_records_that_come_together_after_a_stall_are_all_taken(count, monkeypat
     assert sum(map(len, side.taken)) == count
     with pytest.raises(ValueError, match="energy records are of dtype"):
         side.endpoint.send_extra(np.zeros(1, dtype="<f8"))
+
+
+def test_a_side_without_an_event_has_no_part_in_the_link():
+    """Such as streamed force feedback, for which frames are enough."""
+
+    class Streamed(Side):
+        event = dtype = None
+
+    side = Streamed()
+    side.endpoint.send_extra(records(1))
+    side.read(records(1).tobytes())
+    assert (side.endpoint.extra_event, side.began, side.taken, side.errors) == ("", 0, [], [])

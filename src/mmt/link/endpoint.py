@@ -131,8 +131,9 @@ class Endpoint:
         self.rate_limit = RateLimit(rate_hz, reader.reject, on_exceeded)
         self.extra_event = "" if extra is None else extra.event or ""
         """Name of the further event, empty for none."""
-        self._extra = extra
+        self._extra: FeedbackSide | None = None
         if extra is not None and extra.dtype is not None:
+            self._extra = extra
             self._extra_reader = BlockReader(extra.dtype, f"{extra.event} records")
         self._events = events
 
