@@ -1,5 +1,6 @@
 """``mmt scene explain``: what it prints, what it refuses, and one run of real services."""
 
+import asyncio
 import json
 import os
 import signal
@@ -159,6 +160,7 @@ class EndedChild:
 
     async def lines(self):
         yield {"kind": "ready", "port": 8765}
+        yield {"kind": "event", "event": "shared"}
 
     async def wait(self):
         return 0
@@ -187,6 +189,38 @@ async def test_a_monitor_is_opened_for_a_person_alone(shows_monitor, monkeypatch
     assert not run.failed
     assert len(opened) == shows_monitor
     assert state == (signal.getsignal(signal.SIGINT), sys.stdout, sys.stderr, is_queued())
+
+
+class SlowSideService:
+    """A side service that is up some time after the session has ended."""
+
+    def __init__(self, start_s):
+        self.start_s, self.started = start_s, False
+
+    def start_on_event(self, sentence):
+        return self.start() if sentence == "shared" else None
+
+    async def start(self):
+        await asyncio.sleep(self.start_s)
+        self.started = True
+        return "up"
+
+
+@pytest.mark.parametrize(("start_s", "interrupted"), [(6.0, False), (3600.0, True)])
+async def test_a_side_service_is_waited_for_until_an_interrupt(start_s, interrupted, monkeypatch):
+    async def start(name, *_):
+        return EndedChild(name)
+
+    monkeypatch.setattr(scene_services.Child, "start", start)
+    service = SlowSideService(start_s)
+    if interrupted:
+        asyncio.get_running_loop().call_later(0.5, os.kill, os.getpid(), signal.SIGINT)
+    scene = load_scene("demo")
+    async with asyncio.timeout(25):
+        run = await scene_services.run_services(
+            Path("demo"), scene, 1.0, None, console=Console(quiet=True), side_services=[service]
+        )
+    assert (service.started, run.interrupted) == (not interrupted, interrupted)
 
 
 def test_real_services_tell_what_they_run_and_cost(tmp_path):

@@ -18,6 +18,8 @@ from mmt.scene.table import added_flags
 _LAST_SECONDS: Final = 5.0
 _LONGEST_OPENING_S: Final = 10.0
 """Longest wait for a browser to open the monitor before the session begins."""
+_LONGEST_START_S: Final = 30.0
+"""Longest wait after a short session until side services are up, or say why they are not."""
 
 
 @dataclass
@@ -136,8 +138,7 @@ class _Services:
                 leader = await self._start("leader", self.leader_arguments)
                 await self._watch_leader(leader)
                 if self.starting and not self.found.interrupted:
-                    # on a busy machine, these may be ready only after a short session
-                    await asyncio.wait(self.starting, timeout=_LAST_SECONDS)
+                    await asyncio.wait(self.starting, timeout=_LONGEST_START_S)
             finally:
                 self.line.clear()
                 for entering in self.starting:
@@ -160,6 +161,8 @@ class _Services:
 
     def _interrupt(self) -> None:
         self.found.interrupted = True
+        for entering in self.starting:
+            entering.cancel()
         for child in self.children:
             child.interrupt()
 
