@@ -71,6 +71,7 @@ def test_a_verdict_fits_a_terminal_and_loses_nothing(width):
 def test_what_to_open_next_can_be_typed(tmp_path, monkeypatch):
     report = tmp_path / "a report.html"
     recording = {"recording": {"file": str(tmp_path / "a b.mcap"), "error": None}}
+    monkeypatch.setattr(shutil, "which", lambda _: sys.executable)
     lines = [line.plain for line in ending_lines("mmt demo", FOUND, recording, report)]
     steps = [line.removeprefix("next:  ") for line in lines if line.startswith("next:")]
     assert [shlex.split(step)[-1] for step in steps] == [str(report), str(tmp_path / "a b.mcap")]
