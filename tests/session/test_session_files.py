@@ -22,9 +22,9 @@ from mmt.core.frames import ALL_CHANNELS, CHANNELS
 from mmt.session.data import OutputBlock
 from mmt.session.files import export_session, read_session, write_session
 from mmt.session.info import info
-from mmt.session.mcap.index import open_windows
 from mmt.session.mcap.messages import FrameCodec
 from mmt.session.mcap.writer import SessionWriter
+from mmt.session.stream import open_windows
 from mmt.session.windows import MemoryWindows
 
 SCENE = {"session": {"name": "wood", "rate_hz": 1000}, "link": {"port": 8765}}

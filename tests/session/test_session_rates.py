@@ -24,10 +24,9 @@ from mmt.session.files import export_session, import_session, read_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.info import info
-from mmt.session.mcap.index import open_windows
 from mmt.session.recorder import McapRecorder
 from mmt.session.recover import recover
-from mmt.session.stream import blocks_of, open_recording
+from mmt.session.stream import blocks_of, open_recording, open_windows
 
 
 def recorded(path, samples_per_frame, **options):

@@ -13,11 +13,11 @@ from mmt.evaluation.evaluate import evaluate_session
 from mmt.session.data import OutputBlock, RecordedSession
 from mmt.session.files import export_session, read_session, write_session
 from mmt.session.info import info
-from mmt.session.mcap.index import IndexedSession, open_windows
+from mmt.session.mcap.index import IndexedSession
 from mmt.session.mcap.messages import FRAME_BLOCK, FrameCodec, frame_schema
 from mmt.session.mcap.writer import FRAMES_TOPIC, open_writer
 from mmt.session.recorder import McapRecorder
-from mmt.session.stream import blocks_of, in_memory, open_recording
+from mmt.session.stream import blocks_of, in_memory, open_recording, open_windows
 from mmt.texture.online.history import stream_blocks
 from mmt.texture.signals.filtering import StreamNumbering
 
