@@ -88,6 +88,11 @@ def test_info_says_the_rates(tmp_path, samples_per_frame):
     assert said.output_rate_hz == 1000.0 * samples_per_frame
     export_session(RecordedSession(made_frames(50, ("force",))), tmp_path / "still.mcap")
     still = info(tmp_path / "still.mcap")
+    anew = made_frames(9, ("force",))  # the follower restarted
+    anew["time_ns"] += 3_000_000_000
+    twice = RecordedSession(np.concatenate([made_frames(50, ("force",)), anew]))
+    export_session(twice, tmp_path / "twice.mcap")
+    assert info(tmp_path / "twice.mcap").rate_hz == pytest.approx(1000, rel=1e-3)
     assert (still.acceleration_rate_hz, still.output_rate_hz) == (None, None)
 
 
