@@ -128,14 +128,14 @@ def _faults(session: RecordedSession) -> "SignalFaults | None":
 
 
 def _listeners(events: Iterable[JsonObject]) -> tuple[JsonObject, ...]:
-    joined: dict[object, JsonObject] = {}
-    left: dict[object, JsonObject] = {}
+    joined: dict[str, JsonObject] = {}
+    left: dict[str, JsonObject] = {}
     for event in events:
         listener = event.get("listener")
         if not isinstance(listener, Mapping):
             continue
         where = left if event.get("kind") == "listener left" else joined
-        where[listener.get("id")] = dict(listener)
+        where[str(listener.get("id"))] = dict(listener)
     return (*left.values(), *(each for key, each in joined.items() if key not in left))
 
 
