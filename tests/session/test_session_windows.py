@@ -95,7 +95,7 @@ def test_frames_that_came_late_stand_at_their_places(tmp_path):
 
 def test_blocks_that_another_writer_has_numbered_otherwise_are_read(tmp_path):
     path, frames = tmp_path / "run.mcap", made_frames(100)
-    codec = FrameCodec.of_channels(CHANNELS)
+    codec = FrameCodec(CHANNELS)
     with path.open("wb") as stream:
         writer = open_writer(stream)
         schema = writer.register_schema(FRAME_BLOCK, "protobuf", frame_schema(CHANNELS))

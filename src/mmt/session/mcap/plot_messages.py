@@ -84,7 +84,7 @@ class LogCodec(Codec):
 
     def encode(self, utc_ns: int, sentence: str) -> bytes:
         """Encode a sentence as a message of level INFO at `utc_ns`, in ns since 1970."""
-        message = self._message(level=2, message=sentence, name="mmt")
+        message = self.message(level=2, message=sentence, name="mmt")
         message.timestamp.seconds, message.timestamp.nanos = divmod(utc_ns, 1_000_000_000)
         return bytes(message.SerializeToString())
 
