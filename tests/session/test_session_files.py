@@ -22,9 +22,9 @@ from mmt.core.frames import ALL_CHANNELS, CHANNELS
 from mmt.session.data import OutputBlock
 from mmt.session.files import export_session, read_session, write_session
 from mmt.session.info import info
-from mmt.session.mcap.index import open_windows
 from mmt.session.mcap.messages import FrameCodec
 from mmt.session.mcap.writer import SessionWriter
+from mmt.session.stream import open_windows
 from mmt.session.windows import MemoryWindows
 
 SCENE = {"session": {"name": "wood", "rate_hz": 1000}, "link": {"port": 8765}}
@@ -209,7 +209,7 @@ def test_a_newer_format_is_refused(tmp_path, monkeypatch):
 
 
 def test_frames_whose_fields_differ_in_length_are_refused():
-    codec = FrameCodec.of_channels(("force",))
+    codec = FrameCodec(("force",))
     one_sequence_more = bytes([0x0A, 1, 7])  # field 1, packed, one byte long, the number 7
     with pytest.raises(InputError, match="do not fit their schema: cannot reshape"):
         codec.decode([codec.encode(made_frames(20, ("force",))) + one_sequence_more])

@@ -20,8 +20,7 @@ from mmt.session.formats import suffixes
 from mmt.session.importing.proposal import propose
 from mmt.session.importing.recording import import_recording
 from mmt.session.info import info
-from mmt.session.mcap.index import open_windows
-from mmt.session.stream import open_recording
+from mmt.session.stream import open_recording, open_windows
 
 pytestmark = pytest.mark.usefixtures("read_here")
 

@@ -110,6 +110,7 @@ EVENTS = [
     {"kind": "listener joined", "listener": {"id": 2, "name": ""}},
     {"kind": "listener left", "listener": {**ANN, **SENT, "why": "it disconnected"}},
     {"kind": "listener left", "listener": "malformed"},
+    {"kind": "listener joined", "listener": {"id": [], "name": "odd"}},
 ]
 
 
@@ -130,9 +131,9 @@ def shown(path, monkeypatch):
 
 def test_a_recording_has_who_listened(tmp_path, monkeypatch):
     path = recorded(tmp_path / "shared.mcap", EVENTS)
-    ann, stays = info(path).listeners
+    ann, stays, odd = info(path).listeners
     assert ann == {**ANN, **SENT, "why": "it disconnected"}
-    assert stays == {"id": 2, "name": ""}
+    assert (stays, odd) == ({"id": 2, "name": ""}, {"id": [], "name": "odd"})
     text = shown(path, monkeypatch)
     line = next(line for line in text.splitlines() if "[red]ann" in line)
     assert "\\" not in line

@@ -24,10 +24,9 @@ from mmt.session.files import export_session, import_session, read_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.info import info
-from mmt.session.mcap.index import open_windows
 from mmt.session.recorder import McapRecorder
 from mmt.session.recover import recover
-from mmt.session.stream import blocks_of, open_recording
+from mmt.session.stream import blocks_of, open_recording, open_windows
 
 
 def recorded(path, samples_per_frame, **options):
@@ -89,6 +88,11 @@ def test_info_says_the_rates(tmp_path, samples_per_frame):
     assert said.output_rate_hz == 1000.0 * samples_per_frame
     export_session(RecordedSession(made_frames(50, ("force",))), tmp_path / "still.mcap")
     still = info(tmp_path / "still.mcap")
+    anew = made_frames(9, ("force",))  # the follower restarted
+    anew["time_ns"] += 3_000_000_000
+    twice = RecordedSession(np.concatenate([made_frames(50, ("force",)), anew]))
+    export_session(twice, tmp_path / "twice.mcap")
+    assert info(tmp_path / "twice.mcap").rate_hz == pytest.approx(1000, rel=1e-3)
     assert (still.acceleration_rate_hz, still.output_rate_hz) == (None, None)
 
 

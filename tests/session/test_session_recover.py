@@ -20,10 +20,10 @@ from mmt.session.data import OutputBlock
 from mmt.session.files import read_session, write_session
 from mmt.session.info import info
 from mmt.session.mcap import scan
-from mmt.session.mcap.index import IndexedSession, open_windows
+from mmt.session.mcap.index import IndexedSession
 from mmt.session.mcap.writer import SessionWriter
 from mmt.session.recover import recover
-from mmt.session.stream import blocks_of, open_recording
+from mmt.session.stream import blocks_of, open_recording, open_windows
 
 FLUSH_FRAMES = 500
 

@@ -147,7 +147,7 @@ def test_a_file_of_version_1_is_read(tmp_path):
         schema = writer.register_schema(FRAME_BLOCK, "protobuf", frame_schema(CHANNELS))
         events = writer.register_schema("mmt.Event", "jsonschema", b'{"type": "object"}')
         channel = writer.register_channel("/frames", "protobuf", schema)
-        data = FrameCodec.of_channels(CHANNELS).encode(frames)
+        data = FrameCodec(CHANNELS).encode(frames)
         writer.add_message(channel, 5_000_000_000, data, int(frames["time_ns"][0]))
         channel = writer.register_channel("/events", "json", events)
         writer.add_message(channel, 5_500_000_000, b'{"event": "mark"}', 5_500_000_000)

@@ -13,11 +13,11 @@ from mmt.evaluation.evaluate import evaluate_session
 from mmt.session.data import OutputBlock, RecordedSession
 from mmt.session.files import export_session, read_session, write_session
 from mmt.session.info import info
-from mmt.session.mcap.index import IndexedSession, open_windows
+from mmt.session.mcap.index import IndexedSession
 from mmt.session.mcap.messages import FRAME_BLOCK, FrameCodec, frame_schema
 from mmt.session.mcap.writer import FRAMES_TOPIC, open_writer
 from mmt.session.recorder import McapRecorder
-from mmt.session.stream import blocks_of, in_memory, open_recording
+from mmt.session.stream import blocks_of, in_memory, open_recording, open_windows
 from mmt.texture.online.history import stream_blocks
 from mmt.texture.signals.filtering import StreamNumbering
 
@@ -95,7 +95,7 @@ def test_frames_that_came_late_stand_at_their_places(tmp_path):
 
 def test_blocks_that_another_writer_has_numbered_otherwise_are_read(tmp_path):
     path, frames = tmp_path / "run.mcap", made_frames(100)
-    codec = FrameCodec.of_channels(CHANNELS)
+    codec = FrameCodec(CHANNELS)
     with path.open("wb") as stream:
         writer = open_writer(stream)
         schema = writer.register_schema(FRAME_BLOCK, "protobuf", frame_schema(CHANNELS))

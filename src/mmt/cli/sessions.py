@@ -236,7 +236,7 @@ def view(
 ) -> None:
     """Show a session file in a browser, moment by moment, as the monitor shows a run."""
     compile_kernels(["mmt.web.viewing.recording"], messages.print)
-    from mmt.session.mcap.index import open_windows
+    from mmt.session.stream import open_windows
     from mmt.web.viewing.recording import ViewedRecording
     from mmt.web.viewing.server import serve_recording
 

@@ -145,7 +145,7 @@ def replayed_words(replay: Replay) -> list[SurfaceStatement]:
     Their sequence numbers are those of the replay, which begin at 0. Empty if the file is not on
     this machine, or if gaps are closed up, which moves the numbers.
     """
-    from mmt.session.mcap.index import open_windows
+    from mmt.session.stream import open_windows
 
     if replay.file is None or replay.gaps != "keep" or not replay.file.is_file():
         return []

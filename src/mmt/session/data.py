@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.core.errors import InputError
@@ -18,6 +19,7 @@ from mmt.core.frames import (
     acceleration_samples,
     axes_of,
     channels_of,
+    empty_frames,
     samples_per_frame,
 )
 from mmt.core.output.plottable import Plottable
@@ -167,6 +169,21 @@ class RecordedSession(Plottable):
         if not self.complete:
             parts.append("cut off")
         return f"<RecordedSession{name}: {', '.join(parts)}>"
+
+
+def frames_of(
+    sequence: npt.ArrayLike,
+    time_ns: npt.ArrayLike,
+    values: Mapping[Channel, np.ndarray[Any, np.dtype[Any]]],
+    samples_per_frame: int = 1,
+) -> RecordArray:
+    """Return frames (n,) with these channels' values, of any shape that has as many numbers."""
+    frames = empty_frames(np.size(sequence), values, samples_per_frame)
+    frames["sequence"], frames["time_ns"] = sequence, time_ns
+    for channel, vectors in values.items():
+        field = frames[FIELD_OF_CHANNEL[channel]]
+        field[...] = vectors.reshape(field.shape)
+    return frames
 
 
 def missing_frames(frames: RecordArray) -> int:

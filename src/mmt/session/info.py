@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from mmt.core.errors import InputError, printable
 from mmt.core.extras import require
 from mmt.core.files.existing import size_bytes
@@ -126,14 +128,14 @@ def _faults(session: RecordedSession) -> "SignalFaults | None":
 
 
 def _listeners(events: Iterable[JsonObject]) -> tuple[JsonObject, ...]:
-    joined: dict[object, JsonObject] = {}
-    left: dict[object, JsonObject] = {}
+    joined: dict[str, JsonObject] = {}
+    left: dict[str, JsonObject] = {}
     for event in events:
         listener = event.get("listener")
         if not isinstance(listener, Mapping):
             continue
         where = left if event.get("kind") == "listener left" else joined
-        where[listener.get("id")] = dict(listener)
+        where[str(listener.get("id"))] = dict(listener)
     return (*left.values(), *(each for key, each in joined.items() if key not in left))
 
 
@@ -145,12 +147,10 @@ def _hand_overs(session: RecordedSession) -> Iterator[str]:
 
 
 def _rate_hz(session: RecordedSession) -> float | None:
-    frames = session.frames
-    if len(frames) < 2:
-        return None
-    span_ns = int(frames["time_ns"][-1]) - int(frames["time_ns"][0])
-    steps = int(frames["sequence"][-1]) - int(frames["sequence"][0])
-    return steps * 1e9 / span_ns if span_ns > 0 else None
+    fields = (session.frames[name].astype(np.int64) for name in ("sequence", "time_ns"))
+    steps, spans_ns = map(np.diff, fields)
+    on = (steps > 0) & (spans_ns >= 0)  # not where the follower restarted
+    return float(steps[on].sum() * 1e9 / spans_ns[on].sum()) if spans_ns[on].any() else None
 
 
 def _scene_name(session: RecordedSession) -> str | None:

@@ -7,9 +7,15 @@ import numpy as np
 
 from mmt.core.arrays import IntArray, RecordArray
 from mmt.core.errors import InputError
-from mmt.core.frames import FIELD_OF_CHANNEL, Channel, frame_dtype, ordered_channels
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel, ordered_channels
 from mmt.core.sequence_numbers import SEQUENCES
-from mmt.session.data import FRAME_PERIOD_NS, RecordedSession, duration_s, missing_frames
+from mmt.session.data import (
+    FRAME_PERIOD_NS,
+    RecordedSession,
+    duration_s,
+    frames_of,
+    missing_frames,
+)
 
 JOINT_STEP: Final = 2
 """Step of the sequence across a joint of frames that were not consecutive. One frame is
@@ -171,10 +177,9 @@ def _chosen_frames(
             "[session], or import a file that has more of it by 'mmt session import "
             f"--acceleration-rate {1000 * samples_per_frame}'"
         )
-    chosen = np.empty(len(session.frames), dtype=frame_dtype(channels, samples_per_frame))
-    for field in ("sequence", "time_ns", *(FIELD_OF_CHANNEL[channel] for channel in channels)):
-        chosen[field] = session.frames[field]
-    return chosen
+    frames = session.frames
+    values = {channel: frames[FIELD_OF_CHANNEL[channel]] for channel in channels}
+    return frames_of(frames["sequence"], frames["time_ns"], values, samples_per_frame)
 
 
 def _plan(frames: RecordArray, *, close_gaps: bool) -> tuple[IntArray, IntArray]:

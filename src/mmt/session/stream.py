@@ -1,4 +1,4 @@
-"""Read a session file from beginning to end, a few chunks at a time, to bound memory."""
+"""Open a session file to read it in parts, from beginning to end or in windows."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -8,12 +8,15 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.session.data import RecordedSession
 from mmt.session.files import read_session
+from mmt.session.windows import MemoryWindows
 
 if TYPE_CHECKING:
     from mmt.session.mcap.index import IndexedSession
 
 Recording = Union[RecordedSession, "IndexedSession"]
 """A recorded session, in memory or in its file."""
+SessionWindows = Union[MemoryWindows, "IndexedSession"]
+"""A recording that is read in windows, in memory or in its file."""
 
 
 def common_samples_per_frame(sessions: Sequence[Recording]) -> int:
@@ -69,3 +72,29 @@ def in_memory(recording: Recording) -> RecordedSession:
         See `mmt.read_session`.
     """
     return recording if isinstance(recording, RecordedSession) else read_session(recording.path)
+
+
+def open_windows(path: str | Path) -> SessionWindows:
+    """Open a session file of any readable format.
+
+    An ``.mcap`` file is read by its index, a few chunks for each window. A cut-off file and
+    files of other formats have no index and are read into memory.
+
+    Raises
+    ------
+    InputError
+        The file is missing, of an unknown format, not valid, or holds no frames.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".mcap":
+        return MemoryWindows(read_session(path))
+    from mmt.session.mcap.index import IndexedSession
+    from mmt.session.mcap.reader import scanned_session
+    from mmt.session.mcap.scan import scan_mcap
+
+    indexed = IndexedSession.open(path)
+    if indexed is None:
+        return MemoryWindows(scanned_session(scan_mcap(path)))
+    if not indexed.has_frames:
+        raise InputError(f"session {path}: it holds no frames")
+    return indexed

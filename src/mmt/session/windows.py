@@ -6,8 +6,6 @@ less than the session time in the events' ``time_s``.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -33,36 +31,17 @@ class Window:
     arrivals: IntArray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
 
 
-class SessionWindows(Protocol):
-    """A recording that is read in windows, by any thread."""
-
-    path: Path
-    scene: JsonObject | None
-    session_id: str | None
-    channels: tuple[Channel, ...]
-    samples_per_frame: int
-    """Samples of acceleration, and of the output, per frame."""
-    duration_s: float
-    has_output: bool
-    """Whether the leader's output was recorded."""
-    in_memory: bool
-    """Whether the whole session is in memory."""
-
-    @property
-    def events(self) -> Sequence[JsonObject]:
-        """The events in order, each with its recording time as ``at_s``."""
-
-    def window(self, begin_s: float, end_s: float) -> Window:
-        """Return the content from `begin_s` up to before `end_s`, in recording time."""
-
-
 def overlapping(outputs: Sequence[OutputBlock], begin_s: float, end_s: float) -> list[OutputBlock]:
     """Return the blocks that have a sample from `begin_s` up to before `end_s`."""
     return [output for output in outputs if output.time_s < end_s and output.end_s > begin_s]
 
 
 class MemoryWindows:
-    """Windows of a session in memory.
+    """Windows of a session in memory; any thread may read.
+
+    ``samples_per_frame`` is that of acceleration and of the output, ``has_output`` tells whether
+    the leader's output was recorded. ``events`` are in order, each with its recording time as
+    ``at_s``. The other attributes are those of `RecordedSession`.
 
     Raises
     ------
@@ -92,7 +71,7 @@ class MemoryWindows:
         ]
 
     def window(self, begin_s: float, end_s: float) -> Window:
-        """See `SessionWindows.window`."""
+        """Return the content from `begin_s` up to before `end_s`, in recording time."""
         first, stop = np.searchsorted(self._time_s, [begin_s, end_s]).tolist()
         outputs = overlapping(self._outputs, begin_s, end_s)
         return Window(self._time_s[first:stop], self._frames[first:stop], outputs)

@@ -23,7 +23,7 @@ from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.session.data import OutputBlock, RecordedSession
 from mmt.session.files import export_session
-from mmt.session.mcap.index import open_windows
+from mmt.session.stream import open_windows
 from mmt.testing.simulation.offline import simulate_session
 from mmt.web.viewing.rebuilding import ModelRebuild
 from mmt.web.viewing.recording import ViewedRecording

@@ -16,7 +16,7 @@ from mmt.leader.output.vibration import Mode
 from mmt.scene import Scene
 from mmt.session.data import OutputBlock, RecordedSession
 from mmt.session.files import export_session
-from mmt.session.mcap.index import open_windows
+from mmt.session.stream import open_windows
 from mmt.session.windows import MemoryWindows, Window
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel, TextureSamples

@@ -8,9 +8,9 @@ import numpy as np
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, MOST_SAMPLES, Channel, frame_dtype
+from mmt.core.frames import MOST_SAMPLES, Channel
 from mmt.core.sequence_numbers import SEQUENCES
-from mmt.session.data import FRAME_PERIOD_NS, FRAME_PERIOD_S, sample_times
+from mmt.session.data import FRAME_PERIOD_NS, FRAME_PERIOD_S, frames_of, sample_times
 from mmt.session.importing.resampling import RATE_HZ, resample
 from mmt.session.importing.samples import Samples
 from mmt.session.importing.stamps import StampChoice, Stamps, assess_stamps
@@ -170,11 +170,4 @@ def _frames(
             "seconds (else say their unit, as in --unit time=ms)? Otherwise allow a longer gap "
             "(--longest-gap), or move a file's times (--offset)"
         )
-    channels = [channel for channel in ALL_CHANNELS if channel in values]
-    frames = np.zeros(len(numbers), dtype=frame_dtype(channels, samples_per_frame))
-    frames["sequence"] = numbers
-    frames["time_ns"] = time_ns
-    for channel in channels:
-        field = frames[FIELD_OF_CHANNEL[channel]]
-        field[...] = values[channel].reshape(field.shape)
-    return frames
+    return frames_of(numbers, time_ns, values, samples_per_frame)

@@ -76,10 +76,9 @@ def assess_stamps(
         between its neighbours, and the times with the better prediction are used. None: use
         regular times for a periodic source.
     choice
-        "regular" for regular times if the source is periodic, "kept" for the stamps, or "auto".
+        "regular" for regular times if the source is periodic, "kept" for the stamps; any other
+        is "auto".
     """
-    if choice in ("header", "receipt"):
-        choice = "auto"
     kept, own_s = _as_they_are(stamps_s)
     line = _fit(stamps_s) if len(stamps_s) >= _FEWEST_ROWS else None
     if line is None:
@@ -88,7 +87,7 @@ def assess_stamps(
     explained = _explains(off_s, np.diff(stamps_s), own_s)
     most = 1.0 if explained else _MUCH_BETTER
     better = _prediction_error(line.time_s, rows) <= most * _prediction_error(stamps_s, rows)
-    regular = choice == "regular" or (choice == "auto" and better)
+    regular = choice == "regular" or (choice != "kept" and better)
     if not (explained or regular):
         return kept
     return Stamps(

@@ -19,12 +19,11 @@ from mmt.session.mcap.reader import (
     output_block,
     output_codec,
     recorded_event,
-    scanned_session,
     scene_of,
     utc_offset_ns,
 )
 from mmt.session.mcap.records import problems_of
-from mmt.session.mcap.scan import DAMAGE, Scan, chunk_messages, read_index, scan_mcap
+from mmt.session.mcap.scan import DAMAGE, Scan, chunk_messages, read_index
 from mmt.session.mcap.writer import (
     ANNOTATIONS_ATTACHMENT,
     BACKFILL_TOPIC,
@@ -33,7 +32,7 @@ from mmt.session.mcap.writer import (
     OUTPUT_TOPIC,
     SESSION_METADATA,
 )
-from mmt.session.windows import MemoryWindows, SessionWindows, Window, overlapping
+from mmt.session.windows import Window, overlapping
 
 _CHUNKS_TOGETHER: Final = 8
 """Chunks whose frames make one block, a few seconds of a session."""
@@ -44,8 +43,7 @@ _CHUNKS_KEPT: Final = 64
 class IndexedSession:
     """A session file with an index, whose frames stay in it; any thread may read.
 
-    `open` makes one. For its attributes see `mmt.session.windows.SessionWindows` and
-    `mmt.session.data.RecordedSession`.
+    `open` makes one. For its attributes see `mmt.session.windows.MemoryWindows`.
     """
 
     in_memory = False
@@ -139,7 +137,7 @@ class IndexedSession:
             yield self._codec.decode([message.data for message in live])
 
     def window(self, begin_s: float, end_s: float) -> Window:
-        """See `mmt.session.windows.SessionWindows.window`.
+        """See `mmt.session.windows.MemoryWindows.window`.
 
         Takes a few milliseconds for each chunk (0.5 to 1 s of the session) that is not cached.
         """
@@ -220,27 +218,3 @@ class IndexedSession:
         block = np.searchsorted(begins, np.arange(len(frames)), side="right") - 1
         since_ns = frames["time_ns"] - frames["time_ns"][begins[block]]
         return frames, np.asarray((arrived_ns[block] - self._start_ns + since_ns) / 1e9)
-
-
-def open_windows(path: str | Path) -> SessionWindows:
-    """Open a session file of any readable format.
-
-    An ``.mcap`` file is read by its index, a few chunks for each window. A cut-off file and
-    files of other formats have no index and are read into memory.
-
-    Raises
-    ------
-    InputError
-        The file is missing, of an unknown format, not valid, or holds no frames.
-    """
-    path = Path(path)
-    if path.suffix.lower() != ".mcap":
-        from mmt.session.files import read_session
-
-        return MemoryWindows(read_session(path))
-    indexed = IndexedSession.open(path)
-    if indexed is None:
-        return MemoryWindows(scanned_session(scan_mcap(path)))
-    if not indexed.has_frames:
-        raise InputError(f"session {path}: it holds no frames")
-    return indexed

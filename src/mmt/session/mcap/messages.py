@@ -4,11 +4,11 @@ The schemas are built from the session's channels and stored in the file, so tha
 can decode it. ``docs/reference/session-file.md`` describes the layout.
 """
 
-import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
@@ -17,7 +17,7 @@ from google.protobuf.message import DecodeError
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, Channel, frame_dtype
-from mmt.session.data import event_time_s
+from mmt.session.data import JsonObject, event_time_s
 
 FRAME_BLOCK: Final = "mmt.FrameBlock"
 OUTPUT_BLOCK: Final = "mmt.OutputBlock"
@@ -27,6 +27,15 @@ EVENT: Final = "mmt.Event"
 Field: Final = descriptor_pb2.FieldDescriptorProto
 _MISFITS = (DecodeError, AttributeError, TypeError, ValueError)
 """Exceptions that decoding raises if a field is absent or has another type or length."""
+
+
+@contextmanager
+def _fitting(else_told: str) -> Iterator[None]:
+    try:
+        yield
+    except _MISFITS as error:
+        raise InputError(f"{else_told}: {error}") from error
+
 
 _MERGED_MESSAGES = 4096
 """Messages parsed in one call; limits the bytes that are joined (4 MB)."""
@@ -87,11 +96,11 @@ class Codec:
 
     def __init__(self, name: str, schema: bytes) -> None:
         self.name, self.schema = name, schema
-        self._message = message_class(schema, name)
+        self.message = message_class(schema, name)
 
     def pack(self, **fields: Any) -> bytes:
         """Return a message with these fields."""
-        return bytes(self._message(**fields).SerializeToString())
+        return bytes(self.message(**fields).SerializeToString())
 
 
 class FrameCodec(Codec):
@@ -99,23 +108,19 @@ class FrameCodec(Codec):
 
     Parameters
     ----------
-    schema
-        Schema of the messages, which defines the channels.
+    layout
+        Schema of the messages, which defines the channels; or these, for the current layout.
     samples_per_frame
         Samples of acceleration, and of the leader's output, per frame.
     """
 
-    def __init__(self, schema: bytes, samples_per_frame: int = 1) -> None:
+    def __init__(self, layout: bytes | Sequence[Channel], samples_per_frame: int = 1) -> None:
+        schema = layout if isinstance(layout, bytes) else frame_schema(layout)
         super().__init__(FRAME_BLOCK, schema)
-        fields = self._message.DESCRIPTOR.fields_by_name
+        fields = self.message.DESCRIPTOR.fields_by_name
         self.channels = tuple(c for c in ALL_CHANNELS if FIELD_OF_CHANNEL[c] in fields)
         self.samples_per_frame = samples_per_frame
         self.dtype = frame_dtype(self.channels, samples_per_frame)
-
-    @classmethod
-    def of_channels(cls, channels: Sequence[Channel], samples_per_frame: int = 1) -> Self:
-        """Return the codec for these channels, in the current layout."""
-        return cls(frame_schema(channels), samples_per_frame)
 
     def encode(self, frames: RecordArray) -> bytes:
         """Encode a block of frames (n,) as one message; about 12 us for n = 20."""
@@ -139,14 +144,12 @@ class FrameCodec(Codec):
         return np.concatenate([np.zeros(0, dtype=self.dtype), *map(self._parse, joined)])
 
     def _parse(self, joined: bytes) -> RecordArray:
-        try:
-            message = self._message.FromString(joined)
+        with _fitting("blocks of frames do not fit their schema"):
+            message = self.message.FromString(joined)
             frames = np.zeros(len(message.sequence), dtype=self.dtype)
             for name in self.dtype.names or ():
                 column = np.asarray(getattr(message, name), dtype=frames[name].dtype)
                 frames[name] = column.reshape(frames[name].shape)
-        except _MISFITS as error:
-            raise InputError(f"blocks of frames do not fit their schema: {error}") from error
         return frames
 
 
@@ -173,50 +176,37 @@ class OutputCodec(Codec):
         InputError
             The message does not parse.
         """
-        try:
-            message = self._message.FromString(payload)
+        with _fitting("the leader's output does not fit its schema"):
+            message = self.message.FromString(payload)
             return str(message.mode), np.asarray(message.vibration_m_s2, dtype=np.float64)
-        except _MISFITS as error:
-            raise InputError(f"the leader's output does not fit its schema: {error}") from error
-
-
-class EventCodec(Codec):
-    """Turn events, as JSON text, into ``mmt.Event`` messages and back.
-
-    A message has the event as JSON, and fields that most events have.
-    """
-
-    def __init__(self) -> None:
-        fields = [("time_s", Field.TYPE_DOUBLE, False)]
-        fields += [(name, Field.TYPE_STRING, False) for name in ("event", "kind", "json")]
-        super().__init__(EVENT, message_schema(EVENT, fields))
-
-    def encode(self, text: str) -> bytes:
-        """Encode one event."""
-        event = json.loads(text)
-        kind = event.get("kind")
-        return self.pack(
-            time_s=event_time_s(event),
-            event=str(event.get("event", "")),
-            kind="" if kind is None else str(kind),
-            json=text,
-        )
-
-    def decode(self, payload: bytes) -> str:
-        """Decode one message.
-
-        Raises
-        ------
-        InputError
-            The message does not parse.
-        """
-        try:
-            return str(self._message.FromString(payload).json)
-        except _MISFITS as error:
-            raise InputError(f"an event does not fit its schema: {error}") from error
 
 
 @cache
-def event_codec() -> EventCodec:
-    """Return the codec of all events, of which a file has many."""
-    return EventCodec()
+def event_codec() -> Codec:
+    """Return the codec of ``mmt.Event``: an event as JSON, and fields that most events have."""
+    fields = [("time_s", Field.TYPE_DOUBLE, False)]
+    fields += [(name, Field.TYPE_STRING, False) for name in ("event", "kind", "json")]
+    return Codec(EVENT, message_schema(EVENT, fields))
+
+
+def pack_event(event: JsonObject, text: str) -> bytes:
+    """Encode an event whose JSON is `text`."""
+    kind = event.get("kind")
+    return event_codec().pack(
+        time_s=event_time_s(event),
+        event=str(event.get("event", "")),
+        kind="" if kind is None else str(kind),
+        json=text,
+    )
+
+
+def event_text(payload: bytes) -> str:
+    """Decode the JSON of an event.
+
+    Raises
+    ------
+    InputError
+        The message does not parse.
+    """
+    with _fitting("an event does not fit its schema"):
+        return str(event_codec().message.FromString(payload).json)

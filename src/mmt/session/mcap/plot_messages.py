@@ -22,6 +22,7 @@ VIBRATION_SAMPLE: Final = "mmt.VibrationSample"
 
 _MEANS: Final[tuple[Channel, ...]] = ("position", "force")
 """Channels whose mean is in a plot sample; of acceleration it has the RMS of the vibration."""
+_TIMESTAMP: Final = ".google.protobuf.Timestamp"
 _TIME: Final = ("time_ns", Field.TYPE_SFIXED64, False)
 
 
@@ -30,28 +31,18 @@ def log_schema() -> bytes:
 
     Source: https://docs.foxglove.dev/docs/visualization/message-schemas/log.
     """
-    timestamp = descriptor_pb2.FileDescriptorProto()
-    timestamp_pb2.DESCRIPTOR.CopyToProto(timestamp)
-    described = descriptor_pb2.FileDescriptorProto(
-        name="foxglove/Log.proto",
-        package="foxglove",
-        syntax="proto3",
-        dependency=[timestamp.name],
-    )
-    body = described.message_type.add(name="Log")
+    kinds = {"timestamp": Field.TYPE_MESSAGE, "level": Field.TYPE_ENUM}
+    kinds |= dict.fromkeys(("message", "name", "file"), Field.TYPE_STRING)
+    fields = [(name, kind, False) for name, kind in {**kinds, "line": Field.TYPE_FIXED32}.items()]
+    files = descriptor_pb2.FileDescriptorSet()
+    timestamp_pb2.DESCRIPTOR.CopyToProto(files.file.add())
+    files.MergeFromString(message_schema(LOG, fields))
+    files.file[1].dependency.append(timestamp_pb2.DESCRIPTOR.name)
+    body = files.file[1].message_type[0]
+    body.field[0].type_name, body.field[1].type_name = _TIMESTAMP, f".{LOG}.Level"
     levels = body.enum_type.add(name="Level")
     for number, name in enumerate(("UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL")):
         levels.value.add(name=name, number=number)
-    kinds: list[tuple[str, int, str | None]] = [
-        ("timestamp", Field.TYPE_MESSAGE, ".google.protobuf.Timestamp"),
-        ("level", Field.TYPE_ENUM, ".foxglove.Log.Level"),
-        *((name, Field.TYPE_STRING, None) for name in ("message", "name", "file")),
-        ("line", Field.TYPE_FIXED32, None),
-    ]
-    for number, (name, kind, of_type) in enumerate(kinds, start=1):
-        label = Field.LABEL_OPTIONAL
-        body.field.add(name=name, number=number, type=kind, label=label, type_name=of_type)
-    files = descriptor_pb2.FileDescriptorSet(file=[timestamp, described])
     return bytes(files.SerializeToString())
 
 
@@ -93,7 +84,7 @@ class LogCodec(Codec):
 
     def encode(self, utc_ns: int, sentence: str) -> bytes:
         """Encode a sentence as a message of level INFO at `utc_ns`, in ns since 1970."""
-        message = self._message(level=2, message=sentence, name="mmt")
+        message = self.message(level=2, message=sentence, name="mmt")
         message.timestamp.seconds, message.timestamp.nanos = divmod(utc_ns, 1_000_000_000)
         return bytes(message.SerializeToString())
 

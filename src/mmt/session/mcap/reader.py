@@ -20,7 +20,7 @@ from mmt.session.data import (
     compares_clocks,
     json_object,
 )
-from mmt.session.mcap.messages import FRAME_BLOCK, FrameCodec, OutputCodec, event_codec
+from mmt.session.mcap.messages import FRAME_BLOCK, FrameCodec, OutputCodec, event_text
 from mmt.session.mcap.scan import Scan, scan_mcap
 from mmt.session.mcap.writer import (
     ACCELERATION_RATE,
@@ -220,7 +220,7 @@ def parse_event(scan: Scan, message: Message) -> dict[str, Any]:
         The event does not parse.
     """
     encoding, data = scan.channels[message.channel_id].message_encoding, message.data
-    text = data if encoding == MessageEncoding.JSON else event_codec().decode(data)
+    text = data if encoding == MessageEncoding.JSON else event_text(data)
     return json_object(text, f"session {scan.path}: an event")
 
 

@@ -272,7 +272,7 @@ def unpacked(chunk: Chunk, most: int) -> Chunk:
 
     Raises
     ------
-    TooLarge
+    ChunkTooLarge
         The data, or the size that the chunk declares, exceed `most` bytes.
     Exception
         The chunk is damaged; see `DAMAGE`.

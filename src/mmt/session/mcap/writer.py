@@ -27,7 +27,7 @@ from mmt.session.data import (
     sampled_parts,
     to_json,
 )
-from mmt.session.mcap.messages import Codec, FrameCodec, OutputCodec, event_codec
+from mmt.session.mcap.messages import Codec, FrameCodec, OutputCodec, event_codec, pack_event
 from mmt.session.mcap.plot_messages import (
     ACCELERATION_SAMPLE,
     SCALARS,
@@ -105,7 +105,7 @@ class SessionWriter:
         samples_per_frame: int = 1,
     ) -> None:
         self._writer = open_writer(stream)
-        self._frames = FrameCodec.of_channels(channels, samples_per_frame)
+        self._frames = FrameCodec(channels, samples_per_frame)
         self._plot = PlotCodec(channels)
         self._output = OutputCodec()
         self._log = LogCodec()
@@ -194,10 +194,11 @@ class SessionWriter:
                 data = self._vibration.pack(time_ns=at_ns, vibration_m_s2=value)
                 self._add(VIBRATION_TOPIC, data, at_ns, at_ns)
 
-    def write_event(self, event: str, log_time_ns: int) -> None:
+    def write_event(self, text: str, log_time_ns: int) -> None:
         """Write an event, the text of a JSON object, and its sentence as a log message."""
-        self._add(EVENTS_TOPIC, event_codec().encode(event), log_time_ns, log_time_ns)
-        sentence = json.loads(event).get("event")
+        event = json.loads(text)
+        self._add(EVENTS_TOPIC, pack_event(event, text), log_time_ns, log_time_ns)
+        sentence = event.get("event")
         if isinstance(sentence, str):
             data = self._log.encode(self._utc_ns(log_time_ns), sentence)
             self._add(LOG_TOPIC, data, log_time_ns, log_time_ns)

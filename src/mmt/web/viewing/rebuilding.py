@@ -19,7 +19,7 @@ import numpy as np
 from mmt.core.arrays import BoolArray, FloatArray, RecordArray
 from mmt.core.errors import MmtError
 from mmt.session.data import JsonObject
-from mmt.session.windows import SessionWindows
+from mmt.session.stream import SessionWindows
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.modeller_factory import ModellerFactory

@@ -6,7 +6,8 @@ from mmt.core.errors import InputError
 from mmt.core.verdict import Facts, Verdict, verdict
 from mmt.scene import Scene, Texture
 from mmt.scene.files import scene_of_recording
-from mmt.session.windows import SessionWindows, Window
+from mmt.session.stream import SessionWindows
+from mmt.session.windows import Window
 from mmt.texture.model.texture_model import TextureModel
 from mmt.web.monitor import states
 from mmt.web.page_server import pack

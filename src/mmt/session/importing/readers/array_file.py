@@ -14,8 +14,8 @@ from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.files.untrusted import load_arrays
-from mmt.core.frames import FRAMES_HZ, MOST_SAMPLES, frame_dtype
-from mmt.session.data import FRAME_PERIOD_NS
+from mmt.core.frames import FRAMES_HZ, MOST_SAMPLES
+from mmt.session.data import FRAME_PERIOD_NS, frames_of
 from mmt.session.export_files import read_comment
 from mmt.session.importing.columns import (
     BEGAN,
@@ -159,12 +159,8 @@ def _frames(acceleration_m_s2: FloatArray, rate_hz: int) -> RecordArray | None:
     if rest or not 1 <= several <= MOST_SAMPLES:
         return None
     count = len(acceleration_m_s2) // several
-    frames = np.zeros(count, frame_dtype(["acceleration"], several))
-    frames["sequence"] = np.arange(count)
-    frames["time_ns"] = np.arange(count) * FRAME_PERIOD_NS
-    field = frames["acceleration_m_s2"]
-    field[...] = acceleration_m_s2[: count * several].reshape(field.shape)
-    return frames
+    numbers, values = np.arange(count), acceleration_m_s2[: count * several]
+    return frames_of(numbers, numbers * FRAME_PERIOD_NS, {"acceleration": values}, several)
 
 
 def _members(array: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, MOST_SAMPLES, frame_dtype
-from mmt.session.data import field_columns
+from mmt.core.frames import ALL_CHANNELS, MOST_SAMPLES
+from mmt.session.data import field_columns, frames_of
 from mmt.session.importing.columns import (
     OF_THE_SESSION,
     SourceColumns,
@@ -22,10 +22,9 @@ from mmt.session.importing.columns import (
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.readers.cells import columns_of
 
-_COUNTS: Final = range(1, MOST_SAMPLES + 1)
 _OF_FRAMES: Final = {
     *("sequence", "time_ns"),
-    *(name for c in ALL_CHANNELS for count in _COUNTS for name in field_columns(c, count)),
+    *(n for c in ALL_CHANNELS for k in (1, MOST_SAMPLES) for n in field_columns(c, k)),
 }
 
 
@@ -148,22 +147,15 @@ def _numbers(column: Any, name: str, origin: str) -> npt.NDArray[Any]:
 
 def _frames(columns: Mapping[str, npt.NDArray[Any]]) -> RecordArray | None:
     """Return the frames (n,) of an exported session, or None if the columns were changed."""
-    counts = {
-        c: count
-        for c in ALL_CHANNELS
-        for count in _COUNTS
-        if set(field_columns(c, count)) <= columns.keys()
+    several = sum(name.startswith("acceleration_x_m_s2[") for name in columns) or 1
+    names = {channel: field_columns(channel, several) for channel in ALL_CHANNELS}
+    values = {
+        channel: np.column_stack([columns[name] for name in own])
+        for channel, own in names.items()
+        if columns.keys() >= {*own}
     }
-    if not counts:
+    sequence, time_ns = columns["sequence"], columns["time_ns"]
+    kinds = {sequence.dtype.str, time_ns.dtype.str, *(each.dtype.str for each in values.values())}
+    if not values or kinds != {"<u4", "<i8", "<f4"}:
         return None
-    dtype = frame_dtype(list(counts), counts.get("acceleration", 1))
-    frames = np.zeros(len(columns["sequence"]), dtype=dtype)
-    fields: dict[str, tuple[str, ...]] = {name: (name,) for name in ("sequence", "time_ns")}
-    fields |= {FIELD_OF_CHANNEL[c]: field_columns(c, count) for c, count in counts.items()}
-    for field, names in fields.items():
-        values = frames[field].reshape(len(frames), len(names))
-        if any(columns[name].dtype != values.dtype for name in names):
-            return None
-        for place, name in enumerate(names):
-            values[:, place] = columns[name]
-    return frames
+    return frames_of(sequence, time_ns, values, several)
