@@ -9,7 +9,7 @@ import pytest
 from sensor_reading import check_times_rise, read_some, read_until_fault, read_until_lost
 
 from mmt.core.errors import InputError, MmtError
-from mmt.devices import wrench_sensor as sensor_module
+from mmt.devices import sensor_drivers as sensor_module
 from mmt.devices.ati import net_ft as net_ft_module
 from mmt.devices.ati.net_ft import NetFt, net_ft
 from mmt.devices.ati.net_wire import (
@@ -146,7 +146,7 @@ def test_a_healthy_box_is_asked_once_and_one_of_unusable_records_not_again(box, 
     monkeypatch.setattr(net_ft_module, "_REPEAT_START_NS", 10_000_000_000)
     sensor = make(silence_ms=5000)  # which has less patience than that
     monkeypatch.setattr(net_ft_module, "_REPEAT_START_NS", 400_000_000)
-    monkeypatch.setattr(sensor_module, "_BIAS_S", 0.8)
+    monkeypatch.setattr(sensor_module, "_REST_S", 0.8)
     sensor.calibrate()
     read_some(sensor, 100)
     assert box.requests.count(START) == 1

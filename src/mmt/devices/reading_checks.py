@@ -3,8 +3,8 @@
 import logging
 import math
 import time
-from collections.abc import Iterable, Sequence
-from typing import Final
+from collections.abc import Callable, Iterable, Sequence
+from typing import Final, TypeVar
 
 from mmt.core.arrays import Vector
 from mmt.core.frames import LARGEST_QUANTITY
@@ -33,6 +33,27 @@ def measured(value: Vector) -> Vector | None:
     """Return a reading, or None if it is not finite or larger than what a leader accepts."""
     x, y, z = value
     return (x, y, z) if math.hypot(x, y, z) <= LARGEST_QUANTITY else None
+
+
+Value = TypeVar("Value")
+
+
+def gathered(
+    take: Callable[[], Iterable[Value]], least: int, shortest_s: float, longest_s: float
+) -> list[Value]:
+    """Return what `take` gives over `shortest_s`, and for longer while it is less than `least`.
+
+    The result of the first call, which may be older, is left out.
+    """
+    list(take())
+    values: list[Value] = []
+    begun_s = time.monotonic()
+    while (passed_s := time.monotonic() - begun_s) < shortest_s or (
+        len(values) < least and passed_s < longest_s
+    ):
+        values += take()
+        time.sleep(0.001)
+    return values
 
 
 class StuckCheck:

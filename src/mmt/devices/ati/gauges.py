@@ -19,8 +19,8 @@ from mmt.devices.ati.calibration import (
 )
 from mmt.devices.drivers import load_device, read_options
 from mmt.devices.protocols import VoltageBoard, arrival_of
+from mmt.devices.sensor_drivers import Stamped, WrenchSensor
 from mmt.devices.wrench import matrix_of, six_of
-from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 from mmt.scene import Driver
 
 _AXES: Final = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
