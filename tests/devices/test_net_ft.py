@@ -13,13 +13,12 @@ from mmt.devices import sensor_drivers as sensor_module
 from mmt.devices.ati import net_ft as net_ft_module
 from mmt.devices.ati.net_ft import NetFt, net_ft
 from mmt.devices.ati.net_wire import (
+    RECORD,
     START,
     STOP,
-    Record,
     explain_status,
     filter_delay_ns,
     is_broken,
-    pack_record,
     parse_page,
     parse_request,
     parse_settings,
@@ -42,7 +41,7 @@ def test_requests_and_records_are_the_documented_bytes():
     assert parse_request(b"\x12\x35\0\2\0\0\0\0") is None
     assert parse_request(b"") is None
     counts = (1, -1, 1_000_000, -(2**31), 2**31 - 1, 0)
-    assert pack_record(Record(0xFFFFFFFF, 7, 0x80020000, counts)) == bytes.fromhex(
+    assert RECORD.pack(0xFFFFFFFF, 7, 0x80020000, *counts) == bytes.fromhex(
         "ffffffff 00000007 80020000 00000001 ffffffff 000f4240 80000000 7fffffff 00000000"
     )
 
