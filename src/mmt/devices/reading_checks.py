@@ -11,22 +11,8 @@ from mmt.core.frames import LARGEST_QUANTITY
 
 LOG: Final = logging.getLogger("mmt.devices")
 
-_QUIET_S: Final = 10.0
+QUIET_S: Final = 10.0
 """Time between two warnings while a fault goes on or comes back."""
-
-
-class RareWarning:
-    """Warn the first time, and then at most every ten seconds."""
-
-    def __init__(self) -> None:
-        self._quiet_until_s = 0.0
-
-    def warn(self, sentence: str) -> None:
-        """Warn with this sentence, unless a warning was given lately."""
-        now_s = time.monotonic()
-        if now_s >= self._quiet_until_s:
-            self._quiet_until_s = now_s + _QUIET_S
-            LOG.warning("%s", sentence)
 
 
 def measured(value: Vector) -> Vector | None:

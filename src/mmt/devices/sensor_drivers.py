@@ -1,6 +1,5 @@
 """Base classes of the drivers of sensors: stuck values, overload, rest, silence."""
 
-import logging
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -11,13 +10,12 @@ from typing import Final
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.output.logs import RepeatLimit
 from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.axes import Axis, signed_axes
 from mmt.devices.protocols import SensorReading
-from mmt.devices.reading_checks import RareWarning, StuckCheck, gathered, measured
+from mmt.devices.reading_checks import LOG, QUIET_S, StuckCheck, gathered, measured
 from mmt.devices.wrench import IMPOSSIBLE, Matrix, Six, WrenchConverter, WrenchOptions
-
-LOG: Final = logging.getLogger("mmt.devices")
 
 _REST_S: Final = 0.2
 """Time over which a mean at rest is taken."""
@@ -42,7 +40,7 @@ class SensorDriver(ABC):
         self.name = name
         self.latency_ns = 0
         self._counts: Counter[str] = Counter()
-        self._notice = RareWarning()
+        self._notice = RepeatLimit(QUIET_S)
         self._stuck_s = stuck_s
         self._stuck = StuckCheck(1e9 * stuck_s)
 
@@ -146,8 +144,9 @@ class AccelerometerDriver(SensorDriver):
         if abs(x) >= x_end or abs(y) >= y_end or abs(z) >= z_end:
             self._counts["overload"] += 1
             self._notice.warn(
+                LOG,
                 f"{self.name} is overloaded: beyond {x_end / GRAVITY_M_S2:.3g} g along an axis it "
-                "may cut off what it feels; touch the surface and move more gently"
+                "may cut off what it feels; touch the surface and move more gently",
             )
         return SensorReading(time_ns, (x, y, z))
 
@@ -288,8 +287,9 @@ class WrenchSensor(SensorDriver):
 
     def _tell_overload(self) -> None:
         self._notice.warn(
+            LOG,
             f"{self.name} is overloaded: beyond the range of its calibration what it says is not "
-            "to be trusted, and a transducer can be destroyed; press more gently"
+            "to be trusted, and a transducer can be destroyed; press more gently",
         )
 
     def explain_fault(self) -> str:

@@ -11,7 +11,8 @@ from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.adxl335.gravity import GravityCalibration, Rest, Up, from_dict, nominal
 from mmt.devices.axes import SensorAxesOptions
 from mmt.devices.calibrations import load_calibration
-from mmt.devices.sensor_drivers import LOG, AccelerometerDriver
+from mmt.devices.reading_checks import LOG
+from mmt.devices.sensor_drivers import AccelerometerDriver
 
 _Z_HZ: Final = 550.0
 """Largest bandwidth of the sensor's own z axis; x and y reach 1600 Hz (data sheet)."""
