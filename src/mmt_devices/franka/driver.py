@@ -4,6 +4,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, Final, Generic, TypeVar
 
 from mmt.core.arrays import Vector
@@ -11,7 +12,7 @@ from mmt.core.errors import DeviceLost, InputError
 from mmt.core.extras import require
 from mmt.core.quaternions import Quaternion
 from mmt.devices.axes import Axes
-from mmt.devices.discovery import missing_package
+from mmt.devices.discovery import lacking
 from mmt.devices.drivers import read_options
 from mmt.devices.reading_checks import measured
 from mmt_devices.franka.arm import FrankaArm, acquire_arm, release_arm
@@ -28,9 +29,7 @@ _NO_FORCE: Final = (
 AnyOptions = TypeVar("AnyOptions", bound=ArmOptions)
 
 
-def missing() -> str:
-    """Return what this machine lacks for the driver, with what to do; empty if nothing."""
-    return missing_package("franky")
+missing = lacking(partial(require, "franky"))
 
 
 class _ArmDriver(Generic[AnyOptions]):
