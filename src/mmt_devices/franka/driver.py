@@ -155,9 +155,13 @@ class FrankaForce(_ArmDriver[ArmOptions]):
         self._bias_n = (x, y, z)
 
     def read(self) -> Vector:
-        """Return the force (N) of the touched surface on the tool, without the bias."""
+        """Return the force (N) of the touched surface on the tool, without the bias.
+
+        It is zero if the arm tells none.
+        """
         x, y, z = self._connected().check().force_n
         if x == y == z == 0.0:
             self._counts[_NO_FORCE] += 1
+            return (0.0, 0.0, 0.0)
         a, b, c = self._bias_n
         return self._axes.to_scene((x - a, y - b, z - c))
