@@ -15,6 +15,7 @@ from mmt.core.errors import MmtError
 from mmt.devices import discovery
 from mmt.devices import drivers as driver_table
 from mmt.devices.device_check import check_device
+from mmt.devices.discovery import lacking
 from mmt.devices.drivers import load_device
 
 
@@ -286,6 +287,7 @@ def test_a_library_that_is_missing_is_named_with_the_drivers_that_want_it(tmp_pa
         raise MmtError("the sound card needs PortAudio")
 
     monkeypatch.setattr("mmt.devices.haptuator.sound.load_sounddevice", none)
+    monkeypatch.setattr("mmt.devices.haptuator.sound.missing", lacking(none))
     monkeypatch.setattr("mmt.devices.openhaptics.robot.find_library", lambda name: None)
     problems = run_json(tmp_path, "device", "list")[0]["problems"]
     assert "haptuator-sound, sound outputs: the sound card needs PortAudio" in problems

@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,9 +14,8 @@ from mmt.devices.ati.calibration import (
     AtiOptions,
     Calibration,
     check_calibration,
-    force_in_newton,
-    length_in_mm,
     torque_in_newton_mm,
+    unit_size,
 )
 from mmt.devices.wrench import WrenchConverter, diagonal, matrix_of
 
@@ -130,10 +130,14 @@ def test_torques_are_known_by_the_names_that_boxes_use():
 
 
 def test_forces_and_lengths_are_known_and_others_are_explained():
-    assert force_in_newton("lbf", "box") == pytest.approx(4.4482216152605)
-    assert force_in_newton(" kgf ", "box") == 9.80665
-    assert length_in_mm("in", "box") == 25.4
-    for function in (force_in_newton, torque_in_newton_mm, length_in_mm):
+    assert unit_size("force", "lbf", "box") == pytest.approx(4.4482216152605)
+    assert unit_size("force", " kgf ", "box") == 9.80665
+    assert unit_size("length", "in", "box") == 25.4
+    for function in (
+        partial(unit_size, "force"),
+        torque_in_newton_mm,
+        partial(unit_size, "length"),
+    ):
         with pytest.raises(InputError, match=r"box: the unit of .* 'stone' is not known"):
             function("stone", "box")
 

@@ -9,7 +9,7 @@ from waiting import until
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.protocols import SensorReading
-from mmt.devices.reconnection import Reasons, ReconnectingActuator, ReconnectingHandle, Reconnection
+from mmt.devices.reconnection import OperatorHandle, Reasons, ReconnectingActuator, Reconnection
 from mmt.devices.streaming.slots import SampledSlot
 from mmt.devices.streaming.source import DeviceSource
 
@@ -320,7 +320,7 @@ def of_follower(device, told):
 def of_leader(wrapped, told):
     wrapped.watch(lambda sentence, **_: told.append(sentence))
     wrapped.connect()
-    is_handle = isinstance(wrapped, ReconnectingHandle)
+    is_handle = isinstance(wrapped, OperatorHandle)
     return wrapped, lambda: wrapped.read(1) if is_handle else wrapped.write([0.0])
 
 
@@ -328,7 +328,7 @@ def of_leader(wrapped, told):
     ("kind", "answers"),
     [
         *((of_follower, answers) for answers in (0, 1, 3)),
-        (lambda device, told: of_leader(ReconnectingHandle(device), told), 0),
+        (lambda device, told: of_leader(OperatorHandle(device, 1.0), told), 0),
         (lambda device, told: of_leader(ReconnectingActuator(device), told), 0),
     ],
     ids=["follower", "answers once", "answers thrice", "handle", "actuator"],

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.errors import MmtError
-from mmt.devices.ati.calibration import force_in_newton, torque_in_newton_mm
+from mmt.devices.ati.calibration import wrench_units
 from mmt.devices.ati.digital_wire import (
     FORCE_UNITS,
     SIZE,
@@ -85,7 +85,7 @@ def test_a_calibration_comes_back_in_newton_and_newton_mm(serial, part, units, c
     registers = pack_calibration(serial, part, rows, units, ranges, counts, range(6), range(6, 12))
     stored = parse_calibration(registers, "sensor")
     force, torque = FORCE_UNITS[units[0] - 1], TORQUE_UNITS[units[1] - 1]
-    scales = np.repeat([force_in_newton(force, ""), torque_in_newton_mm(torque, "")], 3)
+    scales = np.array(wrench_units(force, torque, ""))
     np.testing.assert_allclose(stored.matrix, (rows.T * scales / np.repeat(counts, 3)).T)
     assert (stored.serial, stored.part, stored.force_unit) == (serial[:8], part[:32], force)
     np.testing.assert_allclose(stored.limits, ranges * scales)

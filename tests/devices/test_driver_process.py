@@ -1,7 +1,6 @@
 """The pipes between a driver and the process that talks to its device."""
 
 import os
-import struct
 import sys
 import textwrap
 import time
@@ -13,9 +12,22 @@ import pytest
 from mmt.devices.driver_process import DriverPipes, DriverProcess
 
 PATIENCE_S = 20.0
-NUMBER = struct.Struct("<cd")
 
-Run = Callable[[str], DriverProcess]
+
+class Listening(DriverProcess):
+    """Also keeps the messages of other kinds."""
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.heard = []
+
+    def keep(self, kind, body):
+        super().keep(kind, body)
+        if len(kind) == 1:
+            self.heard.append((kind, body))
+
+
+Run = Callable[[str], Listening]
 
 
 @pytest.fixture
@@ -33,16 +45,16 @@ def run(tmp_path, monkeypatch, counts):
     def start(lines):
         body = textwrap.indent(textwrap.dedent(lines), "    ")
         (tmp_path / "a_device.py").write_text(
-            "import struct, time\n"
+            "import time\n"
             "from mmt.core.errors import MmtError\n"
             "from mmt.devices.driver_process import COUNT, run_process\n"
-            "NUMBER = struct.Struct('<cd')\n"
             f"def run(arguments, pipes):\n{body}\n"
             "run_process(run, 'the device')\n",
             encoding="utf-8",
         )
         why = "it has ended without a word"
-        made.append(DriverProcess("a_device", {"first": 2.5}, why, counts, bytes))
+        silent = ("nothing has come", "wait", 1000.0)
+        made.append(Listening("a_device", {"first": 2.5}, why, silent, counts))
         made[-1].start()
         return made[-1]
 
@@ -50,17 +62,17 @@ def run(tmp_path, monkeypatch, counts):
     for each in made:
         each.end("the test is over")
         each.end("likewise")
-        assert each.receive() == []
+        each.receive()
 
 
 def taken(process, number):
     """Return the next messages, fewer where it has ended."""
-    messages = []
     deadline = time.monotonic() + PATIENCE_S
-    while len(messages) < number and process.ended is None:
+    while len(process.heard) < number and process.ended is None:
         assert time.monotonic() < deadline, "nothing more has come"
-        messages += process.receive()
+        process.receive()
         time.sleep(0.001)
+    messages, process.heard = process.heard, []
     return messages
 
 
@@ -68,18 +80,18 @@ def test_commands_messages_and_counts_pass_in_their_order(run, counts):
     process = run(
         """
         print("what a library prints")
-        pipes.send(b"F", str(arguments["first"]))
-        while (commands := pipes.receive(NUMBER)) is not None:
+        pipes.send("F", str(arguments["first"]))
+        while (commands := pipes.receive()) is not None:
             for kind, number in commands:
                 pipes.send(COUNT, "commands")
                 pipes.send(kind, str(number))
             time.sleep(0.001)
         """
     )
-    assert taken(process, 1) == [(b"F", b"2.5")]
+    assert taken(process, 1) == [("F", "2.5")]
     for number in range(200):
-        process.send(NUMBER.pack(b"A", number))
-    assert taken(process, 200) == [(b"A", str(float(number)).encode()) for number in range(200)]
+        process.send("A", float(number))
+    assert taken(process, 200) == [("A", str(float(number))) for number in range(200)]
     assert counts == {"already": 1, "commands": 200}
     assert process.ended is None
 
@@ -97,13 +109,13 @@ def test_why_it_has_ended_is_told(run, lines, reason):
     process = run(lines)
     assert taken(process, 1) == []
     assert process.ended == reason
-    process.send(NUMBER.pack(b"A", 0.0))  # to nobody
+    process.send("A", 0.0)  # to nobody
     process.end("closed")
     assert process.ended == reason
 
 
 def test_silence_is_seen_by_reads_that_find_nothing_not_by_time_alone(run):
-    process = run("pipes.send(b'F')\nwhile pipes.receive(NUMBER) is not None: time.sleep(0.001)")
+    process = run("pipes.send('F', 1)\nwhile pipes.receive() is not None: time.sleep(0.001)")
     taken(process, 1)
     time.sleep(0.01)
     assert process.silent_ns == 0
@@ -112,31 +124,18 @@ def test_silence_is_seen_by_reads_that_find_nothing_not_by_time_alone(run):
     assert process.silent_ns > 10_000_000
 
 
-@pytest.fixture
-def pipe():
-    """Two ends of a pipe, which the test may close."""
-    ours, theirs = os.pipe()
-    os.set_blocking(ours, False)
-    os.set_blocking(theirs, False)
-    with os.fdopen(ours, "rb", 0) as reader, os.fdopen(theirs, "wb", 0) as writer:
-        yield reader, writer
-
-
-def test_a_message_for_which_there_is_no_room_is_known_not_to_be_sent(pipe):
-    pipes = DriverPipes(-1, pipe[1].fileno())
-    while pipes.send(b"S", bytes(4000)):
-        pass
-    assert not pipes.send(b"S", bytes(4000))
-    os.read(pipe[0].fileno(), 1 << 16)
-    assert pipes.send(b"L", "it is gone")
-
-
-def test_commands_come_out_whole_however_they_were_cut(pipe):
-    pipes, found = DriverPipes(pipe[0].fileno(), -1), []
-    for byte in NUMBER.pack(b"A", 1.0) + NUMBER.pack(b"B", -2.0):
-        pipe[1].write(bytes((byte,)))
-        found += pipes.receive(NUMBER) or []
-    assert found == [(b"A", 1.0), (b"B", -2.0)]
-    assert pipes.receive(NUMBER) == []
-    pipe[1].close()
-    assert pipes.receive(NUMBER) is None
+def test_a_message_for_which_there_is_no_room_is_known_not_to_be_sent():
+    (read, write), (unread, unused) = os.pipe(), os.pipe()
+    pipes, driver = DriverPipes(unread, write), DriverPipes(read, unused)
+    sent = 0
+    while pipes.send("state", bytes(4000)):
+        sent += 1
+    assert not pipes.send("lost", "\N{GREEK SMALL LETTER ALPHA}" * 4000)
+    assert driver.receive() == [("state", bytes(4000))] * sent
+    assert pipes.send("lost", "\N{GREEK SMALL LETTER ALPHA}" * 4000)
+    assert driver.receive() == [("lost", "\N{GREEK SMALL LETTER ALPHA}" * 2000)]
+    driver.close()
+    assert pipes.receive() is None
+    with pytest.raises(BrokenPipeError):
+        pipes.send("state", 1)
+    pipes.close()

@@ -9,17 +9,16 @@ import pytest
 from sensor_reading import check_times_rise, read_some, read_until_fault, read_until_lost
 
 from mmt.core.errors import InputError, MmtError
-from mmt.devices import wrench_sensor as sensor_module
+from mmt.devices import sensor_drivers as sensor_module
 from mmt.devices.ati import net_ft as net_ft_module
 from mmt.devices.ati.net_ft import NetFt, net_ft
 from mmt.devices.ati.net_wire import (
+    RECORD,
     START,
     STOP,
-    Record,
     explain_status,
     filter_delay_ns,
     is_broken,
-    pack_record,
     parse_page,
     parse_request,
     parse_settings,
@@ -42,7 +41,7 @@ def test_requests_and_records_are_the_documented_bytes():
     assert parse_request(b"\x12\x35\0\2\0\0\0\0") is None
     assert parse_request(b"") is None
     counts = (1, -1, 1_000_000, -(2**31), 2**31 - 1, 0)
-    assert pack_record(Record(0xFFFFFFFF, 7, 0x80020000, counts)) == bytes.fromhex(
+    assert RECORD.pack(0xFFFFFFFF, 7, 0x80020000, *counts) == bytes.fromhex(
         "ffffffff 00000007 80020000 00000001 ffffffff 000f4240 80000000 7fffffff 00000000"
     )
 
@@ -146,7 +145,7 @@ def test_a_healthy_box_is_asked_once_and_one_of_unusable_records_not_again(box, 
     monkeypatch.setattr(net_ft_module, "_REPEAT_START_NS", 10_000_000_000)
     sensor = make(silence_ms=5000)  # which has less patience than that
     monkeypatch.setattr(net_ft_module, "_REPEAT_START_NS", 400_000_000)
-    monkeypatch.setattr(sensor_module, "_BIAS_S", 0.8)
+    monkeypatch.setattr(sensor_module, "_REST_S", 0.8)
     sensor.calibrate()
     read_some(sensor, 100)
     assert box.requests.count(START) == 1

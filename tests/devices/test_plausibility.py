@@ -7,13 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.frames import LARGEST_QUANTITY
-from mmt.devices import reading_checks
 from mmt.devices.reading_checks import (
     JUMP,
     NOT_FINITE,
     OUT_OF_REACH,
     PlausibilityCheck,
-    RareWarning,
     StuckCheck,
     measured,
 )
@@ -65,16 +63,6 @@ def test_a_reading_is_finite_and_within_what_a_leader_accepts(direction, bad, ax
     largest = [0.0, 0.0, 0.0]
     largest[axis] = LARGEST_QUANTITY
     assert measured(tuple(largest)) == tuple(largest)
-
-
-def test_a_warning_comes_at_once_and_every_ten_seconds(monkeypatch, caplog):
-    clock_s = [0.0]
-    monkeypatch.setattr(reading_checks.time, "monotonic", lambda: clock_s[0])
-    warning = RareWarning()
-    for clock_s[0], told in ((0.0, 1), (9.9, 1), (10.0, 2), (19.9, 2), (31.0, 3)):
-        warning.warn(f"the sensor of {clock_s[0]} % is gone")
-        assert len(caplog.records) == told
-    assert caplog.messages[0] == "the sensor of 0.0 % is gone"
 
 
 values = st.sampled_from([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (math.nan, 0.0, 0.0)])

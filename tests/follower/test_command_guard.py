@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from mmt.core.arrays import Vector
 from mmt.core.frames import COMMAND_DTYPE, frame_dtype
+from mmt.core.output.logs import RepeatLimit
 from mmt.follower.command_guard import CommandGuard
 from mmt.scene import Link
 
@@ -384,13 +385,13 @@ BOX_MM = ((-10.0, -10.0, 0.0), (10.0, 10.0, 12.0))
 def test_commands_outside_the_workspace_are_clipped_counted_and_said_when_they_leave_it(
     monkeypatch,
 ):
+    monkeypatch.setattr("mmt.follower.command_guard.RepeatLimit", lambda: RepeatLimit(0.0))
     robot = Guarded(box_mm=BOX_MM, recovery_mm_s=1000.0)
     robot.run(5, HOME)
     robot.run(60, (30.0, 3.0, -40.0))
     assert robot.newest == (10.0, 3.0, 0.0)
     assert robot.guard.summary["clipped_commands"] == 60
     assert robot.said == ["commanded to (30, 3, -40) mm, outside workspace_mm: clipped"]
-    monkeypatch.setattr("mmt.core.output.logs.REPEAT_PERIOD_S", 0.0)
     for _ in range(2):
         robot.run(60, HOME)
         assert robot.newest == HOME

@@ -153,6 +153,5 @@ def test_a_recording_follows_no_commands():
     driven = Driven(replay={"file": "a.mcap"})
     driven.guarded.connect()
     assert driven.command((1.0, 2.0, 3.0), 50) is None
-    driven.source.lose(True, "it is lost", True)
     assert driven.said == []
     assert driven.guarded.summary["commands"] == {}

@@ -256,6 +256,7 @@ def test_the_bias_is_of_finite_forces_at_rest_and_without_them_the_arm_is_lost(
     emulated.pushes_n = (0.0, 0.0, 0.0)  # none at all
     until(lambda: bool(force.faults), force.read)
     assert "singularity" in next(iter(force.faults))
+    assert force.read() == (0.0, 0.0, 0.0)  # and not minus the bias
     monkeypatch.setattr(arms.FrankaArm, "check", measured)
     forces = itertools.repeat((0.0, math.inf, 0.0))
     monkeypatch.setattr(franka_driver, "_BIAS_PATIENCE_S", 0.05)

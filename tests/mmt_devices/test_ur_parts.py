@@ -5,14 +5,17 @@ import math
 import re
 import socket
 import socketserver
+import sys
 import threading
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from mmt.core.errors import MmtError
 from mmt_devices.universal_robots import dashboard
+from mmt_devices.universal_robots.control import PLAYING, ArmControl
 from mmt_devices.universal_robots.emulated import ports
 from mmt_devices.universal_robots.frame import SceneFrame
 from mmt_devices.universal_robots.servo import ServoPoint, ServoSettings
@@ -164,3 +167,26 @@ def test_a_host_without_a_controller_is_named(monkeypatch):
         monkeypatch.setattr(dashboard, "PORT", taken.getsockname()[1])
     with pytest.raises(MmtError, match=r"no UR controller answers at 127\.0\.0\.1"):
         dashboard.problem("127.0.0.1")
+
+
+def test_a_stop_between_two_questions_is_told_as_a_stop(monkeypatch):
+    """The first question is answered before the stop, the others after it."""
+    modes, off = itertools.chain([7], itertools.repeat(3)), {"safetystatus": "FAULT"}
+    monkeypatch.setattr(
+        dashboard,
+        "_ask",
+        lambda _, asked: ["RUNNING", *(off.get(question, "POWER_OFF") for question in asked[1:])],
+    )
+    assert "has a safety fault" in dashboard.problem("arm")
+    interface = SimpleNamespace(setWatchdog=lambda _: True)
+    library = SimpleNamespace(RTDEControlInterface=lambda *_: interface)
+    monkeypatch.setitem(sys.modules, "rtde_control", library)
+    receive = SimpleNamespace(
+        getRobotMode=lambda: next(modes),
+        getSafetyStatusBits=lambda: 1 << 9 if next(modes) == 3 else 0,
+        getRuntimeState=lambda: PLAYING,
+        getActualTCPPose=lambda: [0.0] * 6,
+    )
+    control = ArmControl("arm", 500.0, SETTINGS, receive)
+    control.watch()
+    assert "has a safety fault" in control.lost

@@ -100,13 +100,17 @@ def find_all() -> dict[str, Finder]:
     return found
 
 
-def missing_package(name: str) -> str:
-    """Return how to install a package, empty if it is there."""
-    try:
-        require(name)
-    except MmtError as error:
-        return str(error)
-    return ""
+def lacking(needs: Callable[[], object]) -> Callable[[], str]:
+    """Return a driver's ``missing``: it says why what the driver needs fails, empty if nothing."""
+
+    def missing() -> str:
+        try:
+            needs()
+        except MmtError as error:
+            return str(error)
+        return ""
+
+    return missing
 
 
 def missing_libusb() -> str:

@@ -7,32 +7,33 @@ process ends when the driver's end of the pipes closes, which happens however th
 import contextlib
 import json
 import os
-import struct
+import pickle
 import subprocess
 import sys
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from io import BytesIO
 from typing import Any, Final, Generic, NoReturn, TypeVar
 
-from mmt.core.errors import MmtError, short_message
+from mmt.core.errors import DeviceLost, MmtError, short_message
 from mmt.core.running.child_process import ChildProcess, Parent
 from mmt.core.running.process import prefer_even_ticks
 
-ENDED: Final = b"E"
+ENDED: Final = "ended"
 """Message: the process ends; the body is the reason as text."""
-COUNT: Final = b"N"
+COUNT: Final = "count"
 """Message: a fault was tolerated; the body is its name as text."""
-STATE: Final = b"S"
-"""Message: the state of the device; the body is as its driver packs it."""
-LOST: Final = b"L"
+STATE: Final = "state"
+"""Message: the state of the device; the body is as its driver has it."""
+LOST: Final = "lost"
 """Message: the device gives nothing usable any more; the body is the reason as text."""
 
-_HEADER: Final = struct.Struct("<cH")
 _LONGEST: Final = 4000
-"""Bytes of a message's body: the system writes less than a page either whole or not at all."""
-_AT_ONCE: Final = 1 << 16
+"""Bytes of a text: the system writes less than a page either whole or not at all."""
+_ALL: Final = 1 << 16
+"""Bytes that a pipe holds at most, so that what is read ends with a whole message."""
 _SILENT_READS: Final = 20
 """Empty reads that a loss needs too: a host that was held up does not mean a lost device."""
 _CLOSE_S: Final = 4.0
@@ -42,13 +43,60 @@ _UNHEARD_CLOSE_S: Final = 0.5
 _KEPT: Final = 128
 _FIRST_POLL_S: Final = 0.001
 
-Message = tuple[bytes, bytes]
-"""Kind and body."""
 State = TypeVar("State")
 
 
+class DriverPipes:
+    """One end of the two pipes; it never waits for the other end.
+
+    Parameters
+    ----------
+    receiving, sending
+        File descriptors, which do not block from now on.
+    """
+
+    def __init__(self, receiving: int, sending: int) -> None:
+        for file in (receiving, sending):
+            os.set_blocking(file, False)
+        self._receiving, self._sending = receiving, sending
+
+    def receive(self) -> list[tuple[Any, ...]] | None:
+        """Return the received messages, or None if the other end has gone."""
+        try:
+            data = os.read(self._receiving, _ALL)
+        except BlockingIOError:
+            return []
+        messages, stream = [], BytesIO(data)
+        while stream.tell() < len(data):
+            messages.append(pickle.load(stream))  # noqa: S301 - from our own child or parent
+        return messages or None
+
+    def send(self, kind: str, *body: Any) -> bool:
+        """Send a message; return False if the pipe is full because the other end does not read.
+
+        Raises
+        ------
+        BrokenPipeError
+            The other end has gone.
+        """
+        cut = [
+            each.encode()[:_LONGEST].decode(errors="ignore") if isinstance(each, str) else each
+            for each in body
+        ]
+        try:
+            os.write(self._sending, pickle.dumps((kind, *cut), pickle.HIGHEST_PROTOCOL))
+        except BlockingIOError:
+            return False
+        return True
+
+    def close(self) -> None:
+        """Close both pipes, which the other end sees."""
+        os.close(self._receiving)
+        os.close(self._sending)
+
+
 class DriverProcess(Generic[State]):
-    """The driver's end of the pipes; only `start` and `end` may block.
+    """A process and the driver's end of its pipes; only `start` and `end` may block.
 
     Threads may share it: one connects the device again while another asks for its faults.
 
@@ -60,10 +108,10 @@ class DriverProcess(Generic[State]):
         Arguments of the process, as JSON has them.
     lost
         Reason to report if the process ends without one.
+    silent
+        That nothing has come, and what to check, for a message; and for how long at most (ms).
     counts
         The faults that the process tolerates are counted here, by name.
-    unpack
-        Returns the state in the body of a `STATE` message.
     """
 
     def __init__(
@@ -71,11 +119,11 @@ class DriverProcess(Generic[State]):
         module: str,
         arguments: dict[str, Any],
         lost: str,
+        silent: tuple[str, str, float],
         counts: Counter[str],
-        unpack: Callable[[bytes], State],
     ) -> None:
         self._module, self._arguments, self._lost = module, arguments, lost
-        self._counts, self._unpack = counts, unpack
+        self._silent, self._counts = silent, counts
         self.state: State | None = None
         """Newest state, or None before the first."""
         self.kept: deque[State] = deque(maxlen=_KEPT)
@@ -85,8 +133,7 @@ class DriverProcess(Generic[State]):
         self.ended: str | None = None
         """Why the process has ended, None while it runs."""
         self.child: ChildProcess | None = None
-        self._files = (-1, -1)
-        self._received = bytearray()
+        self._pipes: DriverPipes | None = None
         self._lock = threading.Lock()
         self._arrival_ns = 0
         self._empty = 0
@@ -94,15 +141,13 @@ class DriverProcess(Generic[State]):
 
     def start(self) -> None:
         """Start the process."""
-        self.child = ChildProcess(
+        self.child = child = ChildProcess(
             *("-m", self._module, json.dumps(self._arguments)),
             own_session=False,
             stderr=subprocess.DEVNULL,  # libraries write there what the pipe reports already
             bufsize=0,
         )
-        self._files = (self.child.stdin.fileno(), self.child.stdout.fileno())
-        for file in self._files:
-            os.set_blocking(file, False)
+        self._pipes = DriverPipes(*(os.dup(each.fileno()) for each in (child.stdout, child.stdin)))
         self._arrival_ns = time.monotonic_ns()
 
     def await_state(self, patience_s: float, late: str) -> None:
@@ -122,100 +167,72 @@ class DriverProcess(Generic[State]):
             if self.ended is not None:
                 raise MmtError(self.ended)
 
-    def receive(self) -> list[Message]:
-        """Take the received messages; return those of which nothing is kept here."""
+    def receive(self) -> None:
+        """Take the received messages, and keep what they say."""
         with self._lock:
-            if self.child is None:
-                return []
-            try:
-                data = os.read(self._files[1], _AT_ONCE)
-            except BlockingIOError:
-                self._empty += 1
-                return []
-            if not data:
+            messages = [] if self._pipes is None else self._pipes.receive()
+            if messages is None:
                 self.ended = self.ended or self._lost
-                return []
-            self._arrival_ns, self._empty, self._heard = time.monotonic_ns(), 0, True
-            self._received += data
-            return [message for message in _messages(self._received) if not self.keep(*message)]
+            elif messages:
+                self._arrival_ns, self._empty, self._heard = time.monotonic_ns(), 0, True
+                for message in messages:
+                    self.keep(*message)
+            else:
+                self._empty += 1
 
-    def keep(self, kind: bytes, body: bytes) -> bool:
-        """Keep what a message says; return False for one of another kind."""
+    def read(self) -> State:
+        """Return the newest state.
+
+        Raises
+        ------
+        DeviceLost
+            The process has ended, the device is lost, or nothing has come for a while.
+        """
+        self.receive()
+        problem = self.problem if self.ended is None else self.ended
+        if problem:
+            raise DeviceLost(problem)
+        nothing, advice, longest_ms = self._silent
+        silent_ms = 1e-6 * self.silent_ns
+        if self.state is None or silent_ms > longest_ms:
+            raise DeviceLost(f"{nothing} for {silent_ms:.0f} ms: {advice}")
+        return self.state
+
+    def keep(self, kind: str, body: Any) -> None:
+        """Keep what a message says; a subclass does so with those of its own kinds."""
         if kind == STATE:
-            self.state = self._unpack(body)
-            self.kept.append(self.state)
+            self.state = body
+            self.kept.append(body)
         elif kind == LOST:
-            self.problem = text_of(body)
+            self.problem = body
         elif kind == COUNT:
-            self._counts[text_of(body)] += 1
+            self._counts[body] += 1
         elif kind == ENDED:
-            self.ended = self.ended or text_of(body)
-        else:
-            return False
-        return True
+            self.ended = self.ended or body
 
     @property
     def silent_ns(self) -> int:
         """Time since the last message (ns); 0 until some reads in a row were empty."""
         return time.monotonic_ns() - self._arrival_ns if self._empty >= _SILENT_READS else 0
 
-    def send(self, command: bytes) -> None:
+    def send(self, kind: str, *body: Any) -> None:
         """Send a command; it is dropped if the pipe is full."""
-        with self._lock, contextlib.suppress(BlockingIOError, BrokenPipeError):
-            if self.child is not None:  # None after `end`
-                os.write(self._files[0], command)
+        with self._lock, contextlib.suppress(BrokenPipeError):
+            if self._pipes is not None:  # None after `end`
+                self._pipes.send(kind, *body)
 
     def end(self, reason: str) -> None:
         """Have the process release the device and end; calling it twice is harmless."""
         with self._lock:
             child, self.child = self.child, None
-            if child is None:
+            pipes, self._pipes = self._pipes, None
+            if child is None or pipes is None:
                 return
+            pipes.close()
             self.ended = self.ended or reason
         # if it is killed, its connections end, which stops a device as well
         child.end(_CLOSE_S if self._heard else _UNHEARD_CLOSE_S)
         child.close()
-
-
-class DriverPipes:
-    """The process's end of the pipes.
-
-    Parameters
-    ----------
-    commands, messages
-        File descriptors, which do not block.
-    """
-
-    def __init__(self, commands: int, messages: int) -> None:
-        self._commands, self._messages = commands, messages
-        self._received = b""
-
-    def receive(self, layout: struct.Struct) -> list[tuple[Any, ...]] | None:
-        """Return the received commands, or None if the driver has gone."""
-        try:
-            data = os.read(self._commands, _AT_ONCE)
-        except BlockingIOError:
-            return []
-        if not data:
-            return None
-        data = self._received + data
-        whole = len(data) - len(data) % layout.size
-        self._received = data[whole:]
-        return list(layout.iter_unpack(data[:whole]))
-
-    def send(self, kind: bytes, body: bytes | str = b"") -> bool:
-        """Send a message; return False if the pipe is full because the driver does not read.
-
-        Raises
-        ------
-        BrokenPipeError
-            The driver has gone.
-        """
-        try:
-            os.write(self._messages, _pack(kind, body))
-        except BlockingIOError:
-            return False
-        return True
 
 
 def run_process(run: Callable[[dict[str, Any], DriverPipes], None], device: str) -> NoReturn:
@@ -230,11 +247,8 @@ def run_process(run: Callable[[dict[str, Any], DriverPipes], None], device: str)
         Name of the device in messages.
     """
     driver = Parent()
-    messages = driver.output.fileno()
     prefer_even_ticks()
-    os.set_blocking(0, False)
-    os.set_blocking(messages, False)
-    pipes = DriverPipes(0, messages)
+    pipes = DriverPipes(0, driver.output.fileno())
     code = 1
     with contextlib.suppress(BrokenPipeError):  # the driver has gone
         try:
@@ -247,25 +261,3 @@ def run_process(run: Callable[[dict[str, Any], DriverPipes], None], device: str)
         except Exception as error:  # noqa: BLE001 - whatever it is, the driver is told
             pipes.send(ENDED, f"the process of {device} failed: {short_message(error)}")
     os._exit(code)  # without waiting for threads of a library, which may hang
-
-
-def text_of(body: bytes) -> str:
-    """Return the text of a message's body."""
-    return body.decode(errors="replace")
-
-
-def _pack(kind: bytes, body: bytes | str) -> bytes:
-    data = body.encode()[:_LONGEST] if isinstance(body, str) else body
-    return _HEADER.pack(kind, len(data)) + data
-
-
-def _messages(received: bytearray) -> Iterator[Message]:
-    """Yield the complete messages and remove them from the buffer."""
-    while len(received) >= _HEADER.size:
-        kind, size = _HEADER.unpack_from(received)
-        end = _HEADER.size + size
-        if len(received) < end:
-            return
-        body = bytes(received[_HEADER.size : end])
-        del received[:end]
-        yield kind, body

@@ -47,10 +47,6 @@ _FORMER: Final = {
 }
 """Former names of drivers, and what to write instead."""
 
-EMULATED_LIBRARIES: Final = {"emulated": "mmt.testing.emulated.openhaptics.hd:build_library"}
-"""Name -> ``module:function`` that returns the file of an emulated vendor library. A driver's
-option ``library`` accepts the names in place of a file."""
-
 
 def drivers() -> dict[str, dict[str, EntryPoint]]:
     """Return the entry points of all drivers, by name and by role.
@@ -71,20 +67,6 @@ def entry_points_by_role(driver: str) -> dict[Role, EntryPoint]:
     """Return those of a driver's entry points that name a role, by role."""
     told = drivers().get(driver, {})
     return {role: told[role] for role in ROLE_NAMES if role in told}
-
-
-def library_file(name: str) -> str:
-    """Return the file of a vendor's library: `name`, unless an emulated library has that name.
-
-    Raises
-    ------
-    MmtError
-        The emulated library cannot be built.
-    """
-    if name not in EMULATED_LIBRARIES:
-        return name
-    module, _, function = EMULATED_LIBRARIES[name].partition(":")
-    return str(getattr(importlib.import_module(module), function)())
 
 
 def locate(driver: str, role: Role | None = None) -> str:

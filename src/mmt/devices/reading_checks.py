@@ -3,36 +3,43 @@
 import logging
 import math
 import time
-from collections.abc import Iterable, Sequence
-from typing import Final
+from collections.abc import Callable, Iterable, Sequence
+from typing import Final, TypeVar
 
 from mmt.core.arrays import Vector
 from mmt.core.frames import LARGEST_QUANTITY
 
 LOG: Final = logging.getLogger("mmt.devices")
 
-_QUIET_S: Final = 10.0
+QUIET_S: Final = 10.0
 """Time between two warnings while a fault goes on or comes back."""
-
-
-class RareWarning:
-    """Warn the first time, and then at most every ten seconds."""
-
-    def __init__(self) -> None:
-        self._quiet_until_s = 0.0
-
-    def warn(self, sentence: str) -> None:
-        """Warn with this sentence, unless a warning was given lately."""
-        now_s = time.monotonic()
-        if now_s >= self._quiet_until_s:
-            self._quiet_until_s = now_s + _QUIET_S
-            LOG.warning("%s", sentence)
 
 
 def measured(value: Vector) -> Vector | None:
     """Return a reading, or None if it is not finite or larger than what a leader accepts."""
     x, y, z = value
     return (x, y, z) if math.hypot(x, y, z) <= LARGEST_QUANTITY else None
+
+
+Value = TypeVar("Value")
+
+
+def gathered(
+    take: Callable[[], Iterable[Value]], least: int, shortest_s: float, longest_s: float
+) -> list[Value]:
+    """Return what `take` gives over `shortest_s`, and for longer while it is less than `least`.
+
+    The result of the first call, which may be older, is left out.
+    """
+    list(take())
+    values: list[Value] = []
+    begun_s = time.monotonic()
+    while (passed_s := time.monotonic() - begun_s) < shortest_s or (
+        len(values) < least and passed_s < longest_s
+    ):
+        values += take()
+        time.sleep(0.001)
+    return values
 
 
 class StuckCheck:

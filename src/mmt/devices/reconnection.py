@@ -3,9 +3,9 @@
 import re
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any, Final, Generic, Protocol, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 from mmt.core.arrays import FloatArray, Vector, difference, step_towards
 from mmt.core.errors import DeviceLost
@@ -107,15 +107,9 @@ def _gist(reason: str) -> str:
 AnyDevice = TypeVar("AnyDevice", bound=Device)
 
 
-class LossCallback(Protocol):
-    """Called when a device is lost, when its reason changes, and when it is back."""
-
-    def __call__(self, sentence: str, **details: object) -> None:
-        """Take a sentence for the operator, and details for a program."""
-
-
-def _ignore(sentence: str, **details: object) -> None:
-    """Do nothing."""
+LossCallback = Callable[..., None]
+"""Called when a device is lost, when its reason changes, and when it is back: with a sentence for
+the operator, and details for a program by their names."""
 
 
 class ReconnectingDevice(Generic[AnyDevice]):
@@ -137,7 +131,7 @@ class ReconnectingDevice(Generic[AnyDevice]):
         self.losses = 0
         """How often it was lost."""
         self._meanwhile = meanwhile
-        self._tell: LossCallback = _ignore
+        self._tell: LossCallback = lambda _sentence, **_details: None
         self._reconnection: Reconnection | None = None
         self._earlier: Reconnection | None = None
         self._reason = ""
@@ -230,16 +224,37 @@ class ReconnectingDevice(Generic[AnyDevice]):
         self._reconnection = Reconnection(self.device, self._reason, self._earlier)
 
 
-class ReconnectingHandle(ReconnectingDevice[LeaderInterface]):
-    """The operator's handle: while it is lost it has no state, and shows no force."""
+class OperatorHandle(ReconnectingDevice[LeaderInterface]):
+    """A handle that may be lost and return elsewhere, and the follower's position command.
 
-    def __init__(self, device: LeaderInterface) -> None:
+    While it is lost it has no state and shows no force, and the command does not change: the robot
+    holds. After the handle's return the difference between the command and the handle's position
+    is reduced at a bounded speed, in addition to the hand's motion, so that the command does not
+    jump.
+
+    Parameters
+    ----------
+    device
+        The handle's driver.
+    recovery_mm
+        Reduction of the difference in one tick, mm.
+    """
+
+    def __init__(self, device: LeaderInterface, recovery_mm: float) -> None:
         super().__init__("handle", "the robot stays where it is, force and vibration rest", device)
         self.not_finite = 0
         """Readings that were left out, since they were no numbers."""
+        self._recovery_mm = recovery_mm
+        self._offset: Vector | None = None
+        self._read_losses = 0
+        self.command_mm: Vector | None = None
+        """The follower's position command (mm), or None before the handle was ever read."""
 
     def read(self, elapsed_ticks: int) -> InterfaceState | None:
-        """Return the state now, None while the handle is lost or gives no finite numbers."""
+        """Return the state now, None while the handle is lost or gives no finite numbers.
+
+        Sets the command.
+        """
         if not self._is_usable():
             return None
         try:
@@ -247,10 +262,23 @@ class ReconnectingHandle(ReconnectingDevice[LeaderInterface]):
         except DeviceLost as error:
             self._lose(error)
             return None
-        if state.is_finite:
-            return state
-        self.not_finite += 1
-        return None
+        if not state.is_finite:
+            self.not_finite += 1
+            return None
+        self._follow(state.position_mm, elapsed_ticks)
+        return state
+
+    def _follow(self, position: Vector, elapsed_ticks: int) -> None:
+        if self.losses != self._read_losses:  # returned, perhaps during an earlier `write`
+            self._read_losses = self.losses
+            if self.command_mm is not None:
+                self._offset = difference(self.command_mm, position)
+        if self._offset is None:
+            self.command_mm = position
+            return
+        x, y, z = step_towards(self._offset, (0.0, 0.0, 0.0), self._recovery_mm * elapsed_ticks)
+        self.command_mm = (position[0] + x, position[1] + y, position[2] + z)
+        self._offset = (x, y, z) if x or y or z else None
 
     def write(self, force_n: Vector) -> None:
         """Display a force (N), unless the handle is lost."""
@@ -289,45 +317,3 @@ class ReconnectingActuator(ReconnectingDevice[VibrationActuator]):
     def losses_summary(self) -> dict[str, Any]:
         """Number and duration of the losses, and the unplayed samples, for a program."""
         return {**super().losses_summary, "lost_samples": self.lost_samples}
-
-
-class OperatorHandle(ReconnectingHandle):
-    """A handle that may be lost and return elsewhere, and the follower's position command.
-
-    While the handle is lost the command does not change: the robot holds. After the handle's
-    return the difference between the command and the handle's position is reduced at a bounded
-    speed, in addition to the hand's motion, so that the command does not jump.
-
-    Parameters
-    ----------
-    device
-        The handle's driver.
-    recovery_mm
-        Reduction of the difference in one tick, mm.
-    """
-
-    def __init__(self, device: LeaderInterface, recovery_mm: float) -> None:
-        super().__init__(device)
-        self._recovery_mm = recovery_mm
-        self._offset: Vector | None = None
-        self._read_losses = 0
-        self.command_mm: Vector | None = None
-        """The follower's position command (mm), or None before the handle was ever read."""
-
-    def read(self, elapsed_ticks: int) -> InterfaceState | None:
-        """Return the state now, or None while the handle is lost; set the command."""
-        state = super().read(elapsed_ticks)
-        if state is None:
-            return None
-        position = state.position_mm
-        if self.losses != self._read_losses:  # returned, perhaps during an earlier `write`
-            self._read_losses = self.losses
-            if self.command_mm is not None:
-                self._offset = difference(self.command_mm, position)
-        if self._offset is None:
-            self.command_mm = position
-            return state
-        x, y, z = step_towards(self._offset, (0.0, 0.0, 0.0), self._recovery_mm * elapsed_ticks)
-        self.command_mm = (position[0] + x, position[1] + y, position[2] + z)
-        self._offset = (x, y, z) if x or y or z else None
-        return state

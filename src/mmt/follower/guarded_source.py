@@ -3,14 +3,15 @@
 import math
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, cast
 
 from mmt.core.arrays import RecordArray, Vector, clipped, difference, step_towards
 from mmt.follower.command_guard import CommandGuard
-from mmt.follower.sources import DeviceBackedSource, FollowerSource
+from mmt.follower.sources import FollowerSource
 from mmt.scene import Link, MotionLimits, Scene, Texture
 
 if TYPE_CHECKING:
+    from mmt.devices.streaming.source import DeviceSource
     from mmt.follower.feedback import FollowerFeedback
 
 _AT_REST: Final[Vector] = (0.0, 0.0, 0.0)
@@ -179,17 +180,19 @@ class GuardedSource:
                 box_mm=None if limits is None else limits.box_mm,
             )
         self._limit = None if limits is None else MotionLimit(limits, link.limit_mm_s, rate_hz)
-        self._of_devices = source if isinstance(source, DeviceBackedSource) else None
-        if self._of_devices is not None:
-            self._of_devices.on_loss(self._on_device)
-            self._of_devices.on_late_frames(self._take_late)
+        self.of_devices: DeviceSource | None = None
+        """The source if it reads devices, which may be lost and come back."""
+        if self._devices is not None:
+            self.of_devices = cast("DeviceSource", source)
+            self.of_devices.on_loss(self._on_device)
+            self.of_devices.on_late_frames(self._take_late)
 
     @property
     def summary(self) -> dict[str, dict[str, Any]]:
         """Counts so far, a table for each part of the follower's summary."""
         return {
             "commands": self.guard.summary if self.guard is not None else {},
-            "devices": dict(self._of_devices.summary) if self._of_devices is not None else {},
+            "devices": dict(self.of_devices.summary) if self.of_devices is not None else {},
             "feedback": dict(self._feedback.summary) if self._feedback is not None else {},
         }
 

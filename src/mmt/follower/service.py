@@ -16,7 +16,7 @@ from mmt.core.running.process import ProcessCost, ProcessMeter, prefer_even_tick
 from mmt.core.running.ticking import Ticker
 from mmt.core.verdict import has_failed
 from mmt.follower.guarded_source import GuardedSource
-from mmt.follower.sources import DeviceBackedSource, build_source
+from mmt.follower.sources import build_source
 from mmt.link.access import Access
 from mmt.link.client import FollowerClient
 from mmt.link.endpoint import FollowerEvents, emulated_network
@@ -228,8 +228,8 @@ class Follower:
 
     async def _open_devices(self) -> None:
         """Connect devices in a thread: some take seconds, and the link must be served meanwhile."""
-        if isinstance(self.source, DeviceBackedSource):
-            await self.ending.call_in_thread(self.source.open, self.source.close)
+        if (devices := self._guarded.of_devices) is not None:
+            await self.ending.call_in_thread(devices.open, devices.close)
 
     def _close_source(self) -> None:
         """Close the source; an error in closing a device must not hide an earlier error."""

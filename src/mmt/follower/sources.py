@@ -1,14 +1,12 @@
 """The interface of a follower's source, and the source of a scene; no other one is imported."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol
 
 from mmt.core.arrays import RecordArray, Vector
 from mmt.core.errors import InputError
 from mmt.scene import Devices, Replay, Scene, Simulated
 
 if TYPE_CHECKING:
-    from mmt.devices.streaming.source import FrameReceiver, LossWatcher
     from mmt.devices.streaming.tool_load import LoadRemover
     from mmt.testing.simulation.surfaces.course import SurfaceCourse
     from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface
@@ -56,30 +54,6 @@ class FollowerSource(Protocol):
 
     def close(self) -> None:
         """Release all resources of the source; calling it twice is harmless."""
-
-
-@runtime_checkable
-class DeviceBackedSource(FollowerSource, Protocol):
-    """A source with devices, which may be lost and come back while it streams."""
-
-    def open(self) -> None:
-        """Connect the devices, before `start`; may take seconds, and may run in a thread.
-
-        Raises
-        ------
-        MmtError
-            A device does not answer.
-        """
-
-    def on_loss(self, callback: "LossWatcher") -> None:
-        """Set the function to call when a device is lost and when it is back."""
-
-    def on_late_frames(self, callback: "FrameReceiver") -> None:
-        """Set, before `start`, the function that gets frames that were not ready at their tick."""
-
-    @property
-    def summary(self) -> Mapping[str, Any]:
-        """Figures of each device, by its role."""
 
 
 def build_source(scene: Scene) -> FollowerSource:

@@ -9,9 +9,9 @@ from pydantic import Field
 from mmt.core.errors import InputError, MmtError
 from mmt.devices.drivers import read_options
 from mmt.devices.record_clocks import StampClock
+from mmt.devices.sensor_drivers import Stamped, WrenchSensor
 from mmt.devices.serial_ports import SerialLine, is_text
 from mmt.devices.wrench import Positive, WrenchOptions, diagonal
-from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 from mmt_devices.bota.frames import (
     ANSWER,
     CONFIGURE,

@@ -4,6 +4,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, Final, Generic, TypeVar
 
 from mmt.core.arrays import Vector
@@ -11,7 +12,7 @@ from mmt.core.errors import DeviceLost, InputError
 from mmt.core.extras import require
 from mmt.core.quaternions import Quaternion
 from mmt.devices.axes import Axes
-from mmt.devices.discovery import missing_package
+from mmt.devices.discovery import lacking
 from mmt.devices.drivers import read_options
 from mmt.devices.reading_checks import measured
 from mmt_devices.franka.arm import FrankaArm, acquire_arm, release_arm
@@ -28,9 +29,7 @@ _NO_FORCE: Final = (
 AnyOptions = TypeVar("AnyOptions", bound=ArmOptions)
 
 
-def missing() -> str:
-    """Return what this machine lacks for the driver, with what to do; empty if nothing."""
-    return missing_package("franky")
+missing = lacking(partial(require, "franky"))
 
 
 class _ArmDriver(Generic[AnyOptions]):
@@ -156,9 +155,13 @@ class FrankaForce(_ArmDriver[ArmOptions]):
         self._bias_n = (x, y, z)
 
     def read(self) -> Vector:
-        """Return the force (N) of the touched surface on the tool, without the bias."""
+        """Return the force (N) of the touched surface on the tool, without the bias.
+
+        It is zero if the arm tells none.
+        """
         x, y, z = self._connected().check().force_n
         if x == y == z == 0.0:
             self._counts[_NO_FORCE] += 1
+            return (0.0, 0.0, 0.0)
         a, b, c = self._bias_n
         return self._axes.to_scene((x - a, y - b, z - c))

@@ -1,22 +1,16 @@
 """``iio-accelerometer``: an accelerometer through the buffer of Linux's industrial I/O."""
 
-import logging
 import sys
 import time
-from collections import Counter
 from collections.abc import Sequence
-from math import hypot
 from pathlib import Path
-from statistics import fmean
 from typing import Any, Final
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.units import GRAVITY_M_S2
-from mmt.devices.axes import signed_axes
 from mmt.devices.drivers import read_options
-from mmt.devices.protocols import SensorReading
-from mmt.devices.reading_checks import RareWarning, StuckCheck
 from mmt.devices.record_clocks import CountingClock
+from mmt.devices.sensor_drivers import AccelerometerDriver
 from mmt_devices.iio.attributes import find_device, find_iio_accelerometers
 from mmt_devices.iio.capture import Capture
 from mmt_devices.iio.options import IioOptions
@@ -26,11 +20,7 @@ RATES: Final = (
     "as many samples a second as the sensor has (rate_hz), an ADXL355 or ADXL359 4000, an ADXL345 "
     "3200"
 )
-LOG: Final = logging.getLogger("mmt.devices")
 
-_REST_S: Final = 0.2
-_LEAST_SAMPLES: Final = 20
-_LONGEST_PAUSE_S: Final = 1.0
 _ERROR_AT_REST: Final = 0.15
 """Largest relative error of gravity; data sheets allow 0.1 g, and several per cent of gain."""
 _GAP: Final = 1.75
@@ -57,7 +47,7 @@ def iio_accelerometer(**options: Any) -> "IioAccelerometer":
     return StampedAccelerometer(read) if read.stamps == "kernel" else IioAccelerometer(read)
 
 
-class IioAccelerometer:
+class IioAccelerometer(AccelerometerDriver):
     """`SampledSensor` of accelerations; counting the samples gives their times.
 
     Parameters
@@ -67,22 +57,12 @@ class IioAccelerometer:
     """
 
     def __init__(self, options: IioOptions) -> None:
+        super().__init__(f"accelerometer {options.device or ''}".strip(), options.stuck_s)
         self._options = options
         self.latency_ns = round(1e6 * options.latency_ms)
-        self.name = f"accelerometer {options.device or ''}".strip()
         self._capture: Capture | None = None
-        self._rest = b""
-        self._counts: Counter[str] = Counter()
-        self._notice = RareWarning()
+        self._unfinished = b""
         self._clock: CountingClock | None = None
-        self._stuck = StuckCheck(1e9 * options.stuck_s)
-        self._axes: list[tuple[int, float, float, float]] = []
-        """For x, y, z of the scene: the sensor's axis, scale, offset, and magnitude of overload."""
-
-    @property
-    def faults(self) -> dict[str, int]:
-        """Counts of survived faults, by kind."""
-        return {reason: count for reason, count in dict(self._counts).items() if count}
 
     def connect(self) -> None:
         """Find and set up the device, start the capture, and await the first sample.
@@ -112,47 +92,6 @@ class IioAccelerometer:
             self.close()
             raise
 
-    def calibrate(self) -> None:
-        """Compare the value at rest with gravity, and warn if they differ; subtract nothing.
-
-        Raises
-        ------
-        MmtError
-            Too few samples came.
-        """
-        self.read()  # earlier samples may not be at rest
-        values: list[Sequence[float]] = []
-        end = time.monotonic() + _REST_S
-        while (now := time.monotonic()) < end or (
-            len(values) < _LEAST_SAMPLES and now < end + _LONGEST_PAUSE_S
-        ):
-            values += [reading.value for reading in self.read()]
-            time.sleep(0.002)
-        if len(values) < _LEAST_SAMPLES:
-            raise MmtError(
-                f"{self.name}: {len(values)} samples came in {_REST_S:g} s, too few; raise "
-                "'rate_hz'"
-            )
-        felt = hypot(*map(fmean, zip(*values, strict=True)))
-        if abs(felt / GRAVITY_M_S2 - 1.0) > _ERROR_AT_REST:
-            LOG.warning(
-                "%s measures %.2f m/s2 at rest, gravity is %.2f: it was moved, or its driver in "
-                "the kernel is for another sensor (in_accel_scale)",
-                self.name,
-                felt,
-                GRAVITY_M_S2,
-            )
-
-    def read(self) -> Sequence[SensorReading]:
-        """Return the readings that have arrived, in m/s2 along the scene's axes.
-
-        Raises
-        ------
-        DeviceLost
-            The sensor is gone, or its value is stuck.
-        """
-        return [self._convert(time_ns, raw) for time_ns, raw in self._take()]
-
     def explain_fault(self) -> str:
         """Return why no samples arrive, as far as the kernel tells."""
         return "" if self._capture is None else self._capture.explain_fault()
@@ -163,8 +102,14 @@ class IioAccelerometer:
             self._capture.stop()
             self._capture = None
 
-    def _take(self) -> list[tuple[int, Raw]]:
-        """Return time and counts of the scans that have arrived."""
+    def samples(self) -> list[tuple[int, Raw]]:
+        """Return time and counts of the scans that have arrived.
+
+        Raises
+        ------
+        DeviceLost
+            The sensor is gone.
+        """
         capture = self._capture
         if capture is None:
             raise DeviceLost(f"{self.name} is closed: connect it again")
@@ -173,9 +118,9 @@ class IioAccelerometer:
         size = capture.layout.size
         if len(content) >= capture.length * size:
             self._counts["full buffer"] += 1
-        content, self._rest = self._rest + content, b""
+        content, self._unfinished = self._unfinished + content, b""
         if odd := len(content) % size:
-            content, self._rest = content[:-odd], content[-odd:]
+            content, self._unfinished = content[:-odd], content[-odd:]
         return self._stamp(list(capture.layout.decode(content)), now_ns)
 
     def _stamp(self, scans: Sequence[Raw], now_ns: int) -> list[tuple[int, Raw]]:
@@ -186,15 +131,16 @@ class IioAccelerometer:
         return [(clock.next(), raw) for raw in scans]
 
     def _prepare(self, capture: Capture) -> None:
-        self._rest = b""
+        self._unfinished = b""
         offset, scale = capture.scales()
-        self._axes = []
-        for i, sign in signed_axes(self._options.axes):
-            least, largest = capture.bounds[i]
-            end = min(-(least + offset[i]), largest + offset[i]) * scale[i]
-            if self._options.range_g is not None:
-                end = min(end, self._options.range_g * GRAVITY_M_S2)
-            self._axes.append((i, sign * scale[i], sign * scale[i] * offset[i], end))
+        range_g = self._options.range_g
+        largest_m_s2 = float("inf") if range_g is None else range_g * GRAVITY_M_S2
+        ends = [
+            min(min(-(low + zero), high + zero) * each, largest_m_s2)
+            for (low, high), zero, each in zip(capture.bounds, offset, scale, strict=True)
+        ]
+        x, y, z = offset
+        self._set_axes(self._options.axes, scale, (-x, -y, -z), ends)
         self._start_clock(capture)
 
     def _start_clock(self, capture: Capture) -> None:
@@ -212,7 +158,7 @@ class IioAccelerometer:
         end = time.monotonic() + self._options.start_s
         came = False
         while time.monotonic() < end:
-            scans = self._take()
+            scans = self.samples()
             if self._stuck.recovers(raw for _, raw in scans):
                 return
             came = came or bool(scans)
@@ -225,24 +171,9 @@ class IioAccelerometer:
             + (why or "check the wire from its interrupt to the pin that the overlay names")
         )
 
-    def _convert(self, time_ns: int, raw: Raw) -> SensorReading:
-        if self._stuck.add(raw, time_ns):
-            raise DeviceLost(self._explain_stuck())
-        (i, a, p, x_end), (j, b, q, y_end), (k, c, r, z_end) = self._axes
-        x, y, z = a * raw[i] + p, b * raw[j] + q, c * raw[k] + r
-        if abs(x) >= x_end or abs(y) >= y_end or abs(z) >= z_end:
-            self._counts["overload"] += 1
-            self._notice.warn(
-                f"{self.name} is overloaded: beyond {x_end / GRAVITY_M_S2:.3g} g along an axis it "
-                "cuts off what it feels; touch the surface and move more gently"
-            )
-        return SensorReading(time_ns, (x, y, z))
-
-    def _explain_stuck(self) -> str:
-        return (
-            f"{self.name}: its value has not changed for {self._options.stuck_s:g} s or more, and "
-            "even at rest it is never quite still: check its supply and wires"
-        )
+    def _doubt(self) -> tuple[float, str]:
+        why = "it was moved, or its driver in the kernel is for another sensor (in_accel_scale)"
+        return _ERROR_AT_REST, why
 
 
 class StampedAccelerometer(IioAccelerometer):

@@ -2,12 +2,11 @@
 
 import time
 from collections import Counter
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from mmt.core.arrays import Vector
-from mmt.core.errors import DeviceLost
 from mmt.core.running.process import ticks_in_real_time
-from mmt.devices.driver_process import DriverProcess, text_of
+from mmt.devices.driver_process import LOST, DriverProcess
 from mmt_devices.inverse3 import exchange as to
 from mmt_devices.inverse3.exchange import ABSENT, ServiceAnswer
 from mmt_devices.inverse3.options import InverseOptions
@@ -42,7 +41,7 @@ class ServiceLink(DriverProcess[ServiceAnswer]):
         servo: dict[str, float],
         counts: Counter[str],
     ) -> None:
-        self._address, self._timeout_ms = options.address, options.timeout_ms
+        self._address = options.address
         super().__init__(
             "mmt_devices.inverse3.process",
             {
@@ -56,8 +55,12 @@ class ServiceLink(DriverProcess[ServiceAnswer]):
                 "servo": servo,
             },
             f"the process that talks with {options.address} has ended: connect the device again",
+            (
+                f"nothing has come from the process that talks with {options.address}",
+                "see whether this machine has time for it",
+                options.timeout_ms + _SLACK_MS,
+            ),
             counts,
-            to.unpack_state,
         )
         self.name = f"Inverse3 at {options.address}"
         """Type and identifier of the device, and the service's address."""
@@ -74,38 +77,13 @@ class ServiceLink(DriverProcess[ServiceAnswer]):
         late = f"the Haply Inverse Service at {self._address} does not get ready"
         self.await_state(_READY_S, late)
 
-    def read(self) -> ServiceAnswer:
-        """Return the newest state.
-
-        Raises
-        ------
-        DeviceLost
-            The device, the service or the process is gone or stuck.
-        """
-        self.receive()
-        if self.ended is not None:
-            raise DeviceLost(self.ended)
-        if self.problem == ABSENT:
-            raise DeviceLost(
-                f"the service does not list {self.name} any more: check its cable and power"
-            )
-        if self.problem:
-            raise DeviceLost(f"{self.name} has given {self.problem}")
-        silent_ns = self.silent_ns
-        if self.state is None or silent_ns > 1e6 * (self._timeout_ms + _SLACK_MS):
-            raise DeviceLost(
-                f"nothing has come from the process that talks with {self._address} for "
-                f"{silent_ns / 1e6:.0f} ms: see whether this machine has time for it"
-            )
-        return self.state
-
     def move(self, numbers: Vector) -> None:
         """Command a force (N) or a position (mm), in the device's axes."""
-        self.send(to.COMMAND.pack(to.MOVE, time.monotonic_ns(), *numbers))
+        self.send(to.MOVE, time.monotonic_ns(), numbers)
 
     def need_calibration(self) -> None:
         """From now on, let positions count as implausible if the device is not calibrated."""
-        self.send(to.COMMAND.pack(to.CALIBRATED, time.monotonic_ns(), 0.0, 0.0, 0.0))
+        self.send(to.CALIBRATED)
 
     def await_answer(self, longest_s: float) -> None:
         """Return soon after the service's next answer, or after `longest_s`."""
@@ -122,10 +100,12 @@ class ServiceLink(DriverProcess[ServiceAnswer]):
         """
         self.end(f"{self.name} is not connected: connect it first")
 
-    def keep(self, kind: bytes, body: bytes) -> bool:
+    def keep(self, kind: str, body: Any) -> None:
         """Keep what a message says; see `DriverProcess`."""
-        if kind != to.FOUND:
-            return super().keep(kind, body)
-        kind_of_device, _, device = text_of(body).partition("\n")
-        self.name = f"{kind_of_device} {device} at {self._address}"
-        return True
+        if kind == to.FOUND:
+            self.name = f"{body} at {self._address}"
+        elif kind == LOST and body == ABSENT:
+            body = f"the service does not list {self.name} any more: check its cable and power"
+        elif kind == LOST:
+            body = f"{self.name} has given {body}"
+        super().keep(kind, body)

@@ -17,7 +17,7 @@ from mmt.core.errors import MmtError
 from mmt.core.running.process import be_real_time
 from mmt.core.running.ticking import Ticker
 from mmt.devices.driver_process import COUNT, LOST, STATE, DriverPipes, run_process
-from mmt_devices.inverse3.exchange import CALIBRATED, COMMAND, FOUND, pack_state
+from mmt_devices.inverse3.exchange import CALIBRATED, FOUND
 from mmt_devices.inverse3.messages import (
     NAMES,
     OtherFormatError,
@@ -90,7 +90,7 @@ class Conversation:
             socket = await self._open(session)
             try:
                 self._servo = servo = await self._first(socket)
-                self._pipes.send(FOUND, f"{servo.kind}\n{servo.device}")
+                self._pipes.send(FOUND, f"{servo.kind} {servo.device}")
                 try:
                     await self._exchange(socket, servo)
                 finally:
@@ -182,16 +182,16 @@ class Conversation:
 
         The time-out counts turns, so that a pause of this process is not taken for a stuck service.
         """
-        commands = self._pipes.receive(COMMAND)
+        commands = self._pipes.receive()
         if commands is None:
             self._turns.stop()
             return
         servo = self._servo
-        for kind, time_ns, x, y, z in commands:
+        for kind, *body in commands:
             if servo is not None and kind == CALIBRATED:
                 servo.needs_calibration = True
             elif servo is not None:
-                servo.command, servo.command_ns = (x, y, z), time_ns
+                servo.command_ns, servo.command = body
         if not self._asked:
             self._due.set()
             return
@@ -231,7 +231,7 @@ class Conversation:
             for what in (servo.counts - self._told).elements():
                 self._pipes.send(COUNT, what)
             self._told = servo.counts.copy()
-        self._pipes.send(STATE, pack_state(servo.state()))
+        self._pipes.send(STATE, servo.state())
         problem = servo.problem()
         if problem and not self._is_lost:
             self._is_lost = self._pipes.send(LOST, problem)

@@ -62,34 +62,6 @@ class ImplausibleAnswers(NamedTuple):
     answers: int
 
 
-class Fade:
-    """Share of the force that is displayed; it fades out while commands are stale.
-
-    Parameters
-    ----------
-    stale_ns, ramp_ns
-        The force fades to zero within `ramp_ns` when no command has come for `stale_ns`, and comes
-        back as slowly.
-    """
-
-    def __init__(self, stale_ns: int, ramp_ns: int) -> None:
-        self._stale_ns, self._ramp_ns = stale_ns, ramp_ns
-        self._last_ns: int | None = None
-        self.share = 0.0
-
-    def step(self, now_ns: int, command_ns: int | None) -> tuple[float, bool]:
-        """Return the share now, and whether it begins to fade."""
-        passed_ns = 0 if self._last_ns is None else now_ns - self._last_ns
-        self._last_ns = now_ns
-        change = min(passed_ns, _LONGEST_FADE_NS) / self._ramp_ns
-        if command_ns is not None and now_ns - command_ns < self._stale_ns:
-            self.share = min(self.share + change, 1.0)
-            return self.share, False
-        begins = self.share == 1.0
-        self.share = max(self.share - change, 0.0)
-        return self.share, begins
-
-
 class Inverse3Servo(ABC):
     """Control of one device, in the process that talks to the service.
 
@@ -198,14 +170,14 @@ class Inverse3Servo(ABC):
 
 
 class ForceServo(Inverse3Servo):
-    """Displays a force, for the handle.
+    """Displays a force, for the handle; it fades out while commands are stale.
 
     Parameters
     ----------
     found, stale_ms, clock
         See `Inverse3Servo`.
     ramp_ms
-        See `Fade`.
+        The force fades to zero within this time once commands are stale, and comes back as slowly.
     limit_n
         Largest force, along any direction.
     """
@@ -219,18 +191,26 @@ class ForceServo(Inverse3Servo):
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         super().__init__(found, stale_ms, clock)
-        self._fade = Fade(self.stale_ns, round(ramp_ms * 1e6))
+        self._ramp_ns = round(ramp_ms * 1e6)
+        self._share = 0.0
+        self._faded_ns: int | None = None
         self._guard = ForceGuard(limit_n)
 
     def next_message(self, now_ns: int) -> str:
         """Return the force command, scaled by the fade."""
         if self.implausible is not None:
-            self._fade.share = 0.0
+            self._share = 0.0
             return self.release()
-        share, begins = self._fade.step(now_ns, self.command_ns)
-        if begins:
-            self.counts["stale commands"] += 1
-        return force_command(self.device, self._names, self._guard.step(self.command, share))
+        passed_ns = 0 if self._faded_ns is None else now_ns - self._faded_ns
+        change = min(passed_ns, _LONGEST_FADE_NS) / self._ramp_ns
+        self._faded_ns = now_ns
+        if self.command_ns is not None and now_ns - self.command_ns < self.stale_ns:
+            self._share = min(self._share + change, 1.0)
+        else:
+            if self._share == 1.0:
+                self.counts["stale commands"] += 1
+            self._share = max(self._share - change, 0.0)
+        return force_command(self.device, self._names, self._guard.step(self.command, self._share))
 
 
 class Inverse3PositionServo(Inverse3Servo):

@@ -5,8 +5,8 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from mmt.core.errors import MmtError
 from mmt.devices.board_sharing import BoardStream, ChannelsOf, SharedInputs
+from mmt.devices.discovery import lacking
 from mmt.devices.drivers import read_options
 from mmt_devices.ni.daqmx import LOCAL, Daqmx, explained, find_board, find_ports, input_names
 from mmt_devices.ni.stream import NiInput, NiStream
@@ -46,13 +46,7 @@ RATES: Final = (
 FINDERS: Final = {"NI boards": find_ports}
 
 
-def missing() -> str:
-    """Return why NI-DAQmx cannot be used, with what to do; empty if it can."""
-    try:
-        find_ports()
-    except MmtError as error:
-        return str(error)
-    return ""
+missing = lacking(find_ports)
 
 
 class NiVoltages(SharedInputs[NiInput]):

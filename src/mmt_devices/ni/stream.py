@@ -15,10 +15,11 @@ from nidaqmx.stream_readers import AnalogMultiChannelReader
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import DeviceLost
+from mmt.core.output.logs import RepeatLimit
 from mmt.core.running.process import follow_real_time
 from mmt.devices.board_sharing import StreamData
 from mmt.devices.protocols import VoltageReading
-from mmt.devices.reading_checks import RareWarning
+from mmt.devices.reading_checks import LOG, QUIET_S
 from mmt_devices.ni.daqmx import Daqmx, explain, explained
 
 _TERMINALS: Final = {
@@ -81,7 +82,7 @@ class NiStream:
         self._lost = ""
         self._scan = 0
         self._faults: Counter[str] = Counter()
-        self._notice = RareWarning()
+        self._notice = RepeatLimit(QUIET_S)
         with explained():
             self._task, self._rate_hz = self._start()
         self._heard_ns = time.monotonic_ns()
@@ -193,6 +194,7 @@ class NiStream:
         self._scan += missed
         self._faults.update({"overruns": 1, "lost scans": missed})
         self._notice.warn(
+            LOG,
             f"the board by NI {self.board} was read too late, and {missed} scans are lost: lower "
-            "rate_hz, or take load off this machine"
+            "rate_hz, or take load off this machine",
         )

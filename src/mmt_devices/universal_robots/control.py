@@ -145,11 +145,11 @@ class ArmControl(threading.Thread):
     def _problem(self, now_s: float) -> str:
         """Return what is wrong with the arm, empty if nothing is."""
         receive = self._receive
-        bits = receive.getSafetyStatusBits()
+        mode = receive.getRobotMode()
+        bits = receive.getSafetyStatusBits()  # after the mode, which a stop changes too
         for bit, name in _SAFETY_BITS.items():
             if bits >> bit & 1:
                 return dashboard.SAFETY[name]
-        mode = receive.getRobotMode()
         if mode != _RUNNING:
             return dashboard.OFF.format(_MODES.get(mode, f"mode {mode}"))
         pose = receive.getActualTCPPose()

@@ -42,7 +42,7 @@ def problem(host: str) -> str:
     MmtError
         No dashboard server answers.
     """
-    safety, mode, remote = _ask(host, ("safetystatus", "robotmode", "is in remote control"))
+    mode, safety, remote = _ask(host, ("robotmode", "safetystatus", "is in remote control"))
     safety, mode = (each.rpartition(": ")[2] for each in (safety, mode))
     for name, sentence in SAFETY.items():
         if name in safety:  # also in AUTOMATIC_MODE_SAFEGUARD_STOP

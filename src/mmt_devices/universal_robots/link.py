@@ -6,15 +6,14 @@ from threading import Lock
 from typing import Final
 
 from mmt.core.arrays import Vector
-from mmt.core.errors import DeviceLost, InputError
+from mmt.core.errors import InputError
 from mmt.devices.driver_process import DriverProcess
-from mmt_devices.universal_robots import messages as to
 from mmt_devices.universal_robots.messages import UrState
 from mmt_devices.universal_robots.options import UrOptions
 from mmt_devices.universal_robots.servo import ServoSettings
 
 _CONNECT_S: Final = 15.0
-_SILENT_NS: Final = 700_000_000
+_SILENT_MS: Final = 700.0
 
 
 class ArmLink(DriverProcess[UrState]):
@@ -53,8 +52,12 @@ class ArmLink(DriverProcess[UrState]):
             },
             f"the process that talks to the UR arm at {host} has ended, as the library may when "
             "its connection breaks: check the arm's cable, and that it is switched on",
+            (
+                f"nothing has come from the UR arm at {host}",
+                "check its cable, and whether this machine has time for it",
+                _SILENT_MS,
+            ),
             counts,
-            to.unpack_state,
         )
 
     def start(self) -> None:
@@ -96,32 +99,9 @@ class ArmLink(DriverProcess[UrState]):
                 f"{list(mine)}, the other {list(theirs)}; give both the same"
             )
 
-    def read(self) -> UrState:
-        """Return the newest state.
-
-        Raises
-        ------
-        DeviceLost
-            No state has come for a while, the process has ended, or the arm takes no commands.
-        """
-        self.receive()
-        if self.ended is not None:
-            raise DeviceLost(self.ended)
-        silent_ns = self.silent_ns
-        if silent_ns > _SILENT_NS:
-            raise DeviceLost(
-                f"nothing has come from the UR arm at {self._host} for {silent_ns / 1e6:.0f} ms: "
-                "check its cable, and whether this machine has time for it"
-            )
-        if self.problem:
-            raise DeviceLost(self.problem)
-        if self.state is None:
-            raise DeviceLost(f"nothing has come from the UR arm at {self._host} yet")
-        return self.state
-
     def move(self, position_m: Vector) -> None:
         """Send the arm to a position in its base's frame (m)."""
-        self.send(to.COMMAND.pack(*position_m))
+        self.send("move", position_m)
 
     def close(self) -> None:
         """Stop the arm and end the process; calling it twice is harmless.

@@ -1,14 +1,8 @@
-"""Messages between a driver and the process that talks to the arm, over two pipes."""
+"""State of an arm, which the process that talks to the arm sends its driver."""
 
-import struct
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from mmt.core.quaternions import Vector
-
-COMMAND: Final = struct.Struct("<3d")
-"""Move to a position in the base's frame (m)."""
-
-_STATE: Final = struct.Struct("<7dq3d?")
 
 
 class UrState(NamedTuple):
@@ -29,15 +23,3 @@ class UrState(NamedTuple):
     """Rotation vector of the tool, in the base's frame."""
     program_runs: bool
     """Whether a program runs on the controller; an e-Series arm zeroes its sensor at its start."""
-
-
-def pack_state(state: UrState) -> bytes:
-    """Return the body of a `STATE` message."""
-    (timestamp_s, position_m, force_n, time_ns, rotation_rad, runs) = state
-    return _STATE.pack(timestamp_s, *position_m, *force_n, time_ns, *rotation_rad, runs)
-
-
-def unpack_state(body: bytes) -> UrState:
-    """Return the state in the body of a `STATE` message."""
-    timestamp_s, x, y, z, u, v, w, time_ns, a, b, c, runs = _STATE.unpack(body)
-    return UrState(timestamp_s, (x, y, z), (u, v, w), time_ns, (a, b, c), runs)

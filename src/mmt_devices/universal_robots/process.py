@@ -11,7 +11,6 @@ from typing import Any, Final
 
 from mmt.core.errors import MmtError, short_message
 from mmt.devices.driver_process import COUNT, LOST, STATE, DriverPipes, run_process
-from mmt_devices.universal_robots import messages as to
 from mmt_devices.universal_robots.control import PLAYING, ArmControl
 from mmt_devices.universal_robots.messages import UrState
 from mmt_devices.universal_robots.servo import ServoSettings
@@ -120,10 +119,9 @@ class ArmProcess:
 
     def _take_commands(self) -> bool:
         """Take the driver's commands; return whether the driver is still there."""
-        commands = self._pipes.receive(to.COMMAND)
+        commands = self._pipes.receive()
         if commands and self._control is not None:
-            x, y, z = commands[-1]
-            self._control.target_m = (x, y, z)
+            _, self._control.target_m = commands[-1]
         return commands is not None
 
     def _pass_state_on(self) -> None:
@@ -146,7 +144,7 @@ class ArmProcess:
         runs = receive.getRuntimeState() == PLAYING
         now_ns = time.monotonic_ns()
         state = UrState(timestamp_s, (x, y, z), (u, v, w), now_ns, (a, b, c), runs)
-        self._pipes.send(STATE, to.pack_state(state))
+        self._pipes.send(STATE, state)
 
     def _watch_control(self) -> None:
         """Tell the driver of periods held back, and of a loss of control."""

@@ -3,13 +3,14 @@
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.extras import require
 from mmt.core.quaternions import Quaternion
-from mmt.devices.discovery import missing_package
+from mmt.devices.discovery import lacking
 from mmt.devices.drivers import read_options
 from mmt_devices.universal_robots import dashboard
 from mmt_devices.universal_robots.frame import M_TO_MM, SceneFrame
@@ -17,10 +18,7 @@ from mmt_devices.universal_robots.link import ArmLink
 from mmt_devices.universal_robots.options import UrRobotOptions
 from mmt_devices.universal_robots.servo import ServoSettings
 
-
-def missing() -> str:
-    """Return what this machine lacks for the driver, with what to do; empty if nothing."""
-    return missing_package("rtde_control")
+missing = lacking(partial(require, "rtde_control"))
 
 
 class UrRobot:

@@ -131,26 +131,27 @@ class Logs:
 
 
 class RepeatLimit:
-    """Allow one log line of each kind a second; count the suppressed ones."""
+    """Allow one log line of each kind in `period_s`; count the suppressed ones."""
 
-    def __init__(self) -> None:
+    def __init__(self, period_s: float = REPEAT_PERIOD_S) -> None:
+        self._period_s = period_s
         self._next_s: dict[Hashable, float] = {}
         self._suppressed: dict[Hashable, int] = {}
 
     def allow(self, kind: Hashable) -> int:
         """Return 0 to suppress a line, else 1 plus the number suppressed since the last one."""
         now_s = time.monotonic()
-        if 0.0 < self._next_s.get(kind, 0.0) - now_s <= REPEAT_PERIOD_S:  # more: it jumped back
+        if 0.0 < self._next_s.get(kind, 0.0) - now_s <= self._period_s:  # more: it jumped back
             self._suppressed[kind] = self._suppressed.get(kind, 0) + 1
             return 0
         if len(self._next_s) >= _MAX_KINDS:
             self._next_s.clear()
             self._suppressed.clear()
-        self._next_s[kind] = now_s + REPEAT_PERIOD_S
+        self._next_s[kind] = now_s + self._period_s
         return 1 + self._suppressed.pop(kind, 0)
 
     def warn(self, log: logging.Logger, sentence: str) -> None:
-        """Log a warning, at most one a second, with the number since the last line."""
+        """Log a warning if the last one is long ago, with the number since then."""
         if times := self.allow("warning"):
             more = f" ({times} since the last such line)" if times > 1 else ""
             log.warning("%s%s", sentence, more)

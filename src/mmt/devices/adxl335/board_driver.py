@@ -63,7 +63,7 @@ class BoardAdxl335(Adxl335):
         self._board.connect()
         self._prepare(getattr(self._board, "serial", None))
 
-    def voltages(self) -> Sequence[tuple[int, Vector]]:
+    def samples(self) -> Sequence[tuple[int, Vector]]:
         """Return the new samples as (time_ns, volts along the sensor's own axes).
 
         Raises

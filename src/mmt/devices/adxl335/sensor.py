@@ -1,30 +1,18 @@
 """Base class of the ADXL335 drivers, and their options: stored calibration, rest, faults."""
 
-import logging
-import time
-from abc import ABC, abstractmethod
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from math import hypot, pi
+from collections.abc import Sequence
+from math import pi
 from statistics import fmean, pstdev
 from typing import Final
 
 from pydantic import ConfigDict, Field
 
-from mmt.core.arrays import Vector
-from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.units import GRAVITY_M_S2
-from mmt.devices.adxl335.gravity import (
-    GravityCalibration,
-    Rest,
-    Up,
-    from_dict,
-    nominal,
-)
-from mmt.devices.axes import SensorAxesOptions, signed_axes
+from mmt.devices.adxl335.gravity import GravityCalibration, Rest, Up, from_dict, nominal
+from mmt.devices.axes import SensorAxesOptions
 from mmt.devices.calibrations import load_calibration
-from mmt.devices.protocols import SensorReading
-from mmt.devices.reading_checks import RareWarning, StuckCheck, measured
+from mmt.devices.reading_checks import LOG
+from mmt.devices.sensor_drivers import AccelerometerDriver
 
 _Z_HZ: Final = 550.0
 """Largest bandwidth of the sensor's own z axis; x and y reach 1600 Hz (data sheet)."""
@@ -105,27 +93,16 @@ RANGE_M_S2: Final = 3.0 * GRAVITY_M_S2
 """Guaranteed full scale (data sheet); a typical sensor reaches 3.6 g."""
 TYPICAL_RANGE_M_S2: Final = 3.6 * GRAVITY_M_S2
 
-_OVERLOADED: Final = (
-    f"the accelerometer is overloaded: beyond {RANGE_M_S2 / GRAVITY_M_S2:g} g along an axis it may "
-    "cut off what it feels; touch the surface and move more gently"
-)
-
-
-LOG: Final = logging.getLogger("mmt.devices")
-
 CALIBRATED_AS: Final = "adxl335"
 """The kind of device under which calibrations are stored."""
 
-_REST_S: Final = 0.2
-_LEAST_SAMPLES: Final = 20
-_LONGEST_PAUSE_S: Final = 1.0  # a busy machine may read samples late
 _CALIBRATED_ERROR: Final = 0.05
 _NOMINAL_ERROR: Final = 0.15
 """Largest error of gravity at rest, relative, with and without a stored calibration."""
 
 
-class Adxl335(ABC):
-    """A `SampledSensor`; a subclass reads the volts.
+class Adxl335(AccelerometerDriver):
+    """A `SampledSensor`; a subclass reads the volts along the sensor's own axes.
 
     Parameters
     ----------
@@ -134,6 +111,7 @@ class Adxl335(ABC):
     """
 
     def __init__(self, options: Adxl335Options) -> None:
+        super().__init__("the accelerometer", options.stuck_s)
         self._common = options
         self.latency_ns = options.filter_delay_ns
         """Delay of the board's filter."""
@@ -141,11 +119,6 @@ class Adxl335(ABC):
         """Calibration in use: nominal until `connect` finds a stored one."""
         self._serial: str | None = None
         self._calibrated = False
-        self._axes: list[tuple[int, float, float]] = []
-        """For x, y, z of the scene: the sensor's axis, its scale, and its value at zero volts."""
-        self._faults: Counter[str] = Counter()
-        self._notice = RareWarning()
-        self._stuck = StuckCheck(1e9 * options.stuck_s)
         self._remarked = False
 
     @property
@@ -168,73 +141,9 @@ class Adxl335(ABC):
         """Highest frequency that the sensor passes, set by its board's capacitors."""
         return self._common.bandwidth_hz
 
-    @property
-    def faults(self) -> Mapping[str, int]:
-        """Counts of tolerated faults, by kind."""
-        return {kind: count for kind, count in dict(self._faults).items() if count}
-
     def remarks(self) -> Sequence[str]:
         """Return a sentence for each doubtful option, such as a capacitor that is too large."""
         return self._common.remarks()
-
-    def read(self) -> Sequence[SensorReading]:
-        """Return the new readings, in m/s2 along the scene's axes.
-
-        Raises
-        ------
-        DeviceLost
-            The sensor was unplugged, or its value is stuck.
-        """
-        convert, stuck = self._convert, self._stuck
-        readings = []
-        for time_ns, volts in self.voltages():
-            if stuck.add(volts, time_ns):
-                raise DeviceLost(
-                    f"the accelerometer's value has not changed for {self._common.stuck_s:g} s "
-                    "or more, and even at rest it is never quite still: check the sensor's supply "
-                    "and the wires to the converter"
-                )
-            readings.append(convert(time_ns, volts))
-        return readings
-
-    @abstractmethod
-    def connect(self) -> None:
-        """Open the device; see `mmt.devices.protocols.Device`."""
-
-    @abstractmethod
-    def voltages(self) -> Iterable[tuple[int, Vector]]:
-        """Return the new samples as (time_ns, volts along the sensor's own axes)."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Release the device; calling it twice is harmless."""
-
-    def calibrate(self) -> None:
-        """Compare the value at rest with gravity, and warn if they differ.
-
-        No bias is subtracted: an accelerometer measures gravity too, and modelling and rendering
-        leave out constant parts.
-        """
-        rest = self.measure_rest("+z", _REST_S)
-        used = self.calibration
-        felt = hypot(
-            *((rest.mean_v[i] - used.zero_v[i]) / used.gain_v_per_m_s2[i] for i in range(3))
-        )
-        bound = _CALIBRATED_ERROR if self._calibrated else _NOMINAL_ERROR
-        if not abs(felt / GRAVITY_M_S2 - 1.0) <= bound:
-            why = (
-                f"the calibration stored for {self._serial} does not fit this sensor or its supply"
-                if self._calibrated
-                else "it is not calibrated, and the options for supply, reference and resolution "
-                "may be wrong"
-            )
-            LOG.warning(
-                "the accelerometer measures %.2f m/s2 at rest, gravity is %.2f: %s, or it was "
-                "moved. To calibrate it, run: mmt device calibrate",
-                felt,
-                GRAVITY_M_S2,
-                why,
-            )
 
     def measure_rest(self, up: Up, duration_s: float) -> Rest:
         """Measure for `duration_s` at rest; blocks up to 1 s longer if too few samples came.
@@ -244,30 +153,19 @@ class Adxl335(ABC):
         MmtError
             Too few samples came.
         """
-        volts: list[Vector] = []
-        list(self.voltages())  # discard older samples
-        end = time.monotonic() + duration_s
-        while (now := time.monotonic()) < end or (
-            len(volts) < _LEAST_SAMPLES and now < end + _LONGEST_PAUSE_S
-        ):
-            volts.extend(v for _, v in self.voltages() if measured(v) is not None)
-            time.sleep(0.005)
-        if len(volts) < _LEAST_SAMPLES:
-            raise MmtError(
-                f"the accelerometer gave {len(volts)} samples in {duration_s:g} s, too few; check "
-                "its cable and its rate"
-            )
+        volts = self._rest(lambda: ((x, y, z) for _, (x, y, z) in self.samples()), duration_s)
         x, y, z = zip(*volts, strict=True)
         return Rest(up, (fmean(x), fmean(y), fmean(z)), (pstdev(x), pstdev(y), pstdev(z)))
 
-    def _convert(self, time_ns: int, volts: Vector) -> SensorReading:
-        """Return the acceleration for the volts of one sample."""
-        (i, a, p), (j, b, q), (k, c, r) = self._axes
-        value = (a * volts[i] - p, b * volts[j] - q, c * volts[k] - r)
-        if max(value) > RANGE_M_S2 or min(value) < -RANGE_M_S2:
-            self._faults["overload"] += 1
-            self._notice.warn(_OVERLOADED)
-        return SensorReading(time_ns, value)
+    def _doubt(self) -> tuple[float, str]:
+        why = (
+            f"the calibration stored for {self._serial} does not fit this sensor or its supply"
+            if self._calibrated
+            else "it is not calibrated, and the options for supply, reference and resolution may "
+            "be wrong"
+        )
+        error = _CALIBRATED_ERROR if self._calibrated else _NOMINAL_ERROR
+        return error, f"{why}, or it was moved. To calibrate it, run: mmt device calibrate"
 
     def _prepare(self, serial: str | None) -> None:
         """Load the stored calibration of the sensor that was just connected."""
@@ -275,11 +173,9 @@ class Adxl335(ABC):
         stored = load_calibration(CALIBRATED_AS, self._serial) if self._serial else None
         self._calibrated = stored is not None
         self.calibration = nominal(self.supply_v) if stored is None else from_dict(stored)
-        zero, gain = self.calibration.zero_v, self.calibration.gain_v_per_m_s2
-        self._axes = [
-            (i, sign / gain[i], sign * zero[i] / gain[i])
-            for i, sign in signed_axes(self._common.axes)
-        ]
+        a, b, c = self.calibration.gain_v_per_m_s2
+        scale = (1.0 / a, 1.0 / b, 1.0 / c)
+        self._set_axes(self._common.axes, scale, self.calibration.zero_v, [RANGE_M_S2] * 3)
         if not self._remarked:
             self._remarked = True
             for remark in self._common.remarks():

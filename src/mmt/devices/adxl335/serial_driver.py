@@ -44,7 +44,7 @@ class SerialAdxl335(Adxl335):
             f"the accelerometer's board on {port}", port, self._options.baud_rate
         )
         self._decoder = BoardDecoder()
-        self._timeline = Timeline(self._faults)
+        self._timeline = Timeline(self._counts)
         self._survived = 0  # invalid frames before the newest good one
 
     def connect(self) -> None:
@@ -55,8 +55,8 @@ class SerialAdxl335(Adxl335):
         MmtError
             The port cannot be opened, or no frames come; the message explains what came instead.
         """
-        self._faults.update(self._decoder.faults)
-        self._timeline = Timeline(self._faults)
+        self._counts.update(self._decoder.faults)
+        self._timeline = Timeline(self._counts)
         self._decoder = BoardDecoder()
         self._survived = 0
         self._line.open()
@@ -67,7 +67,7 @@ class SerialAdxl335(Adxl335):
             raise
         self._prepare(_serial_number(self._options.port))
 
-    def voltages(self) -> Sequence[tuple[int, Vector]]:
+    def samples(self) -> Sequence[tuple[int, Vector]]:
         """Return the new samples as (time_ns, volts along the sensor's own axes).
 
         Raises

@@ -1,6 +1,7 @@
 """Options of a force sensor by ATI, and the contents of its calibration."""
 
 from dataclasses import dataclass
+from typing import Final, Literal
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import InputError
@@ -21,19 +22,21 @@ class AtiOptions(WrenchOptions):
     """Calibrated range of Fx, Fy, Fz (N) that the device must have."""
 
 
-def force_in_newton(unit: str, device: str) -> float:
-    """Return the size of a unit of force in N.
+_QUANTITIES: Final = {"force": ("force", "; set it to N in the device"), "length": ("position", "")}
+
+
+def unit_size(quantity: Literal["force", "length"], unit: str, device: str) -> float:
+    """Return the size of a unit of force in N, or of a unit of length in mm.
 
     Raises
     ------
     InputError
         The unit is not known.
     """
-    factor = unit_factor("force", unit)
+    name, advice = _QUANTITIES[quantity]
+    factor = unit_factor(name, unit)
     if factor is None:
-        raise InputError(
-            f"{device}: the unit of force {unit!r} is not known; set it to N in the device"
-        )
+        raise InputError(f"{device}: the unit of {quantity} {unit!r} is not known{advice}")
     return factor
 
 
@@ -49,24 +52,16 @@ def torque_in_newton_mm(unit: str, device: str) -> float:
     for length in ("mm", "cm", "m", "in", "ft"):
         newton = unit_factor("force", name.removesuffix(length))
         if name.endswith(length) and newton is not None:
-            return newton * length_in_mm(length, device)
+            return newton * unit_size("length", length, device)
     raise InputError(
         f"{device}: the unit of torque {unit!r} is not known; set it to N-m or N-mm in the device"
     )
 
 
-def length_in_mm(unit: str, device: str) -> float:
-    """Return the size of a unit of length in mm.
-
-    Raises
-    ------
-    InputError
-        The unit is not known.
-    """
-    factor = unit_factor("position", unit)
-    if factor is None:
-        raise InputError(f"{device}: the unit of length {unit!r} is not known")
-    return factor
+def wrench_units(force_unit: str, torque_unit: str, device: str) -> list[float]:
+    """Return the sizes of the units of a wrench: three in N, three in N mm."""
+    newton = unit_size("force", force_unit, device)
+    return [newton] * 3 + [torque_in_newton_mm(torque_unit, device)] * 3
 
 
 RANGE_TOLERANCE = 0.01

@@ -27,7 +27,7 @@ from mmt.devices.ati.digital_wire import (
 )
 from mmt.devices.drivers import read_options
 from mmt.devices.record_clocks import CountingClock
-from mmt.devices.wrench_sensor import Stamped, WrenchSensor
+from mmt.devices.sensor_drivers import Stamped, WrenchSensor
 
 DRIVER: Final = "ati-digital-ft"
 

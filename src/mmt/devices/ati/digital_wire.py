@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from mmt.core.errors import MmtError
-from mmt.devices.ati.calibration import Calibration, force_in_newton, torque_in_newton_mm
+from mmt.devices.ati.calibration import Calibration, wrench_units
 from mmt.devices.wrench import matrix_of, six_of
 
 READ_REGISTERS: Final = 0x03
@@ -260,10 +260,8 @@ def parse_calibration(registers: Sequence[int], device: str) -> StoredCalibratio
             f"{torque_code}, counts {counts}, ranges {ranges}); change 'calibration_number'"
         )
     force_unit = FORCE_UNITS[force_code - 1]
-    newton = force_in_newton(force_unit, device)
-    newton_mm = torque_in_newton_mm(TORQUE_UNITS[torque_code - 1], device)
-    units = [newton] * 3 + [newton_mm] * 3
-    scales = [newton / counts[0]] * 3 + [newton_mm / counts[1]] * 3
+    units = wrench_units(force_unit, TORQUE_UNITS[torque_code - 1], device)
+    scales = [unit / counts[i // 3] for i, unit in enumerate(units)]
     try:
         matrix = matrix_of(
             [

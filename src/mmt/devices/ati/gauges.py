@@ -13,14 +13,13 @@ from mmt.devices.ati.calibration import (
     AtiOptions,
     Calibration,
     check_calibration,
-    force_in_newton,
-    length_in_mm,
-    torque_in_newton_mm,
+    unit_size,
+    wrench_units,
 )
 from mmt.devices.drivers import load_device, read_options
 from mmt.devices.protocols import VoltageBoard, arrival_of
+from mmt.devices.sensor_drivers import Stamped, WrenchSensor
 from mmt.devices.wrench import matrix_of, six_of
-from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 from mmt.scene import Driver
 
 _AXES: Final = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
@@ -76,16 +75,11 @@ def parse_calibration_file(content: bytes) -> FileCalibration:
         raise InputError("it has no FTSensor with a Calibration: it is no .cal file by ATI")
     if _number(calibration, "GainMultiplier", "1") != 1.0:
         raise InputError("its GainMultiplier is not 1, which is not supported")
-    newton = force_in_newton(_text(calibration, "ForceUnits"), "the file")
-    newton_mm = torque_in_newton_mm(_text(calibration, "TorqueUnits"), "the file")
+    force_unit = _text(calibration, "ForceUnits")
+    units = wrench_units(force_unit, _text(calibration, "TorqueUnits"), "the file")
     axes = _rows(calibration, "UserAxis")
-    rows = (
-        [_values(axes[name]) for name in _AXES]
-        if axes
-        else _from_axes(calibration, newton, newton_mm)
-    )
+    rows = [_values(axes[name]) for name in _AXES] if axes else _from_axes(calibration, units)
     ranges = axes or _rows(calibration, "Axis")
-    units = [newton] * 3 + [newton_mm] * 3
     limits = [unit * _number(ranges[name], "max") for name, unit in zip(_AXES, units, strict=True)]
     if min(limits) <= 0:
         raise InputError("its ranges 'max' are not above zero")
@@ -100,14 +94,14 @@ def parse_calibration_file(content: bytes) -> FileCalibration:
     return FileCalibration(
         serial=root.get("Serial", ""),
         part=calibration.get("PartNumber", ""),
-        force_unit=_text(calibration, "ForceUnits"),
+        force_unit=force_unit,
         matrix=matrix,
         limits=six_of(limits),
         output_v=output / 2 if bipolar else output,
     )
 
 
-def _from_axes(calibration: ET.Element, newton: float, newton_mm: float) -> list[list[float]]:
+def _from_axes(calibration: ET.Element, units: list[float]) -> list[list[float]]:
     """Return the rows of a file without ``UserAxis``, in the file's own units."""
     axes = _rows(calibration, "Axis")
     if not axes:
@@ -123,11 +117,9 @@ def _from_axes(calibration: ET.Element, newton: float, newton_mm: float) -> list
         return rows
     if any(_number(transform, angle, "0") != 0 for angle in ("Rx", "Ry", "Rz")):
         raise InputError("its BasicTransform turns the axes, which is not supported")
-    millimetres = length_in_mm(_text(calibration, "DistUnits"), "the file")
-    moved = [
-        _number(transform, name, "0") * millimetres * newton / newton_mm
-        for name in ("Dx", "Dy", "Dz")
-    ]
+    millimetres = unit_size("length", _text(calibration, "DistUnits"), "the file")
+    scale = millimetres * units[0] / units[3]
+    moved = [_number(transform, name, "0") * scale for name in ("Dx", "Dy", "Dz")]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         rows[3 + i] = [

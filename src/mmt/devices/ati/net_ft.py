@@ -29,7 +29,7 @@ from mmt.devices.ati.net_wire import (
 )
 from mmt.devices.drivers import read_options
 from mmt.devices.record_clocks import SequenceClock
-from mmt.devices.wrench_sensor import Stamped, WrenchSensor
+from mmt.devices.sensor_drivers import Stamped, WrenchSensor
 
 _SO_TIMESTAMPNS: Final = 35
 """Number of the option on 64-bit Linux; `socket` does not name it. The kernel starts stamping some

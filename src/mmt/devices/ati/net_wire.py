@@ -4,12 +4,12 @@ import re
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 from mmt.core.bounds import finite_number
 from mmt.core.errors import MmtError
 from mmt.core.requests import AnswerError, open_answer
-from mmt.devices.ati.calibration import Calibration, force_in_newton, torque_in_newton_mm
+from mmt.devices.ati.calibration import Calibration, wrench_units
 from mmt.devices.wrench import diagonal, six_of
 
 PORT: Final = 49152
@@ -20,7 +20,8 @@ START: Final = 0x0002
 RESET_LATCH: Final = 0x0041
 
 RECORD: Final = struct.Struct(">3I6i")
-"""RDT sequence, F/T sequence, status, then Fx Fy Fz Tx Ty Tz in counts."""
+"""Number of the record in this stream, from 1, number of the measurement by the box's own rate,
+status, then Fx Fy Fz Tx Ty Tz in counts."""
 
 ERROR: Final = 0x80000000
 RDT_ERROR: Final = 0x00100000
@@ -37,17 +38,6 @@ _NAMES: Final = {
 }
 
 
-class Record(NamedTuple):
-    """One measurement of the box."""
-
-    sequence: int
-    """Number of the record in this stream, from 1, unsigned 32-bit."""
-    measurement: int
-    """Number of the measurement by the box's own rate, unsigned 32-bit."""
-    status: int
-    counts: tuple[int, int, int, int, int, int]
-
-
 def request(command: int, count: int = 0) -> bytes:
     """Return a request; a count of 0 means without end."""
     return _REQUEST.pack(_MARK, command, count)
@@ -59,11 +49,6 @@ def parse_request(packet: bytes) -> tuple[int, int] | None:
         return None
     mark, command, count = _REQUEST.unpack(packet)
     return (command, count) if mark == _MARK else None
-
-
-def pack_record(record: Record) -> bytes:
-    """Return the record's 36 bytes."""
-    return RECORD.pack(record.sequence, record.measurement, record.status, *record.counts)
 
 
 def is_broken(status: int) -> bool:
@@ -133,20 +118,18 @@ def parse_settings(
             f"{device}: RDT is switched off in the box: enable it on its Communications page"
         )
     force_unit = _value(page, "scfgfu", device)
-    newton = force_in_newton(force_unit, device)
-    newton_mm = torque_in_newton_mm(_value(page, "scfgtu", device), device)
+    units = wrench_units(force_unit, _value(page, "scfgtu", device), device)
     ranges = [_number(part, "cfgmr", device) for part in _value(page, "cfgmr", device).split(";")]
     if len(ranges) != 6 or min(ranges) <= 0:
         raise MmtError(f"{device}: its ranges 'cfgmr' are {page['cfgmr']!r}, six are expected")
-    units = [newton] * 3 + [newton_mm] * 3
     return NetSettings(
         calibration=Calibration(
             serial=calibration_page.get("calsn", ""),
             part=calibration_page.get("calpn", ""),
             force_unit=force_unit,
             matrix=diagonal(
-                newton / _positive(page, "cfgcpf", device),
-                newton_mm / _positive(page, "cfgcpt", device),
+                units[0] / _positive(page, "cfgcpf", device),
+                units[3] / _positive(page, "cfgcpt", device),
             ),
             limits=six_of([unit * value for unit, value in zip(units, ranges, strict=True)]),
         ),

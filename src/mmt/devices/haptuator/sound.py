@@ -12,7 +12,7 @@ from pydantic import Field
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.extras import require
-from mmt.devices.discovery import FoundPort
+from mmt.devices.discovery import FoundPort, lacking
 from mmt.devices.drivers import read_options
 from mmt.devices.haptuator.card_buffer import CardBuffer
 from mmt.devices.haptuator.driver import SILENCE_NS, HaptuatorDriver
@@ -42,13 +42,7 @@ def load_sounddevice() -> Any:
     return sounddevice
 
 
-def missing() -> str:
-    """Return what this machine lacks for the driver, with what to do; empty if nothing."""
-    try:
-        load_sounddevice()
-    except MmtError as error:
-        return str(error)
-    return ""
+missing = lacking(load_sounddevice)
 
 
 def find_sound_outputs() -> list[FoundPort]:

@@ -30,7 +30,7 @@ NAME: Final = "labjack-u6"
 RATES: Final = f"100 to {MOST_SAMPLES_HZ} samples a second (rate_hz), of all inputs together"
 
 
-class U6Stream:
+class U6Stream(U6Link):
     """A `BoardStream`.
 
     Parameters
@@ -53,42 +53,31 @@ class U6Stream:
     def __init__(
         self, box: int | None, backend: Any, rate_hz: float, channels_of: ChannelsOf[AnalogInput]
     ) -> None:
-        self._link = link = U6Link(box, backend)
+        super().__init__(box, backend)
         try:
-            link.open()
-            self.board = link.serial
-            self.serial = f"u6-{link.serial}"
-            scanning = plan(channels_of(link.serial), rate_hz)
-            self._decoder = StreamDecoder(scanning, _calibration(link))
-            link.send(stream_config(scanning), STREAM_CONFIG)
-            link.start()
+            self.open()
+            self.board, self.serial = self.number, f"u6-{self.number}"
+            scanning = plan(channels_of(self.number), rate_hz)
+            self._decoder = StreamDecoder(scanning, self._calibration())
+            self.send(stream_config(scanning), STREAM_CONFIG)
+            self.start()
         except BaseException:
-            link.close()
+            self.close()
             raise
-
-    @property
-    def is_streaming(self) -> bool:
-        """Whether packets are still arriving."""
-        return self._link.is_streaming
 
     def read_scans(self) -> StreamData:
         """Decode the received packets; see `BoardStream`."""
-        packets, decoder = self._link.packets(), self._decoder
+        packets, decoder = self.packets(), self._decoder
         scans = [scan for _, raw in packets for scan in decoder.decode(raw)]
         faults, decoder.faults = decoder.faults, Counter()
         return StreamData(scans, packets[-1][0] if packets else 0, faults)
 
-    def close(self) -> None:
-        """End the stream and release the U6; calling it twice is harmless."""
-        self._link.close()
-
-
-def _calibration(link: U6Link) -> tuple[CentredLines, ...]:
-    blocks = [link.ask(READ_CALIBRATION, bytes((0, number))) for number in range(BLOCKS)]
-    try:
-        return read_lines(blocks)
-    except ValueError as error:
-        raise MmtError(f"the LabJack U6 is not calibrated: {error}") from error
+    def _calibration(self) -> tuple[CentredLines, ...]:
+        blocks = [self.ask(READ_CALIBRATION, bytes((0, number))) for number in range(BLOCKS)]
+        try:
+            return read_lines(blocks)
+        except ValueError as error:
+            raise MmtError(f"the LabJack U6 is not calibrated: {error}") from error
 
 
 class U6Voltages(SharedInputs[AnalogInput]):

@@ -64,7 +64,7 @@ class U6Link:
         self._lost = threading.Event()
         self._packets: deque[Arrived] = deque(maxlen=_MOST_WAITING)
         self._heard_ns = 0
-        self.serial = 0
+        self.number = 0
         """Serial number of the U6 that is open."""
 
     def open(self) -> None:
@@ -83,15 +83,15 @@ class U6Link:
         for device in found:
             self._device = device
             try:
-                self.serial = self._open_box()
+                self.number = self._open_box()
             except MmtError as error:  # perhaps another program's, and not the wanted one
                 if self._wanted is None:
                     raise
                 told.append(f"the serial number of one cannot be read: {error}")
                 continue
-            if self._wanted in {None, self.serial}:
+            if self._wanted in {None, self.number}:
                 return
-            told.append(f"there is {self.serial}")
+            told.append(f"there is {self.number}")
             self._release()
         which = "" if self._wanted is None else f" with serial number {self._wanted}"
         raise MmtError("; ".join([f"there is no LabJack U6{which} on USB: plug it in", *told]))

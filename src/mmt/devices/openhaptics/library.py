@@ -1,6 +1,7 @@
 """The vendor's library through ctypes: its constants, loading, and one stack for the process."""
 
 import ctypes
+import importlib
 import os
 import struct
 import threading
@@ -11,7 +12,6 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from mmt.core.errors import InputError, MmtError
-from mmt.devices.drivers import library_file
 
 DONE: Final = 0
 CONTINUE: Final = 1
@@ -236,6 +236,10 @@ _stack: Stack | None = None
 _stack_lock = threading.Lock()
 
 
+EMULATED: Final = "emulated"
+"""Path that stands for the emulated library."""
+
+
 def open_stack(path: str) -> Stack:
     """Return the process's driver stack; the first call loads it from `path`.
 
@@ -245,7 +249,7 @@ def open_stack(path: str) -> Stack:
         The library cannot be used, or this process has loaded another one.
     """
     global _stack  # noqa: PLW0603 - a process has one, and it cannot be unloaded
-    path = library_file(path)
+    path = _emulated() if path == EMULATED else path
     with _stack_lock:
         if _stack is None:
             _stack = Stack(path)
@@ -255,6 +259,10 @@ def open_stack(path: str) -> Stack:
                 f"{path} must be driven by another process, as leader or follower"
             )
         return _stack
+
+
+def _emulated() -> str:
+    return str(importlib.import_module("mmt.testing.emulated.openhaptics.hd").build_library())
 
 
 def _declare(library: Any, prototypes: dict[str, tuple[Any, list[Any] | None]]) -> None:

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.output.logs import RepeatLimit
 from mmt.devices.protocols import (
     Accelerometer,
     ArrivalStamping,
@@ -20,7 +21,7 @@ from mmt.devices.protocols import (
     fault_explanation,
     fault_table,
 )
-from mmt.devices.reading_checks import RareWarning
+from mmt.devices.reading_checks import LOG, QUIET_S
 from mmt.devices.reconnection import Reasons, Reconnection
 from mmt.devices.streaming.lanes import Lane, OrientationLane, PolledLane
 
@@ -59,7 +60,7 @@ class Slot(ABC):
         self.name = f"the {role} ({type(device).__name__})"
         self.device = device
         self.lane = lane
-        self._invalid = RareWarning()
+        self._invalid = RepeatLimit(QUIET_S)
         lane.on_invalid = self._warn
         self._lanes = {"invalid_readings": lane}
         self.losses = 0
@@ -139,9 +140,10 @@ class Slot(ABC):
 
     def _warn(self) -> None:
         self._invalid.warn(
+            LOG,
             f"{self.name} gives readings that are not finite, too large, or at the time of the one "
             "before: they are left out, and the summary has their number; check its calibration, "
-            "range, clock and wires"
+            "range, clock and wires",
         )
 
     def _connect(self) -> None:

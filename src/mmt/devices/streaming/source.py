@@ -65,7 +65,7 @@ FrameReceiver = Callable[[RecordArray], None]
 
 
 class DeviceSource:
-    """A `DeviceBackedSource` that reads devices at each tick.
+    """A `FollowerSource` that reads devices at each tick; they may be lost and come back.
 
     If all devices are polled, each tick makes a frame. If one has a clock of its own, all are
     merged by their time stamps (`mmt.devices.streaming.lanes`). A tick without a measurement makes

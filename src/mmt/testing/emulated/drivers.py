@@ -1,23 +1,24 @@
 """Drivers of the virtual lab: the real ones, at the addresses of emulated devices."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final, Generic, TypeAlias, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
+from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from mmt.core.arrays import FloatArray, Vector
 from mmt.core.errors import DeviceLost, InputError
 from mmt.core.frames import AccelerationRateHz
 from mmt.devices.drivers import Role, load_device, read_options
 from mmt.devices.leader_reports import ActuatorStatistics
-from mmt.devices.protocols import USUAL_RATE_HZ, Device, SampledSensor, SensorReading, SetupRemarks
+from mmt.devices.protocols import (
+    USUAL_RATE_HZ,
+    RespondingActuator,
+    SampledSensor,
+    SetupRemarks,
+    VoltageActuator,
+)
 from mmt.testing.emulated.lab_process import LabProcess
 from mmt.testing.emulated.robot import DatagramRobot
-
-if TYPE_CHECKING:
-    from mmt.devices.haptuator.serial_driver import SerialHaptuator
-
-_Haptuator: TypeAlias = "SerialHaptuator"
 
 
 class HandleLabOptions(BaseModel):
@@ -49,7 +50,7 @@ class LabOptions(HandleLabOptions):
 
 
 AnyLab = TypeVar("AnyLab", bound=HandleLabOptions)
-AnyDevice = TypeVar("AnyDevice", bound=Device)
+Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 def take_lab_options(kind: type[AnyLab], name: str, options: dict[str, Any]) -> AnyLab:
@@ -69,7 +70,17 @@ LAB: Final = LabProcess("mmt.testing.emulated.lab")
 _HANDLE_LAB: Final = LabProcess("mmt.testing.emulated.handle_lab")
 
 
-class VirtualDevice(Generic[AnyDevice]):
+def forwarded(method: Method) -> Method:
+    """Return a method of a `VirtualDevice` that calls this one of its real driver."""
+
+    @wraps(method)
+    def call(device: "VirtualDevice", *arguments: Any) -> Any:
+        return getattr(device._connected(), method.__name__)(*arguments)
+
+    return call  # type: ignore[return-value]
+
+
+class VirtualDevice:
     """A real driver at the address of a lab's emulated device.
 
     Parameters
@@ -115,7 +126,7 @@ class VirtualDevice(Generic[AnyDevice]):
         except InputError as error:
             raise InputError(f"{name}: {error}") from error
         self._name, self._driver, self._role = name, driver, role
-        self._device: AnyDevice | None = None
+        self._device: Any = None
         self._connected_to: dict[str, Any] = {}
 
     @property
@@ -148,22 +159,21 @@ class VirtualDevice(Generic[AnyDevice]):
             self._device.close()
         self._lab.release(self)
 
-    def _made(self, address: dict[str, Any]) -> AnyDevice:
+    def _made(self, address: dict[str, Any]) -> Any:
         """Return the real driver, with the options of the address and of the scene."""
-        made: Any = load_device(self._driver, {**address, **self._options}, role=self._role)
-        return made  # type: ignore[no-any-return]
+        return load_device(self._driver, {**address, **self._options}, role=self._role)
 
     def _enter(self) -> dict[str, Any]:
         """Start the lab; return the options by which the driver finds its device."""
         return self._lab.address(self, self._address, *self._lab_arguments)
 
-    def _connected(self) -> AnyDevice:
+    def _connected(self) -> Any:
         if self._device is None:
             raise DeviceLost(f"{self._name} is not connected")
         return self._device
 
 
-class VirtualRobot(VirtualDevice[DatagramRobot]):
+class VirtualRobot(VirtualDevice):
     """The simulated robot, by datagrams; see `LabOptions`."""
 
     def __init__(self, **options: Any) -> None:
@@ -171,26 +181,20 @@ class VirtualRobot(VirtualDevice[DatagramRobot]):
         driver = f"{DatagramRobot.__module__}:{DatagramRobot.__name__}"
         super().__init__("virtual-robot", driver, "robot", options, port=0)
 
-    def read(self) -> Vector:
-        """Return the newest position (mm)."""
-        return self._connected().read()
-
-    def write(self, position_mm: Vector) -> None:
-        """Command a position (mm)."""
-        self._connected().write(position_mm)
+    read = forwarded(DatagramRobot.read)
+    write = forwarded(DatagramRobot.write)
 
 
-class VirtualSensor(VirtualDevice[SampledSensor]):
+class VirtualSensor(VirtualDevice):
     """A `VirtualDevice` that is a sensor."""
 
     @property
     def latency_ns(self) -> int:
         """Latency of the real driver, once it is connected."""
-        return 0 if self._device is None else self._device.latency_ns
+        latency_ns: int = 0 if self._device is None else self._device.latency_ns
+        return latency_ns
 
-    def read(self) -> Sequence[SensorReading]:
-        """Read the real driver."""
-        return self._connected().read()
+    read = forwarded(SampledSensor.read)
 
 
 class VirtualNetFt(VirtualSensor):
@@ -217,7 +221,7 @@ class VirtualHandleAdxl335(VirtualSensor):
         )  # fmt: skip
 
 
-class VirtualHaptuator(VirtualDevice[_Haptuator]):
+class VirtualHaptuator(VirtualDevice):
     """The driver of a Haptuator's board, at an emulated board on an emulated handle.
 
     Parameters
@@ -237,29 +241,23 @@ class VirtualHaptuator(VirtualDevice[_Haptuator]):
         """Take the rate of the samples, for the real driver."""
         self._rate_hz = rate_hz
 
-    def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
-        """Play samples (n,), m/s2."""
-        self._connected().write(samples_m_s2)
-
-    def write_volts(self, volts: Sequence[float] | FloatArray) -> None:
-        """Play voltages (n,), V."""
-        self._connected().write_volts(volts)
-
-    def response(self, frequencies_hz: FloatArray) -> tuple[FloatArray, float]:
-        """Return the response that the real driver knows."""
-        return self._connected().response(frequencies_hz)
+    write = forwarded(VoltageActuator.write)
+    write_volts = forwarded(VoltageActuator.write_volts)
+    response = forwarded(RespondingActuator.response)
 
     @property
     def largest_v(self) -> float:
         """Largest voltage of the real driver, 0 before it is connected."""
-        return 0.0 if self._device is None else self._device.largest_v
+        largest_v: float = 0.0 if self._device is None else self._device.largest_v
+        return largest_v
 
     @property
     def statistics(self) -> ActuatorStatistics:
         """Counts and levels of the real driver."""
-        return self._connected().statistics
+        statistics: ActuatorStatistics = self._connected().statistics
+        return statistics
 
-    def _made(self, address: dict[str, Any]) -> _Haptuator:
+    def _made(self, address: dict[str, Any]) -> Any:
         made = super()._made(address)
         made.set_rate(self._rate_hz)
         return made

@@ -8,7 +8,7 @@ import time
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import parse_qsl, urlsplit
 
-from mmt.devices.ati.net_wire import START, STOP, Record, pack_record, parse_request
+from mmt.devices.ati.net_wire import RECORD, START, STOP, parse_request
 from mmt.testing.emulated import Clockwork, FaultySending, Truth
 
 if TYPE_CHECKING:
@@ -197,7 +197,7 @@ class EmulatedNetFt(FaultySending):
             x, y, z = (max(min(value, 2**31 - 1), -(2**31)) for value in force)
             self._counts = (x, y, z, torque[0], torque[1], torque[2])
         measurement = time_ns * _BOX_RATE_HZ // 1_000_000_000 & 0xFFFFFFFF
-        return pack_record(Record(self._sequence, measurement, self.status, self._counts))
+        return RECORD.pack(self._sequence, measurement, self.status, *self._counts)
 
     def _serve(self) -> None:
         self._http.serve_forever(poll_interval=_PAUSE_S)

@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple, get_args
 
 import platformdirs
 
@@ -26,9 +26,7 @@ _PATIENCE_S: Final = 60.0
 _HAND_PERIOD_S: Final = 0.002
 
 Fault = Literal["absent", "comm_lost", "warm", "fault", "stalled", "unlicensed", "garbled", "stuck"]
-_FAULTS: Final[tuple[Fault, ...]] = (
-    "absent", "comm_lost", "warm", "fault", "stalled", "unlicensed", "garbled", "stuck",
-)  # fmt: skip
+_FAULTS: Final[tuple[Fault, ...]] = get_args(Fault)
 
 _Three: Final = ctypes.c_double * 3
 _Nine: Final = ctypes.c_double * 9

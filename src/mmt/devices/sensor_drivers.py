@@ -1,29 +1,171 @@
-"""Base class of the drivers of six-axis force sensors: bias, overload, silence, stuck values."""
+"""Base classes of the drivers of sensors: stuck values, overload, rest, silence."""
 
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from math import isfinite
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from math import hypot, isfinite
+from statistics import fmean
 from typing import Final
 
+from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.output.logs import RepeatLimit
+from mmt.core.units import GRAVITY_M_S2
+from mmt.devices.axes import Axis, signed_axes
 from mmt.devices.protocols import SensorReading
-from mmt.devices.reading_checks import RareWarning, StuckCheck
+from mmt.devices.reading_checks import LOG, QUIET_S, StuckCheck, gathered, measured
 from mmt.devices.wrench import IMPOSSIBLE, Matrix, Six, WrenchConverter, WrenchOptions
+
+_REST_S: Final = 0.2
+"""Time over which a mean at rest is taken."""
+_REST_SAMPLES: Final = 20
+"""Fewer make no mean."""
+_REST_PAUSE_S: Final = 1.0
+"""A busy machine may read samples this much later."""
+
+
+class SensorDriver(ABC):
+    """A `SampledSensor` that counts the faults it tolerates, and is lost if its value is stuck.
+
+    Parameters
+    ----------
+    name
+        Name of the sensor in messages.
+    stuck_s
+        Time with exactly the same values after which it counts as stuck; 0 for never.
+    """
+
+    def __init__(self, name: str, stuck_s: float) -> None:
+        self.name = name
+        self.latency_ns = 0
+        self._counts: Counter[str] = Counter()
+        self._notice = RepeatLimit(QUIET_S)
+        self._stuck_s = stuck_s
+        self._stuck = StuckCheck(1e9 * stuck_s)
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """Counts of tolerated faults, by kind."""
+        return {reason: count for reason, count in dict(self._counts).items() if count}
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the device; calling it twice is harmless."""
+
+
+class AccelerometerDriver(SensorDriver):
+    """A `SampledSensor` of accelerations; a subclass gives the raw values."""
+
+    _axes: Sequence[tuple[int, float, float, float]] = ()
+    """For x, y, z of the scene: the sensor's axis, its scale, its value at a raw value of zero,
+    and the magnitude from which it is overloaded."""
+
+    @abstractmethod
+    def connect(self) -> None:
+        """Open the device; see `mmt.devices.protocols.Device`."""
+
+    @abstractmethod
+    def samples(self) -> Iterable[tuple[int, tuple[float, ...]]]:
+        """Return the new samples as (time_ns, raw values along the sensor's own axes)."""
+
+    @abstractmethod
+    def _doubt(self) -> tuple[float, str]:
+        """Return the largest error of gravity at rest, relative, and what a larger one means."""
+
+    def read(self) -> Sequence[SensorReading]:
+        """Return the new readings, in m/s2 along the scene's axes.
+
+        Raises
+        ------
+        DeviceLost
+            The sensor was unplugged, or its value is stuck.
+        """
+        convert, stuck = self._convert, self._stuck
+        readings = []
+        for time_ns, raw in self.samples():
+            if stuck.add(raw, time_ns):
+                raise DeviceLost(self._explain_stuck())
+            readings.append(convert(time_ns, raw))
+        return readings
+
+    def calibrate(self) -> None:
+        """Compare the value at rest with gravity, and warn if they differ.
+
+        No bias is subtracted: an accelerometer measures gravity too, and modelling and rendering
+        leave out constant parts.
+
+        Raises
+        ------
+        MmtError
+            Too few samples came.
+        """
+        values = self._rest(lambda: (reading.value for reading in self.read()), _REST_S)
+        felt = hypot(*map(fmean, zip(*values, strict=True)))
+        error, meaning = self._doubt()
+        if not abs(felt / GRAVITY_M_S2 - 1.0) <= error:
+            LOG.warning(
+                "%s measures %.2f m/s2 at rest, gravity is %.2f: %s",
+                self.name,
+                felt,
+                GRAVITY_M_S2,
+                meaning,
+            )
+
+    def _rest(self, take: Callable[[], Iterable[Vector]], duration_s: float) -> list[Vector]:
+        """Return what `take` gives at rest, without values that are none."""
+        longest_s = duration_s + _REST_PAUSE_S
+        values = gathered(
+            lambda: [value for value in take() if measured(value) is not None],
+            _REST_SAMPLES,
+            duration_s,
+            longest_s,
+        )
+        if len(values) < _REST_SAMPLES:
+            raise MmtError(
+                f"{self.name}: {len(values)} samples came in {longest_s:g} s, too few; check its "
+                "cable and its rate"
+            )
+        return values
+
+    def _set_axes(
+        self, axes: Sequence[Axis], scale: Vector, zero: Vector, ends_m_s2: Sequence[float]
+    ) -> None:
+        """Set scale, raw value at zero and end of each of the sensor's axes."""
+        self._axes = [
+            (i, sign * scale[i], -sign * scale[i] * zero[i], ends_m_s2[i])
+            for i, sign in signed_axes(axes)
+        ]
+
+    def _convert(self, time_ns: int, raw: Sequence[float]) -> SensorReading:
+        """Return the acceleration for the raw values of one sample."""
+        (i, a, p, x_end), (j, b, q, y_end), (k, c, r, z_end) = self._axes
+        x, y, z = a * raw[i] + p, b * raw[j] + q, c * raw[k] + r
+        if abs(x) >= x_end or abs(y) >= y_end or abs(z) >= z_end:
+            self._counts["overload"] += 1
+            self._notice.warn(
+                LOG,
+                f"{self.name} is overloaded: beyond {x_end / GRAVITY_M_S2:.3g} g along an axis it "
+                "may cut off what it feels; touch the surface and move more gently",
+            )
+        return SensorReading(time_ns, (x, y, z))
+
+    def _explain_stuck(self) -> str:
+        return (
+            f"{self.name}: its value has not changed for {self._stuck_s:g} s or more, and even at "
+            "rest it is never quite still: check its supply and its wires"
+        )
+
 
 Stamped = tuple[int, Six]
 """The sensor's time of a record (ns), and its raw values."""
 
 _BROKEN_NS: Final = 100_000_000
 """How long data may come that gives no record."""
-_BIAS_S: Final = 0.2
 _BIAS_PATIENCE_S: Final = 2.0
-_BIAS_RECORDS: Final = 20
-"""Least number of records that make a bias."""
 
 
-class WrenchSensor(ABC):
+class WrenchSensor(SensorDriver):
     """A `SampledSensor` of forces; a subclass receives the records.
 
     Parameters
@@ -38,16 +180,12 @@ class WrenchSensor(ABC):
     """How long the first record may take."""
 
     def __init__(self, name: str, options: WrenchOptions) -> None:
-        self.name = name
-        self.latency_ns = 0
+        super().__init__(name, 1e-3 * options.stuck_ms)
         self._mounting = options
         self._converter: WrenchConverter | None = None
-        self._counts: Counter[str] = Counter()
-        self._notice = RareWarning()
         self._all_impossible = False  # the newest records
         self._arrival_ns = 0
         self._useless_ns = 0  # when data came last that gave no record, noted by the subclass
-        self._stuck = StuckCheck(1e6 * options.stuck_ms)
         self._silence_ns = round(options.silence_ms * 1e6)
 
     def connect(self) -> None:
@@ -71,10 +209,6 @@ class WrenchSensor(ABC):
             raise
 
     @abstractmethod
-    def close(self) -> None:
-        """Release the device; calling it twice is harmless."""
-
-    @abstractmethod
     def _open(self) -> None:
         """Open and set up the device, whose records come from then on."""
 
@@ -95,16 +229,16 @@ class WrenchSensor(ABC):
             The sensor is not connected, the force changes meanwhile, or too few records come.
         """
         converter = self._connected()
-        self._take(time.monotonic_ns())  # discard older records: the tool may have moved then
-        start = time.monotonic()
-        records: list[Six] = []
-        while (passed := time.monotonic() - start) < _BIAS_PATIENCE_S:
-            if passed >= _BIAS_S and len(records) >= _BIAS_RECORDS:
-                converter.take_bias(records, self.name)
-                self._arrival_ns = time.monotonic_ns()
-                return
-            records += [raw for _, raw in self._take(time.monotonic_ns()) if isfinite(sum(raw))]
-            time.sleep(0.001)
+        records = gathered(
+            lambda: [raw for _, raw in self._take(time.monotonic_ns()) if isfinite(sum(raw))],
+            _REST_SAMPLES,
+            _REST_S,
+            _BIAS_PATIENCE_S,
+        )
+        if len(records) >= _REST_SAMPLES:
+            converter.take_bias(records, self.name)
+            self._arrival_ns = time.monotonic_ns()
+            return
         raise MmtError(
             f"{self.name}: {len(records)} records came in {_BIAS_PATIENCE_S:g} s while the bias "
             f"was taken; {self._where()}"
@@ -131,11 +265,6 @@ class WrenchSensor(ABC):
             self._tell_overload()
         return readings
 
-    @property
-    def faults(self) -> Mapping[str, int]:
-        """Counts of tolerated faults, by kind."""
-        return {reason: count for reason, count in dict(self._counts).items() if count}
-
     def _take(self, now_ns: int) -> list[Stamped]:
         """Receive records, and note their arrival.
 
@@ -158,8 +287,9 @@ class WrenchSensor(ABC):
 
     def _tell_overload(self) -> None:
         self._notice.warn(
+            LOG,
             f"{self.name} is overloaded: beyond the range of its calibration what it says is not "
-            "to be trusted, and a transducer can be destroyed; press more gently"
+            "to be trusted, and a transducer can be destroyed; press more gently",
         )
 
     def explain_fault(self) -> str:
