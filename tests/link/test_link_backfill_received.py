@@ -18,14 +18,12 @@ class Received:
     """A receiver with its server, reader and outbox, and what it does with them."""
 
     def __init__(self):
-        self.handlers = {}
         self.rejected = []
         self.filled = []
         self.gone = []
         self.settled = []
         self.errors = []
         self.sent = []
-        self.on = self.handlers.__setitem__
         self.reject = self.rejected.append
         events = LeaderEvents(
             on_frames=lambda *_: None,
@@ -34,10 +32,9 @@ class Received:
             on_settle=self._settle,
             on_error=self.errors.append,
         )
-        expects = "follower".__eq__
         endpoint = Endpoint(self, 1, 1000, events, print)
         endpoint.outbox = self
-        self.receiver = BackfillReceiver(self, DTYPE, endpoint, events, expects)
+        self.receiver = BackfillReceiver(DTYPE, endpoint, events)
 
     def is_plausible(self, sent, arrival_ns):
         return arrival_ns > 0 and sent < 1000
@@ -49,8 +46,8 @@ class Received:
         self.settled.append(sent)
         return RANGES[:sent]
 
-    def give(self, event, *payload, sid="follower"):
-        return self.handlers[event](sid, *payload)
+    def give(self, event, *payload):
+        return self.receiver.handlers[event](*payload)
 
 
 @pytest.mark.parametrize(
@@ -64,7 +61,11 @@ class Received:
 )  # fmt: skip
 def test_what_is_malformed_is_rejected(payload):
     link = Received()
-    assert [link.give(event, *payload) for event in link.handlers] == [None, None, {"missing": []}]
+    assert [link.give(event, *payload) for event in link.receiver.handlers] == [
+        None,
+        None,
+        {"missing": []},
+    ]
     assert link.rejected == ["malformed back-fill", "malformed gone", "malformed settle"]
     assert link.filled == link.gone == link.settled == link.errors == []
 
@@ -83,15 +84,6 @@ def test_frames_that_cannot_be_measured_are_given_up_where_they_are_filled_in():
     link.give("backfill", frames(3).tobytes())
     link.give("gone", [[1, 3]])
     assert (link.filled[1:], link.gone[2:], link.errors) == ([[3]], [[(1, 3)]], [])
-
-
-def test_only_the_follower_is_heard():
-    link = Received()
-    for event, payload in (("backfill", frames(0).tobytes()), ("gone", [[0, 1]]), ("gone", b"")):
-        assert link.give(event, payload, sid="stranger") is None
-    for payload in ({"frames": 5}, None):
-        assert link.give("settle", payload, sid="stranger") == {"missing": []}
-    assert link.rejected == link.filled == link.gone == link.settled == []
 
 
 def test_at_the_end_the_follower_hears_what_is_missing():

@@ -14,7 +14,7 @@ from mmt.core.running.process import clock_id
 from mmt.link.access import Access
 from mmt.link.clock_exchange import ClockResponder
 from mmt.link.endpoint import Endpoint
-from mmt.link.handshake import FollowerSlot, Handshake, admit
+from mmt.link.handshake import FollowerSlot, admit
 from mmt.link.incoming import BlockReader
 
 GOOD = hello(run_id="r").to_auth()
@@ -25,7 +25,7 @@ NETWORK = {"delay_ms": 5}
 
 
 class Host:
-    """A handshake, and the server, its sockets and the emulated network in one."""
+    """A slot, and the server, its sockets and the emulated network in one."""
 
     application = "pages"
 
@@ -40,23 +40,25 @@ class Host:
         self.received = []
         self.served = []
         self.restarts = 0
-        self.notes, self.slot = LeaderNotes(), FollowerSlot()
+        self.notes = LeaderNotes()
         events = replace(self.notes.events(), **callbacks)
         reader = BlockReader(frame_dtype(CHANNELS), "frames")
         extra = Mock(event="extra", dtype=frame_dtype(CHANNELS), restart=self._restart)
-        self.endpoint = Endpoint(reader, 4, 1000, events, self.slot.cut_off, extra=extra)
+        self.endpoint = Endpoint(reader, 4, 1000, events, print, extra=extra)
         self.clock = ClockResponder(reader, self.endpoint.outbox, self.received.append)
-        self.handshake = Handshake(
+        self.slot = FollowerSlot(
             self,
-            self.slot,
             self.endpoint,
             self.clock,
             events,
-            {"frames": lambda *some: self.received.append(some)},
             **SCENE,
             session_id="session 7",
             network=self if emulates else None,
         )
+        self.slot.handle({"frames": self._receive}, {"settle": lambda: "settled"})
+
+    def _receive(self, *arguments):
+        self.received.append(arguments)
 
     def _restart(self):
         self.restarts += 1
@@ -103,7 +105,7 @@ async def test_a_follower_is_welcomed_before_anything_else_is_sent(emulates, cap
     ((of, handlers, rate_limit),) = host.admitted
     assert (of, rate_limit) == ("a", host.endpoint.rate_limit)
     handlers["frames"](b"block")
-    assert host.received == [("a", b"block")]
+    assert host.received == [(b"block",)]
     host.endpoint.outbox.put(1, b"too early")
     await spin()
     host.endpoint.outbox.put(1, b"command")
@@ -171,7 +173,7 @@ async def test_a_follower_that_connects_anew_drops_its_earlier_connection():
         (lambda host: None, ["the connection was closed"]),
         (lambda host: host.slot.cut_off(MmtError("it floods")), ["it floods"]),
         (lambda host: host.slot.end(), []),
-        (lambda host: host.handshake.close(), []),
+        (lambda host: host.slot.close(), []),
     ],
 )
 async def test_a_follower_that_leaves_is_lost_unless_the_session_is_over(before, losses):
@@ -189,7 +191,7 @@ async def test_a_follower_that_leaves_is_lost_unless_the_session_is_over(before,
 async def test_a_leader_that_closes_welcomes_nobody():
     host = Host()
     host.connect("a", GOOD)
-    host.handshake.close()
+    host.slot.close()
     await spin()
     assert host.told == []
     assert not host.endpoint.outbox.is_open
@@ -248,13 +250,16 @@ def test_a_follower_of_another_scene_is_refused(auth, scene, sentence):
 
 
 async def test_the_place_is_one_followers_until_it_leaves(caplog):
-    slot = FollowerSlot()
+    host = Host()
+    slot, heard = host.slot, []
     assert (slot.hello, slot.fault) == (None, "")
     for sid, other in (("a", "b"), ("b", "a")):
         assert (slot.in_session, slot.expects(sid)) == (False, False)
         slot.assign(sid, hello(source=sid))
         assert (slot.in_session, slot.expects(sid), slot.expects(other)) == (True, True, False)
         assert (slot.sid, slot.hello, slot.fault) == (sid, hello(source=sid), "")
+        heard += [host.handlers["settle"](each) for each in (sid, other)]
+        host.handlers["frames"](other, b"block")
         slot.cut_off(MmtError("it floods"))
         assert slot.fault == "it floods"
         slot.end()
@@ -266,4 +271,5 @@ async def test_the_place_is_one_followers_until_it_leaves(caplog):
             slot.release()
             assert await waiting
         assert (slot.sid, slot.hello) == (None, None)
+    assert (heard, host.received) == (["settled", None] * 2, [])
     assert caplog.messages == ["the follower is cut off: it floods"] * 2

@@ -5,10 +5,9 @@
 
 import time
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
-import socketio
 
 from mmt.core.frames import FIELD_OF_CHANNEL, LARGEST_QUANTITY, channels_of
 from mmt.core.sequence_numbers import SEQUENCES, Range, ranges_of
@@ -32,8 +31,6 @@ class BackfillReceiver:
 
     Parameters
     ----------
-    server
-        Socket.IO server at which the events are registered.
     dtype
         Dtype of the frames.
     endpoint
@@ -41,36 +38,27 @@ class BackfillReceiver:
         are plausible and counts rejected messages.
     events
         Callbacks of the service.
-    expects
-        Returns whether events of this Socket.IO session are accepted.
     """
 
-    def __init__(
-        self,
-        server: socketio.AsyncServer,
-        dtype: np.dtype[np.void],
-        endpoint: Endpoint,
-        events: LeaderEvents,
-        expects: Callable[[str], bool],
-    ) -> None:
+    def __init__(self, dtype: np.dtype[np.void], endpoint: Endpoint, events: LeaderEvents) -> None:
         self._dtype = dtype
         self._endpoint = endpoint
         self._events = events
-        self._expects = expects
         self._reject = endpoint.reader.reject
         self.settling = False
         """Whether a follower that is ending was sent a list of missing frames."""
-        server.on(BACKFILL, self._on_backfill)
-        server.on(GONE, self._on_gone)
-        server.on(SETTLE, self._on_settle)
+        self.handlers: Final[dict[str, Callable[..., Any]]] = {
+            BACKFILL: self._on_backfill,
+            GONE: self._on_gone,
+            SETTLE: self._on_settle,
+        }
+        """Handlers of the follower's events."""
 
     def request(self, ranges: Iterable[Range]) -> None:
         """Request frames from the follower; ranges that exceed one message are left out."""
         self._endpoint.outbox.put(0, encode_event(MISSING, list(ranges)[:MAX_RANGES]))
 
-    def _on_backfill(self, sid: str, *arguments: object) -> None:
-        if not self._expects(sid):
-            return
+    def _on_backfill(self, *arguments: object) -> None:
         data, size = argument_of(arguments), self._dtype.itemsize
         longest = MAX_RECORDS_PER_MESSAGE * size
         if not isinstance(data, bytes) or len(data) % size or not 0 < len(data) <= longest:
@@ -88,21 +76,17 @@ class BackfillReceiver:
         if good.any():
             self._endpoint.notify(self._events.on_backfill, frames[good])
 
-    def _on_gone(self, sid: str, *arguments: object) -> None:
-        if not self._expects(sid):
-            return
+    def _on_gone(self, *arguments: object) -> None:
         ranges = ranges_of_payload(argument_of(arguments))
         if ranges is None:
             self._reject("malformed gone")
             return
         self._endpoint.notify(self._events.on_gone, ranges)
 
-    def _on_settle(self, sid: str, *arguments: object) -> dict[str, Any]:
+    def _on_settle(self, *arguments: object) -> dict[str, Any]:
         payload = argument_of(arguments)
         sent = payload.get("frames") if isinstance(payload, Mapping) else None
         missing: list[Range] = []
-        if not self._expects(sid):
-            return {"missing": missing}
         if not isinstance(sent, int) or not 0 <= sent <= SEQUENCES:
             self._reject("malformed settle")
             return {"missing": missing}

@@ -5,7 +5,7 @@ import logging
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import socketio
 
@@ -31,56 +31,6 @@ if TYPE_CHECKING:
     from mmt.link.emulated.network import EmulatedNetwork
 
 LOG: Final = logging.getLogger("mmt.link")
-
-
-class FollowerSlot:
-    """The leader's one slot for a follower: which one holds it, and whether its session goes on."""
-
-    def __init__(self) -> None:
-        self.sid: str | None = None
-        """Socket.IO session of the follower, None while the slot is free."""
-        self.hello: FollowerHello | None = None
-        """Hello of the follower."""
-        self.fault = ""
-        """Why the follower is being cut off, empty if it is not."""
-        self._ended = False
-        self._free = asyncio.Event()
-
-    @property
-    def in_session(self) -> bool:
-        """Whether a follower is connected that has not ended the session."""
-        return self.sid is not None and not self._ended
-
-    def expects(self, sid: str) -> bool:
-        """Return whether this connection is the follower's and its session goes on."""
-        return self.sid == sid and not self._ended
-
-    def assign(self, sid: str, hello: FollowerHello) -> None:
-        """Assign the slot to a follower."""
-        self.sid, self.hello = sid, hello
-        self.fault = ""
-        self._ended = False
-        self._free.clear()
-
-    def end(self) -> None:
-        """Mark the session as ended; the slot is not free yet."""
-        self._ended = True
-
-    def cut_off(self, fault: MmtError) -> None:
-        """Mark the follower as cut off for exceeding the rate limit."""
-        self.fault = str(fault)
-        LOG.warning("the follower is cut off: %s", fault)
-
-    def release(self) -> None:
-        """Free the slot."""
-        self.sid = self.hello = None
-        self._free.set()
-
-    async def wait_until_free(self, timeout_s: float) -> bool:
-        """Wait until the slot is free, at most `timeout_s`; return whether it is."""
-        with suppress(TimeoutError):
-            await asyncio.wait_for(self._free.wait(), timeout_s)
-        return self._free.is_set()
 
 
 def admit(
@@ -141,21 +91,17 @@ def admit(
     return hello
 
 
-class Handshake:
-    """Admit a follower, send it the welcome, and free its slot when it disconnects.
+class FollowerSlot:
+    """The leader's one slot for a follower: it admits and welcomes one, and is free once it leaves.
 
     Parameters
     ----------
     host
         The server to which followers connect.
-    slot
-        Assigned to the follower that is admitted.
     endpoint, clock
         Restarted with each follower.
     events
         Callbacks of the service.
-    frequent
-        Handlers of frequent events, called with the sid; they bypass the library if possible.
     access, expected
         As of `admit`.
     session_id
@@ -167,33 +113,91 @@ class Handshake:
     def __init__(
         self,
         host: LinkServer,
-        slot: FollowerSlot,
         endpoint: Endpoint,
         clock: ClockResponder,
         events: LeaderEvents,
-        frequent: Mapping[str, Callable[..., None]],
         *,
         access: Access,
         expected: FollowerHello,
         session_id: str,
         network: "EmulatedNetwork | None",
     ) -> None:
+        self.sid: str | None = None
+        """Socket.IO session of the follower, None while the slot is free."""
+        self.hello: FollowerHello | None = None
+        """Hello of the follower."""
+        self.fault = ""
+        """Why the follower is being cut off, empty if it is not."""
+        self._ended = self._closed = False
+        self._free = asyncio.Event()
         self._host = host
-        self._slot = slot
         self._endpoint = endpoint
         self._clock = clock
         self._events = events
         self._access, self._expected = access, expected
-        self._frequent = frequent
+        self._frequent: dict[str, Callable[..., Any]] = {}
         self._session_id = session_id
         self._network = network
-        self._closed = False
         self._refusals = RepeatLimit()
         self._tasks: set[asyncio.Task[None]] = set()
         host.server.on("connect", self._on_connect)
         host.server.on("disconnect", self._on_disconnect)
         if network is not None:
             network.serve(host.application, self._send_network)
+
+    def handle(
+        self, frequent: Mapping[str, Callable[..., Any]], others: Mapping[str, Callable[..., Any]]
+    ) -> None:
+        """Call these handlers with the arguments of the follower's events, by name.
+
+        Events of another connection, or after the session's end, are ignored. Frequent ones bypass
+        the library if possible.
+        """
+
+        def of_follower(handler: Callable[..., Any]) -> Callable[..., Any]:
+            return lambda sid, *arguments: handler(*arguments) if self.expects(sid) else None
+
+        self._frequent = {event: of_follower(handler) for event, handler in frequent.items()}
+        for event, handler in others.items():
+            self._host.server.on(event, of_follower(handler))
+        for event, guarded in self._frequent.items():
+            self._host.server.on(event, guarded)
+
+    @property
+    def in_session(self) -> bool:
+        """Whether a follower is connected that has not ended the session."""
+        return self.sid is not None and not self._ended
+
+    def expects(self, sid: str) -> bool:
+        """Return whether this connection is the follower's and its session goes on."""
+        return self.sid == sid and not self._ended
+
+    def assign(self, sid: str, hello: FollowerHello) -> None:
+        """Assign the slot to a follower."""
+        self.sid, self.hello = sid, hello
+        self.fault = ""
+        self._ended = False
+        self._free.clear()
+
+    def end(self) -> None:
+        """Mark the session as ended; the slot is not free yet."""
+        self._ended = True
+
+    def cut_off(self, fault: MmtError) -> None:
+        """Mark the follower as cut off for exceeding the rate limit."""
+        self.fault = str(fault)
+        LOG.warning("the follower is cut off: %s", fault)
+
+    def release(self) -> None:
+        """Free the slot."""
+        self.sid = self.hello = None
+        self._free.set()
+
+    async def wait_until_free(self, timeout_s: float) -> bool:
+        """Wait until the slot is free, at most `timeout_s`; return whether it is."""
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._free.wait(), timeout_s)
+        return self._free.is_set()
 
     def close(self) -> None:
         """Admit no more followers; one that disconnects from now on is not reported as lost."""
@@ -203,9 +207,8 @@ class Handshake:
 
     def _on_connect(self, sid: str, environ: Mapping[str, object], auth: object = None) -> None:
         try:
-            occupant = self._slot.hello
-            hello = admit(auth, occupant, access=self._access, expected=self._expected)
-            self._clear_slot()
+            hello = admit(auth, self.hello, access=self._access, expected=self._expected)
+            self._drop_earlier()
             self._events.on_follower(hello)
         except MmtError as error:
             self._refusals.warn(LOG, f"refused a follower: {peer_text(str(error), MAX_SENTENCE)}")
@@ -213,7 +216,7 @@ class Handshake:
         except Exception as error:
             self._events.on_error(error)
             raise socketio.exceptions.ConnectionRefusedError("the leader failed") from error
-        self._slot.assign(sid, hello)
+        self.assign(sid, hello)
         self._endpoint.restart()
         self._clock.start_connection(hello.clock_id)
         handlers = {event: partial(handle, sid) for event, handle in self._frequent.items()}
@@ -222,22 +225,21 @@ class Handshake:
         send = self._host.sockets.send(sid, environ)
         start_task(self._send_welcome(sid, hello.protocol, send), self._tasks)
 
-    def _clear_slot(self) -> None:
+    def _drop_earlier(self) -> None:
         """Drop the earlier connection of a follower that connects again."""
-        occupant = self._slot.sid
+        occupant = self.sid
         if occupant is not None:
             self._on_disconnect(occupant, "it connects anew")
             start_task(self._host.server.disconnect(occupant), self._tasks)
 
     def _on_disconnect(self, sid: str, reason: str) -> None:
-        slot = self._slot
-        if slot.sid != sid:
+        if self.sid != sid:
             return
-        lost = slot.in_session and not self._closed
-        slot.release()
+        lost = self.in_session and not self._closed
+        self.release()
         self._endpoint.outbox.close()
         if lost:
-            self._endpoint.notify(self._events.on_lost, slot.fault or loss_of(reason))
+            self._endpoint.notify(self._events.on_lost, self.fault or loss_of(reason))
 
     async def _send_welcome(self, sid: str, protocol: int, send: Send) -> None:
         welcome = {
@@ -247,10 +249,10 @@ class Handshake:
         }
         await self._host.server.emit(WELCOME, welcome, to=sid)
         await self._send_network()
-        if self._slot.sid == sid:
+        if self.sid == sid:
             self._endpoint.outbox.open(send)
 
     async def _send_network(self) -> None:
         """Send the emulated network's settings, so that the follower emulates the same one."""
-        if self._network is not None and self._slot.sid is not None:
-            await self._host.server.emit(NETWORK, self._network.payload(), to=self._slot.sid)
+        if self._network is not None and self.sid is not None:
+            await self._host.server.emit(NETWORK, self._network.payload(), to=self.sid)

@@ -11,7 +11,7 @@ import socket
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Generator
 from contextlib import suppress
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from aiohttp import ClientWebSocketResponse, web
 
@@ -227,11 +227,6 @@ UNSENT_BYTES: Final = 4096
 _WRITE_POLL_S: Final = 0.001
 
 
-class _Transport(Protocol):
-    def get_write_buffer_size(self) -> int:
-        """Return how many bytes the event loop buffers."""
-
-
 class UnbufferedSend:
     """Send over a WebSocket, and wait until the kernel has taken the bytes.
 
@@ -254,7 +249,7 @@ class UnbufferedSend:
         transport = self._transport
         return self._send(message) if transport is None else self._wait(message, transport)
 
-    async def _wait(self, message: bytes, transport: _Transport) -> None:
+    async def _wait(self, message: bytes, transport: asyncio.WriteTransport) -> None:
         await self._send(message)
         while transport.get_write_buffer_size() > 0:
             await asyncio.sleep(_WRITE_POLL_S)
@@ -262,7 +257,7 @@ class UnbufferedSend:
 
 def _transport_of(
     websocket: ClientWebSocketResponse | web.WebSocketResponse,
-) -> _Transport | None:
+) -> asyncio.WriteTransport | None:
     """Return the WebSocket's transport, or None if this version of aiohttp hides it."""
     transport = getattr(getattr(websocket, "_writer", None), "transport", None)
     return transport if isinstance(transport, asyncio.WriteTransport) else None

@@ -3,7 +3,7 @@
 import logging
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Final
 
 from mmt.core.arrays import RecordArray
@@ -13,7 +13,7 @@ from mmt.link.access import Access
 from mmt.link.backfill import BackfillReceiver
 from mmt.link.clock_exchange import ClockResponder
 from mmt.link.endpoint import Endpoint, LeaderEvents
-from mmt.link.handshake import FollowerSlot, Handshake
+from mmt.link.handshake import FollowerSlot
 from mmt.link.incoming import BlockReader
 from mmt.link.protocol import (
     CLOCK,
@@ -88,7 +88,6 @@ class LeaderServer:
         extra: FeedbackSide | None = None,
     ) -> None:
         self._events = events
-        self._slot = FollowerSlot()
         access = Access.from_settings(settings)
         expected = FollowerHello(
             tuple(channels),
@@ -103,7 +102,7 @@ class LeaderServer:
             math.ceil(_COMMANDS_WAIT_S * rate_hz),
             rate_hz,
             events,
-            self._slot.cut_off,
+            lambda fault: self._slot.cut_off(fault),  # noqa: PLW0108 - made later
             network=network,
             extra=extra,
         )
@@ -114,21 +113,22 @@ class LeaderServer:
         )
         self.clock = ClockResponder(endpoint.reader, endpoint.outbox, endpoint.notify_jump)
         self._host = LinkServer(settings, access, pages, busy=lambda: self._slot.in_session)
-        self._backfill = BackfillReceiver(
-            self._host.server, dtype, endpoint, events, self._slot.expects
-        )
-        self._handshake = Handshake(
+        self._backfill = BackfillReceiver(dtype, endpoint, events)
+        self._slot = FollowerSlot(
             self._host,
-            self._slot,
             endpoint,
             self.clock,
             events,
-            self._register(),
             access=access,
             expected=expected,
             session_id=session_id,
             network=network,
         )
+        frequent = {FRAMES: self._on_frames, CLOCK: self.clock.handle_request}
+        if endpoint.extra_event:
+            frequent[endpoint.extra_event] = endpoint.handle_extra
+        others = {EVENT: self._on_event, END: self._on_end, **self._backfill.handlers}
+        self._slot.handle(frequent, others)
 
     @property
     def port(self) -> int:
@@ -169,7 +169,7 @@ class LeaderServer:
 
     async def stop(self) -> None:
         """Drop the follower, if there is one, and stop listening."""
-        self._handshake.close()
+        self._slot.close()
         self.endpoint.outbox.close()
         await self._host.stop()
 
@@ -212,43 +212,20 @@ class LeaderServer:
 
     # --- what the follower sends
 
-    def _register(self) -> dict[str, Callable[..., None]]:
-        """Register the handlers with the library; return those of frequent events."""
-        frequent = {FRAMES: self._on_frames, CLOCK: self._on_clock}
-        if self.endpoint.extra_event:
-            frequent[self.endpoint.extra_event] = self._on_extra
-        for event, handler in {**frequent, EVENT: self._on_event, END: self._on_end}.items():
-            self._host.server.on(event, handler)
-        return frequent
-
-    def _on_frames(self, sid: str, *arguments: object) -> None:
+    def _on_frames(self, *arguments: object) -> None:
         arrival_ns = time.monotonic_ns()
-        if not self._slot.expects(sid):
-            return
         block = self.endpoint.reader.read(arguments, arrival_ns)
         if block is not None:
             self.endpoint.notify(self._events.on_frames, block, arrival_ns)
 
-    def _on_clock(self, sid: str, *arguments: object) -> None:
-        if self._slot.expects(sid):
-            self.clock.handle_request(*arguments)
-
-    def _on_extra(self, sid: str, *arguments: object) -> None:
-        if self._slot.expects(sid):
-            self.endpoint.handle_extra(*arguments)
-
-    def _on_event(self, sid: str, *arguments: object) -> None:
+    def _on_event(self, *arguments: object) -> None:
         sentence = argument_of(arguments)
-        if not self._slot.expects(sid):
-            return
         if isinstance(sentence, str):
             self.endpoint.notify(self._events.on_event, peer_text(sentence))
         else:
             self.endpoint.reader.reject("malformed event")
 
-    def _on_end(self, sid: str, *arguments: object) -> None:
-        if not self._slot.expects(sid):
-            return
+    def _on_end(self, *arguments: object) -> None:
         arrival_ns = time.monotonic_ns()
         payload = argument_of(arguments)
         reason = reason_of(payload)
