@@ -146,7 +146,8 @@ def test_the_command_prints_writes_and_explains(tmp_path):
     for other, message in ((bench, "bench.json"), (tmp_path / "none", "--report")):
         with pytest.raises(InputError, match=message):
             compare_reports(a, other)
-    for content in ("[1]", "{", ""):
+    foreign = ({"sessions": 12}, {"run": "late"}, {"sessions": [{"steps": [1], "stop_s": ""}]})
+    for content in ("[1]", "{", "", *map(json.dumps, foreign)):
         (b / "summary.json").write_text(content)
         with pytest.raises(InputError, match=r"summary\.json"):
             compare_reports(a, b)

@@ -6,14 +6,6 @@ import pytest
 from mmt_lab.bench import references
 
 
-def test_burg_of_a_signal_that_is_worked_out_by_hand():
-    # f = (1, 2), b = (0, 1): k1 = -2 (0 + 2) / (1 + 4 + 0 + 1) = -2/3;
-    # then f = 2 - 2/3, b = 0 - 2/3: k2 = -2 (4/3)(-2/3) / (16/9 + 4/9) = 4/5.
-    k = np.array(references.burg(np.array([0.0, 1.0, 2.0]), 2), float)
-    np.testing.assert_allclose(k, [-2 / 3, 4 / 5], rtol=1e-15)
-    assert references.burg(np.zeros(5), 2) == [0.0, 0.0]
-
-
 def test_the_residual_is_the_mean_square_of_both_prediction_errors():
     # forward 2 - 1, 4 - 2; backward 1 - 2, 2 - 4
     x, ar = np.array([1.0, 2.0, 4.0]), references.exact([-1.0])

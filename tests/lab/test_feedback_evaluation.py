@@ -17,18 +17,18 @@ RECORDED = Path(__file__).parents[2] / "../shared/data/bilateral_1dof"
 NEEDS_RECORDED = pytest.mark.skipif(not RECORDED.is_dir(), reason=f"{RECORDED.name} is not there")
 
 
-def write_run(path, seconds=3.0, stiffness_n_m=800.0):
+def write_run(path, seconds=3.0, stiffness_n_m=800.0, **odd):
     """A spring that is pressed at 2 Hz, felt at a lever of 75 mm, at 2 kHz."""
     time_s = np.arange(0.0, seconds, 5e-4)
     depth_m = 4e-3 * np.sin(2 * np.pi * 2 * time_s - 1.0)
-    np.savez(
-        path,
-        time_s=time_s,
-        leader_position_rad=depth_m / 0.075,
-        follower_position_rad=depth_m / 0.075,
-        environment_torque_nm=-0.075 * stiffness_n_m * np.maximum(0.0, depth_m),
-        arm_length_m=0.075,
-    )
+    arrays = {
+        "time_s": time_s,
+        "leader_position_rad": depth_m / 0.075,
+        "follower_position_rad": depth_m / 0.075,
+        "environment_torque_nm": -0.075 * stiffness_n_m * np.maximum(0.0, depth_m),
+        "arm_length_m": 0.075,
+    }
+    np.savez(path, **{name: each for name, each in (arrays | odd).items() if each is not None})
     return path
 
 
@@ -69,31 +69,37 @@ def test_a_recorded_spring_is_found_and_shown_without_its_delay(tmp_path):
 
 
 def test_the_tables_the_json_and_the_report_hold_every_cell(tmp_path, monkeypatch):
-    path = write_run(tmp_path / "one_spring.npz", 1.5)
+    springs_n_m = {"one_spring": 800.0, "in_air": 0.0}
+    paths = [write_run(tmp_path / f"{name}.npz", 1.5, n_m) for name, n_m in springs_n_m.items()]
     monkeypatch.setattr(simulated, "WALLS_N_MM", (2.0,))
     monkeypatch.setattr(simulated, "DELAYS_MS", (10,))
     monkeypatch.setattr(recorded, "DELAYS_MS", (100,))
-    found = run([path], workers=1)
+    found = run(paths, workers=1)
     document = json.loads(json.dumps(found.as_dict()))
-    assert len(document["simulated"]) == len(document["recorded"]) == 3
+    assert 2 * len(document["simulated"]) == len(document["recorded"]) == 6
     assert {row["method"] for row in document["pooled"]} == set(METHODS)
-    assert [len(table.rows) for table in found.tables] == [1, 1, 1, 1]
+    assert [len(table.rows) for table in found.tables] == [1, 1, 2, 2]
     assert any("model: stable and passive in 1 of 1" in text for text in found.sentences)
-    assert [target.met for target in found.targets] == [True, True, True]
+    assert [target.met for target in found.targets] == [True, True, True, None]
 
 
 @pytest.mark.parametrize(
-    ("content", "problem"),
-    [({}, "no array"), ({"time_s": np.zeros(3)}, "no array"), (None, "no recording")],
+    ("odd", "problem"),
+    [
+        ({"time_s": None}, "no array"),
+        ({"time_s": np.zeros(3)}, "one length"),
+        ({"time_s": np.full(6000, 0.4)}, "over more than 0.4 s"),
+        ({"time_s": -np.arange(6000.0)}, "time_s must ascend"),
+        ({"arm_length_m": 0.0}, "one number, and not 0"),
+        ({"arm_length_m": (0.1, 0.1)}, "one number"),
+    ],
 )
-def test_a_file_that_is_none_is_named(tmp_path, content, problem):
-    path = tmp_path / "wrong.npz"
-    if content is None:
-        path.write_bytes(b"nothing")
-    else:
-        np.savez(path, **content)
+def test_a_file_that_is_none_is_named(tmp_path, odd, problem):
     with pytest.raises(InputError, match=problem):
-        read_run(path)
+        read_run(write_run(tmp_path / "wrong.npz", **odd))
+    (tmp_path / "wrong.npz").write_bytes(b"nothing")
+    with pytest.raises(InputError, match="no recording"):
+        read_run(tmp_path / "wrong.npz")
     with pytest.raises(InputError, match="no recording there"):
         run([tmp_path / "none.npz"])
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, is_dataclass
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from mmt.core.arrays import FloatArray
 from mmt.core.output.plottable import Plottable
@@ -283,40 +283,26 @@ class Evaluation(Plottable):
         """Return the evaluation for a program; the keys are documented for `mmt evaluate`."""
         scale = self.settings.scale  # "auto" resolved
         own = THRESHOLDS[self.settings.method]
-        return {
+        other = {
             "session": self.name,
-            "path": self.path,
-            "surface": self.surface,
-            "duration_s": round(self.duration_s, 6),
-            "complete": self.complete,
-            "missing_frames": self.missing_frames,
             "faults": self.faults.as_dict(),
-            "basis": self.basis,
-            "basis_reason": self.basis_reason,
-            "order": self.order,
             "method": self.settings.method,
-            "beside": self.beside,
-            "start_s": self.start_s,
-            "stop_s": self.stop_s,
-            "steps": _plain(self.steps),
-            "at_start": _plain(self.at_start),
-            "at_stop": _plain(self.at_stop),
-            "at_end": _plain(self.at_end),
-            "worst": _plain(self.worst),
-            "bands": _plain(self.bands),
-            "by_heading": _plain(self.by_heading),
             "control": [period.as_dict() for period in self.control],
-            "coverage": _plain(self.coverage),
-            "at_skin": _plain(self.at_skin),
-            "touch_downs": _plain(self.touch_downs),
             "held_out": [_held_out(segment) for segment in self.held_out],
-            "period_s": self.period_s,
-            "step_s": self.step_s,
-            "seed": self.seed,
             "settings": {**asdict(self.settings), own[0]: scale.start, own[1]: scale.stop},
-            "processing_s": round(self.processing_s, 6),
             "times_real_time": round(self.times_real_time, 2),
         }
+        return {key: other[key] if key in other else _plain(getattr(self, key)) for key in _KEYS}
+
+
+_KEYS: Final = (
+    *("session", "path", "surface", "duration_s", "complete", "missing_frames", "faults", "basis"),
+    *("basis_reason", "order", "method", "beside", "start_s", "stop_s", "steps", "at_start"),
+    *("at_stop", "at_end", "worst", "bands", "by_heading", "control", "coverage", "at_skin"),
+    *("touch_downs", "held_out", "period_s", "step_s", "seed", "settings", "processing_s"),
+    "times_real_time",
+)
+"""Keys of an evaluation for a program, in their order."""
 
 
 def evaluations_as_dict(evaluations: Sequence[Evaluation]) -> dict[str, Any]:

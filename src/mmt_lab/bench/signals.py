@@ -11,10 +11,7 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.burg import burg
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt_lab.bench import references
-
-RATE_HZ: Final = 1000.0
-_SETTLE: Final = 2000
-_LOW: Final = np.array([0.05, 0.07, 0.09, 0.11, 0.13])
+from mmt_lab.stability.families import ar
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,56 +25,30 @@ class StiffCase:
 
 def texture(samples: int, seed: int) -> FloatArray:
     """Return vibration like a texture's: two resonances over broad-band noise, (samples,)."""
-    generator = np.random.default_rng(seed)
-    resonances = resonant(samples, np.array([0.95, 0.9]), 2 * np.pi * np.array([0.08, 0.22]), seed)
-    broad: FloatArray = 0.3 * generator.standard_normal(samples)
+    resonances = ar.poles((0.95, 0.9), (0.503, 1.382), samples=samples, seed=seed)
+    broad: FloatArray = 0.3 * np.random.default_rng(seed).standard_normal(samples)
     return resonances / np.std(resonances) + broad
-
-
-def resonant(samples: int, radius: FloatArray, angle: FloatArray, seed: int) -> FloatArray:
-    """Return white noise filtered by conjugate pole pairs in series, radii and angles (p,)."""
-    generator = np.random.default_rng(seed)
-    signal = generator.standard_normal(samples + _SETTLE)
-    for r, w in zip(radius, angle, strict=True):
-        signal = lfilter([1.0], [1.0, -2.0 * r * np.cos(w), r * r], signal)
-        signal /= np.std(signal)
-    return np.ascontiguousarray(signal[_SETTLE:])
 
 
 def offset_noise(offset: float) -> FloatArray:
     """Return 400 samples of white noise of variance one plus an offset."""
-    return offset + np.random.default_rng(3).standard_normal(400)
-
-
-def clustered(distance: float) -> FloatArray:
-    """Return 400 samples of noise through five low pole pairs, `distance` off the unit circle."""
-    return resonant(400, np.full(len(_LOW), 1.0 - distance), _LOW, seed=4)
+    return offset + ar.white()
 
 
 def _stiff_cases() -> tuple[StiffCase, ...]:
-    n = np.arange(400.0)
-    white = np.random.default_rng(3).standard_normal(400)
-    wide = np.linspace(0.3, 2.8, 5)
-    tone = np.sin(0.37 * n)
-    beat = np.sin(2 * np.pi * 0.1 * n) + np.sin(2 * np.pi * 0.1001 * n)
-    filtered = white.copy()
+    white = filtered = ar.white()
     for _ in range(4):
         filtered = lfilter([0.05], [1.0, -0.95], filtered)
+    poles = (
+        ("0.9999, clustered", 0.9999, ar.CLUSTERED_RAD),
+        ("0.9999, spread", 0.9999, ar.SPREAD_RAD),
+        ("0.999999, clustered", 0.999999, ar.CLUSTERED_RAD),
+    )
     return (
-        StiffCase("5 pole pairs at 0.9999, clustered", clustered(1e-4), 10),
-        StiffCase("5 pole pairs at 0.9999, spread", resonant(400, np.full(5, 0.9999), wide, 5), 10),
-        StiffCase("5 pole pairs at 0.999999, clustered", clustered(1e-6), 10),
+        *(StiffCase(f"5 pole pairs at {name}", ar.poles(r, w), 10) for name, r, w in poles),
+        *(StiffCase(name, signal, 10) for name, signal in ar.signals().items()),
         StiffCase("low-pass noise", filtered, 30),
-        StiffCase("sinusoid", tone, 10),
-        StiffCase("two sinusoids 0.1 Hz apart", beat, 10),
-        StiffCase("sinusoid in 8 bits", np.round(127 * tone) / 127, 16),
-        StiffCase("clipped sinusoid", np.clip(tone, -0.5, 0.5), 16),
-        StiffCase("white noise on an offset of 1e6", offset_noise(1e6), 10),
-        StiffCase("constant", np.full(400, 0.7), 10),
-        StiffCase("zero", np.zeros(400), 10),
-        StiffCase("impulse", np.eye(1, 400, 200).ravel(), 10),
-        StiffCase("step", (n >= 200).astype(np.float64), 10),
-        StiffCase("ramp", n / 400, 10),
+        StiffCase("ramp", np.arange(400.0) / 400.0, 10),
         StiffCase("white noise of 1e-300", 1e-300 * white, 10),
         StiffCase("white noise of 1e150", 1e150 * white, 10),
         StiffCase("order + 1 samples", white[:11], 10),

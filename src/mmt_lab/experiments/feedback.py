@@ -66,10 +66,14 @@ def pooled(results: Sequence[RecordedResult]) -> list[dict[str, Any]]:
         base_n = root_mean_square(np.array(methods["streamed"]))
         for method, found in methods.items():
             error_n = root_mean_square(np.array(found))
-            ratio = error_n / base_n if base_n > _NO_ERROR_N else None
+            ratio = _ratio(error_n, base_n)
             cell = {"contact": contact, "method": method, "delay_ms": delay_ms}
             rows.append({**cell, "force_error_n": error_n, "ratio": ratio})
     return rows
+
+
+def _ratio(error_n: float, base_n: float) -> float | None:
+    return error_n / base_n if base_n > _NO_ERROR_N else None
 
 
 def good(cells: Sequence[CellResult], method: Method) -> tuple[list[CellResult], list[CellResult]]:
@@ -141,7 +145,7 @@ def run_table(results: Sequence[RecordedResult]) -> ReportTable:
                 "run": name,
                 "force rms (N)": f"{model.force_n:.2f}",
                 **{f"{m} (N)": f"{methods[m].force_error_n:.3f}" for m in METHODS},
-                "model / streamed": f"{model.force_error_n / base:.2f}",
+                "model / streamed": number(_ratio(model.force_error_n, base), 2),
                 "surface (N/m)": number(surface.get("stiffness_n_m"), 0),
                 "damping (N s/m)": number(surface.get("damping_n_s_m"), 1),
                 "felt (N/m)": number(felt.get("stiffness_n_m"), 0),

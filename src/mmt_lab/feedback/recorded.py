@@ -128,7 +128,12 @@ def read_run(path: Path) -> RecordedRun:
         raise InputError(f"{path}: the arrays must have one length, and one dimension")
     if not all(np.isfinite(array).all() for array in arrays.values()):
         raise InputError(f"{path}: some of its numbers are not finite")
-    arm_m, source_s = float(arrays["arm_length_m"]), arrays["time_s"]
+    source_s, longest_s = arrays["time_s"], 2e-3 * max(DELAYS_MS)
+    if (np.diff(source_s) < 0.0).any() or np.ptp(source_s) <= longest_s:
+        raise InputError(f"{path}: time_s must ascend, over more than {longest_s:g} s")
+    if arrays["arm_length_m"].size != 1 or not arrays["arm_length_m"].all():
+        raise InputError(f"{path}: arm_length_m must be one number, and not 0")
+    arm_m = float(arrays["arm_length_m"].item())
     time_s = np.arange(source_s[0], source_s[-1], 1.0 / RATE_HZ)
     force_n = np.interp(time_s, source_s, arrays["environment_torque_nm"]) / arm_m
     return RecordedRun(

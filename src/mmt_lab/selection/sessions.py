@@ -1,6 +1,6 @@
 """Trials of any texture: whole sessions of a hand, segmented as the leader does, with knocks."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -13,14 +13,11 @@ from mmt.scene import Scene
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface
 from mmt.testing.simulation.surfaces.textures import get_surface
-from mmt.texture.autoregression.burg import burg_batch
-from mmt.texture.autoregression.forms import reflection_to_lsf
-from mmt.texture.segmentation.segmenter import segment
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.space import InputSpace
 from mmt_lab.harness.experiment import hand_of
-from mmt_lab.selection.knocks import add_knock, read_taps, simulated_knock
+from mmt_lab.selection.concatenated import segments_of
+from mmt_lab.selection.knocks import RATE_HZ, add_knock, read_taps, simulated_knock
 from mmt_methods.selection import ModelPoints
 
 ORDER: Final = 12
@@ -65,8 +62,7 @@ def session_trials(
     segments = []
     for number in range(SESSIONS):
         frames, _ = simulate_session(scene, surface, DURATION_S, SESSIONS * seed + number)
-        stream = StreamFilter(settings)
-        segments += segment(stream.process(frames), settings)
+        segments += segments_of(frames, settings)
     if len(segments) < _FEWEST:
         raise InputError(
             f"{texture}: the hand {hand} makes {len(segments)} steady strokes in {SESSIONS} "
@@ -82,13 +78,10 @@ def session_trials(
         add_knock(part, knock(), generator) if hit else part
         for part, hit in zip(vibration, knocked.tolist(), strict=True)
     ]
-    return Trials(fitted(points, struck), fitted(points, vibration), knocked, surface, space)
-
-
-def fitted(points: FloatArray, segments: Sequence[FloatArray], order: int = ORDER) -> ModelPoints:
-    """Fit segments at normalised points (n, d) with an order; return them as model points."""
-    fits = burg_batch(segments, order)
-    return ModelPoints(points, reflection_to_lsf(fits.reflection), fits.variances[:, -1], segments)
+    data, without = (
+        ModelPoints.fitted(points, heard, ORDER, RATE_HZ) for heard in (struck, vibration)
+    )
+    return Trials(data, without, knocked, surface, space)
 
 
 def _knocks(

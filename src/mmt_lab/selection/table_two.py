@@ -20,8 +20,7 @@ from mmt_lab.selection.concatenated import (
     stroke,
 )
 from mmt_lab.selection.knocks import SHARE
-from mmt_lab.selection.sessions import fitted
-from mmt_methods.selection import Selection, select
+from mmt_methods.selection import ModelPoints, Selection, select
 from mmt_methods.selection.published import SMOOTHING, select_published
 
 FRESH_S: Final = 10.0
@@ -101,7 +100,7 @@ def select_from(row: PaperRow, seed: int, spectra: Spectra) -> Selected:
         for name, variation in VARIATIONS.items()
     }
     found, result = sets[SHARE], results[AS_PUBLISHED][0]
-    own = select(fitted(found.data.points, found.data.segments or (), OWN_ORDER))
+    own = select(_of_order(found.data, OWN_ORDER))
     everything = np.ones(row.points, dtype=np.bool_)
     scored = [_score(found, row, seed, mask, spectra) for mask in (everything, result.kept)]
     gfc = [np.array([each.gfc for each in scores]) for scores in scored]
@@ -121,11 +120,13 @@ def select_from(row: PaperRow, seed: int, spectra: Spectra) -> Selected:
 
 def select_with_variation(variation: Variation, found: DataSet) -> tuple[Selection, Removed]:
     """Select as published from a data set, with a variation of the selection or its filters."""
-    data = found.data
-    if variation.order != ORDER:
-        data = fitted(data.points, data.segments or (), variation.order)
+    data = found.data if variation.order == ORDER else _of_order(found.data, variation.order)
     result = select_published(data, smoothing=variation.smoothing)
     return result, _removed(result.outlier, result.kept, found.knocked)
+
+
+def _of_order(data: ModelPoints, order: int) -> ModelPoints:
+    return ModelPoints.fitted(data.points, data.segments or (), order, data.rate_hz)
 
 
 def _removed(outlier: BoolArray, kept: BoolArray, knocked: BoolArray) -> Removed:

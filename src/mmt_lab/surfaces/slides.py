@@ -20,7 +20,7 @@ from scipy.signal import resample_poly, welch
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, frame_dtype
-from mmt.evaluation.model_errors import BAND_EDGES_HZ
+from mmt.evaluation.model_errors import band_membership
 from mmt.testing.simulation import PERIOD_NS, PERIOD_S, RATE_HZ
 from mmt_lab.harness.processes import map_in_processes
 from mmt_lab.surfaces.running import COUNTS, SurfaceResult, follow
@@ -150,6 +150,4 @@ def scatter_db(folder: Path) -> tuple[FloatArray, FloatArray]:
 
 def _band_levels(vibration: FloatArray) -> FloatArray:
     frequencies, density = welch(vibration, RATE_HZ, nperseg=1000)
-    band = np.searchsorted(BAND_EDGES_HZ, frequencies, side="right") - 1
-    inside = (band >= 0) & (band < len(BAND_EDGES_HZ) - 1)
-    return np.asarray(10.0 * np.log10(np.bincount(band[inside], density[inside])))
+    return np.asarray(10.0 * np.log10(density @ band_membership(frequencies)))

@@ -15,7 +15,8 @@ from scipy.spatial import ConvexHull, Delaunay, QhullError
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.core.errors import InputError
 from mmt.texture.autoregression import LARGEST_ORDER
-from mmt.texture.autoregression.forms import lsf_spectrum
+from mmt.texture.autoregression.burg import burg_batch
+from mmt.texture.autoregression.forms import lsf_spectrum, reflection_to_lsf
 
 USUAL_S: Final = 0.25
 """Length assumed for segments that are not available."""
@@ -70,6 +71,15 @@ class ModelPoints:
             raise InputError(f"{len(self.segments)} segments for {n} points")
         for name, values in (("points", points), ("lsf", lsf), ("variance", variance)):
             object.__setattr__(self, name, values)
+
+    @classmethod
+    def fitted(
+        cls, points: FloatArray, segments: Sequence[FloatArray], order: int, rate_hz: float
+    ) -> Self:
+        """Return points (n, d) with filters of an order, fitted to their segments at a rate."""
+        fits = burg_batch(segments, order)
+        lsf = reflection_to_lsf(fits.reflection)
+        return cls(points, lsf, fits.variances[:, -1], segments, rate_hz)
 
     def __len__(self) -> int:
         return len(self.points)

@@ -12,8 +12,6 @@ from mmt.core.arrays import BoolArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.files.untrusted import load_arrays
 from mmt.session.data import RecordedSession
-from mmt.texture.autoregression.burg import burg_batch
-from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.model.fits import Fit, fit_segments, unpacked
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segmenter import segment
@@ -80,9 +78,8 @@ def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettin
     samples = unpacked([fit.packed for fit in fitted], InputSpace(settings.inputs))
     samples = replace(samples, noise_power=noise.power)
     vibration = [fit.segment.vibration_m_s2 for fit in fitted]
-    reflection, variances = burg_batch(vibration, settings.filter_order)
-    lsf, rate_hz = reflection_to_lsf(reflection), settings.vibration_rate_hz
-    data = ModelPoints(samples.points, lsf, variances[:, -1], vibration, rate_hz)
+    order, rate_hz = settings.filter_order, settings.vibration_rate_hz
+    data = ModelPoints.fitted(samples.points, vibration, order, rate_hz)
     return Pool(samples, data, tuple(origin), settings)
 
 

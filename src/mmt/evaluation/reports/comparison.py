@@ -158,7 +158,7 @@ def compare_reports(left: Path, right: Path) -> Comparison:
     Raises
     ------
     InputError
-        A folder holds no report, or they are of different kinds.
+        A folder holds no report of mmt, or they are of different kinds.
     """
     one, other = _load(left), _load(right)
     if one[0] != other[0]:
@@ -181,17 +181,16 @@ def compare_reports(left: Path, right: Path) -> Comparison:
         for key in both
         if not _same(first.get(key), second.get(key))
     )
-    names = sorted(_figure_names(left) | _figure_names(right))
-    steps = [_steps_of_single_session(data) for _, data in (one, other)]
-    return Comparison(
-        left,
-        right,
-        differences,
-        len(both) - len(differences),
-        tuple(names),
-        tuple(headlines(one[1], other[1])),
-        tuple(steps) if all(steps) else (),
-    )
+    names = tuple(sorted(_figure_names(left) | _figure_names(right)))
+    try:
+        first_lines = tuple(headlines(one[1], other[1]))
+        steps = tuple(_steps_of_single_session(data) for _, data in (one, other))
+    except (AttributeError, TypeError, ValueError) as error:  # the file is another program's
+        both_files = f"{left / one[0]} or {right / one[0]}"
+        raise InputError(f"report {both_files}: it is none of mmt's: {error}") from error
+    equal = len(both) - len(differences)
+    steps = steps if all(steps) else ()
+    return Comparison(left, right, differences, equal, names, first_lines, steps)
 
 
 def figures(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str], object]]:
@@ -212,7 +211,8 @@ def figures(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str], object]]
 def _steps_of_single_session(data: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
     """Return the scores over time of a single session, none if there are several."""
     sessions = data.get("sessions") or []
-    return sessions[0].get("steps") or [] if len(sessions) == 1 else []
+    steps = sessions[0].get("steps") or [] if len(sessions) == 1 else []
+    return [{**step} for step in steps]
 
 
 def _figure_names(folder: Path) -> set[str]:

@@ -50,17 +50,23 @@ def white() -> FloatArray:
     return np.random.default_rng(1).standard_normal(_SAMPLES)
 
 
-def poles(radius: float, angles_rad: tuple[float, ...]) -> FloatArray:
-    """Return noise through pole pairs at a radius, the last 400 of 3000 samples, shape (400,).
+def poles(
+    radius: float | Sequence[float],
+    angles_rad: Sequence[float],
+    *,
+    samples: int = _SAMPLES,
+    seed: int = 2,
+) -> FloatArray:
+    """Return noise through pole pairs, at one radius or one each, after 2600 samples, (samples,).
 
     Filtered in second-order sections: the whole filter's coefficients would not hold the poles.
     """
     sections = [
-        (1.0, 0.0, 0.0, 1.0, -2.0 * radius * math.cos(angle), radius * radius)
-        for angle in angles_rad
+        (1.0, 0.0, 0.0, 1.0, -2.0 * r * math.cos(angle), r * r)
+        for r, angle in zip(np.broadcast_to(radius, len(angles_rad)), angles_rad, strict=True)
     ]
-    noise = np.random.default_rng(2).standard_normal(3000)
-    settled: FloatArray = sosfilt(np.array(sections), noise)[-_SAMPLES:]
+    noise = np.random.default_rng(seed).standard_normal(2600 + samples)
+    settled: FloatArray = sosfilt(np.array(sections), noise)[-samples:]
     return settled
 
 
@@ -133,18 +139,7 @@ def exact_burg(x: FloatArray, order: int) -> tuple[list[Decimal], Decimal]:
     A residual that is exactly zero ends the recursion with coefficients of zero. For the
     residual see `exact_residual`.
     """
-    with localcontext(prec=_DIGITS, Emax=_HIGHEST_EXPONENT, Emin=-_HIGHEST_EXPONENT):
-        forward = backward = [Decimal(value) for value in x.tolist()]
-        reflection = []
-        for _ in range(order):
-            ahead, behind = forward[1:], backward[:-1]
-            total = sum((f * f + b * b for f, b in zip(ahead, behind, strict=True)), Decimal())
-            product = sum((f * b for f, b in zip(ahead, behind, strict=True)), Decimal())
-            k = -2 * product / total if total else Decimal()
-            reflection.append(k)
-            forward = [f + k * b for f, b in zip(ahead, behind, strict=True)]
-            backward = [b + k * f for f, b in zip(ahead, behind, strict=True)]
-        return reflection, _mean_square(forward, backward)
+    return _recursion(x, [None] * order)
 
 
 def exact_residual(x: FloatArray, reflection: Sequence[float] | FloatArray) -> Decimal:
@@ -153,19 +148,26 @@ def exact_residual(x: FloatArray, reflection: Sequence[float] | FloatArray) -> D
     The residual is the mean square of the forward and backward prediction errors, over the n - m
     samples that have both.
     """
+    return _recursion(x, [float(k) for k in reflection])[1]
+
+
+def _recursion(x: FloatArray, given: Sequence[float | None]) -> tuple[list[Decimal], Decimal]:
+    """Return coefficients and residual; a coefficient that is None is Burg's."""
     with localcontext(prec=_DIGITS, Emax=_HIGHEST_EXPONENT, Emin=-_HIGHEST_EXPONENT):
         forward = backward = [Decimal(value) for value in x.tolist()]
-        for value in reflection:
-            k = Decimal(float(value))
-            ahead, behind = forward[1:], backward[:-1]
-            forward = [f + k * b for f, b in zip(ahead, behind, strict=True)]
-            backward = [b + k * f for f, b in zip(ahead, behind, strict=True)]
-        return _mean_square(forward, backward)
-
-
-def _mean_square(forward: Sequence[Decimal], backward: Sequence[Decimal]) -> Decimal:
-    squares = sum((value * value for value in (*forward, *backward)), Decimal())
-    return squares / (2 * len(forward))
+        reflection = []
+        for value in given:
+            pairs = list(zip(forward[1:], backward[:-1], strict=True))
+            if value is None:
+                total = sum((f * f + b * b for f, b in pairs), Decimal())
+                product = sum((f * b for f, b in pairs), Decimal())
+                k = -2 * product / total if total else Decimal()
+            else:
+                k = Decimal(value)
+            reflection.append(k)
+            forward, backward = [f + k * b for f, b in pairs], [b + k * f for f, b in pairs]
+        squares = sum((value * value for value in (*forward, *backward)), Decimal())
+        return reflection, squares / (2 * len(forward))
 
 
 FAMILY: Final = Family("Fits of difficult signals, against 120 digits", cases)
