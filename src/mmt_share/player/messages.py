@@ -1,11 +1,11 @@
 """Messages of a page, parsed and validated: a page is not trusted."""
 
-import json
 from typing import Annotated, Any, Final, NamedTuple
 
 from annotated_types import Ge, Le, MaxLen
 
 from mmt.core.errors import InputError
+from mmt.session.data import json_object
 from mmt_share.messages import parsed
 
 MOST_STEPS: Final = 64
@@ -49,11 +49,8 @@ def parse(text: str) -> dict[str, Any]:
     InputError
         The text is not such an object.
     """
-    try:
-        message = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"a message is a JSON object: {error}") from error
-    if not isinstance(message, dict) or not isinstance(message.get("do"), str):
+    message = json_object(text, "a message")
+    if not isinstance(message.get("do"), str):
         raise InputError("a message is a JSON object with a word as `do`")
     return message
 
