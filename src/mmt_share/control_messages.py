@@ -18,7 +18,7 @@ from mmt.core.errors import InputError
 from mmt.link.access import Access
 from mmt.link.protocol import encode_event
 from mmt.scene.table import SecuredTable
-from mmt_share.messages import HAND_FIELDS, PeerMessage, Text
+from mmt_share.messages import HAND_FIELDS, PeerMessage, Text, adapter
 from mmt_share.tables import CONTROL_VARIABLE
 
 ASK: Final = "ask"
@@ -138,6 +138,10 @@ class SharedContact(PeerMessage):
     def encode(self) -> bytes:
         """Return the message."""
         return encode_event(CONTACT, asdict(self))
+
+
+for _kind in (ControlNews, SharedContact):
+    adapter(_kind)
 
 
 def encode_motion(grant: int, records: RecordArray) -> bytes:
