@@ -3,21 +3,22 @@
 A leader with ``[control]`` exchanges them with operators: listeners that have its control token.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Annotated, Final
 
 import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import AfterValidator, Field
 
 from mmt.contact.estimation import ContactModel
-from mmt.core.arrays import RecordArray, Vector
-from mmt.core.errors import InputError, printable
+from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
 from mmt.link.access import Access
 from mmt.link.protocol import encode_event
 from mmt.scene.table import SecuredTable
-from mmt_share.messages import HAND_FIELDS
+from mmt_share.messages import HAND_FIELDS, PeerMessage, Text, adapter
 from mmt_share.tables import CONTROL_VARIABLE
 
 ASK: Final = "ask"
@@ -38,7 +39,6 @@ MOTION_HZ: Final = 30.0
 FARTHEST_MM: Final = 10_000.0
 """Largest coordinate that a hand's position may have."""
 _LARGEST: Final = {"position_mm": FARTHEST_MM, "velocity_mm_s": 100_000.0, "force_n": 1000.0}
-_LONGEST_SENTENCE: Final = 200
 _GRANT: Final = np.dtype("<u4")
 
 MOTION_DTYPE: Final = np.dtype([("time_ns", "<i8"), *HAND_FIELDS])
@@ -64,17 +64,17 @@ def control_access(token_file: Path | None) -> Access:
     return access
 
 
-STATES: Final = ("asked", "refused", "given", "ended")
+_Place = Annotated[float, Ge(-FARTHEST_MM), Le(FARTHEST_MM)]
 
 
 @dataclass(frozen=True)
-class ControlNews:
+class ControlNews(PeerMessage):
     """State of an operator's control.
 
     Attributes
     ----------
     state
-        One of `STATES`: the request was received or refused, or control was given or has ended.
+        The request was received or refused, or control was given or has ended.
     grant
         Number of the grant, 0 before the first; each grant of a session has its own number.
     hold_mm
@@ -85,40 +85,38 @@ class ControlNews:
         Reason as a sentence, may be empty.
     """
 
-    state: str
-    grant: int = 0
-    hold_mm: Vector = (0.0, 0.0, 0.0)
-    recovery_mm_s: float = 50.0
-    why: str = ""
+    title = "a message about control"
+
+    state: Annotated[str, Field(pattern="^(asked|refused|given|ended)$")]
+    grant: Annotated[int, Ge(0), Lt(2**32)] = 0
+    hold_mm: tuple[_Place, _Place, _Place] = (0.0, 0.0, 0.0)
+    recovery_mm_s: Annotated[float, Gt(0), Le(1000)] = 50.0
+    why: Text = ""
 
     def encode(self) -> bytes:
         """Return the message."""
         return encode_event(CONTROL, {**vars(self), "hold_mm": list(self.hold_mm)})
 
-    @classmethod
-    def from_message(cls, message: object) -> Self:
-        """Parse a message, which is not trusted.
 
-        Raises
-        ------
-        InputError
-            It is malformed.
-        """
-        match message:
-            case {
-                "state": str(state),
-                "grant": int(grant),
-                "hold_mm": [x, y, z],
-                "recovery_mm_s": float(recovery) | int(recovery),
-                "why": str(why),
-            } if state in STATES and 0 <= grant < 2**32 and 0 < recovery <= 1000:
-                hold = _vector((x, y, z))
-                return cls(state, grant, hold, recovery, printable(why[:_LONGEST_SENTENCE]))
-        raise InputError("a message about control is malformed")
+_ACCEPTED: Final = {
+    "surface_m": (-10.0, 10.0),
+    "stiffness_n_m": (1e-9, 1e12),
+    "exponent": (0.5, 3.0),
+    "damping_n_s_m": (0.0, 1e4),
+    "dissipation_s_m": (0.0, 100.0),
+}
+"""Parameters of a contact's model, with the range that is accepted."""
+
+
+def _accepted(model: ContactModel) -> ContactModel:
+    for name, (low, high) in _ACCEPTED.items():
+        if not low <= getattr(model, name) <= high:
+            raise ValueError(f"{name} is out of range")
+    return model
 
 
 @dataclass(frozen=True)
-class SharedContact:
+class SharedContact(PeerMessage):
     """The contact from which an operator's force is rendered.
 
     Attributes
@@ -131,63 +129,19 @@ class SharedContact:
         Largest force that the leader shows to its own hand.
     """
 
-    model: ContactModel | None
-    normal: int
-    limit_n: float
+    title = "a message about the contact"
+
+    model: Annotated[ContactModel, AfterValidator(_accepted)] | None
+    normal: Annotated[int, Ge(0), Le(2)]
+    limit_n: Annotated[float, Ge(0), Le(40)]
 
     def encode(self) -> bytes:
         """Return the message."""
-        model = self.model
-        given = None if model is None else {name: getattr(model, name) for name in _MODEL}
-        return encode_event(
-            CONTACT, {"model": given, "normal": self.normal, "limit_n": self.limit_n}
-        )
-
-    @classmethod
-    def from_message(cls, message: object) -> Self:
-        """Parse a message, which is not trusted.
-
-        Raises
-        ------
-        InputError
-            It is malformed.
-        """
-        match message:
-            case {
-                "model": model,
-                "normal": int(normal),
-                "limit_n": float(limit_n) | int(limit_n),
-            } if 0 <= normal <= 2 and 0 <= limit_n <= 40:
-                return cls(_contact_model(model), normal, limit_n)
-        raise InputError("a message about the contact is malformed")
+        return encode_event(CONTACT, asdict(self))
 
 
-_MODEL: Final[Mapping[str, tuple[float, float]]] = {
-    "surface_m": (-10.0, 10.0),
-    "stiffness_n_m": (1e-9, 1e12),
-    "exponent": (0.5, 3.0),
-    "damping_n_s_m": (0.0, 1e4),
-    "dissipation_s_m": (0.0, 100.0),
-}
-"""Parameters of a contact's model, with the range that is accepted."""
-
-
-def _contact_model(given: object) -> ContactModel | None:
-    if given is None:
-        return None
-    if isinstance(given, Mapping) and all(
-        isinstance(value := given.get(name), float | int) and low <= value <= high
-        for name, (low, high) in _MODEL.items()
-    ):
-        return ContactModel(**{name: float(given[name]) for name in _MODEL})
-    raise InputError("the model of a contact is malformed")
-
-
-def _vector(given: tuple[Any, Any, Any]) -> Vector:
-    if all(isinstance(x, float | int) and abs(x) <= FARTHEST_MM for x in given):
-        x, y, z = map(float, given)
-        return (x, y, z)
-    raise InputError("a position is malformed")
+for _kind in (ControlNews, SharedContact):
+    adapter(_kind)
 
 
 def encode_motion(grant: int, records: RecordArray) -> bytes:

@@ -6,11 +6,13 @@ change from each number to the next. If it has missed a change, it requests the 
 """
 
 from dataclasses import dataclass
-from typing import Any, Final, Self
+from functools import cache
+from typing import Annotated, Any, ClassVar, Final, Self
 
 import numpy as np
+from pydantic import AfterValidator, Strict, TypeAdapter, ValidationError
 
-from mmt.core.errors import InputError, printable
+from mmt.core.errors import InputError, printable, short_message
 from mmt.link.protocol import encode_event
 
 SHARING_VERSION: Final = 1
@@ -40,7 +42,8 @@ MOST_HUBS: Final = 64
 """Most addresses that a listener keeps."""
 
 LONGEST_ADDRESS: Final = 256
-
+LONGEST_TEXT: Final = 256
+"""Characters of a text that are kept; of a name fewer."""
 LONGEST_NAME: Final = 64
 LONGEST_MESSAGE: Final = 4 << 20
 """Most bytes of a message to a listener; a model of a thousand samples has some 200,000."""
@@ -58,6 +61,51 @@ HAND_FIELDS: Final = (
 """Fields of a hand's state beside its time."""
 STATE_DTYPE: Final = np.dtype([("time_s", "<f8"), *HAND_FIELDS])
 """State of the hand that moves the robot, 37 bytes; `force_n` is its normal force."""
+
+Text = Annotated[str, Strict(), AfterValidator(lambda text: printable(text[:LONGEST_TEXT]))]
+"""A text of a peer."""
+
+
+def parsed(kind: Any, given: object, what: str, *, strict: bool = False) -> Any:
+    """Return what a peer has sent, which is not trusted, as a type with annotated bounds.
+
+    Raises
+    ------
+    InputError
+        It is malformed.
+    """
+    try:
+        return adapter(kind).validate_python(given, strict=strict or None)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]  # it may be large
+        place = ".".join(map(str, first["loc"]))[:LONGEST_TEXT]
+        problem = short_message(f"{place} {first['msg']}")
+        raise InputError(f"{what} is malformed: {problem}") from error
+
+
+@cache
+def adapter(kind: Any) -> TypeAdapter[Any]:
+    """Return what checks values of a type; it is made in some 5 ms, too long between two ticks."""
+    return TypeAdapter(kind)
+
+
+class PeerMessage:
+    """Base class of dataclasses that peers send each other as maps."""
+
+    title: ClassVar[str]
+    """Name of the message in errors."""
+
+    @classmethod
+    def from_message(cls, message: object) -> Self:
+        """Parse a message, which is not trusted.
+
+        Raises
+        ------
+        InputError
+            It is malformed.
+        """
+        found: Self = parsed(cls, message, cls.title)
+        return found
 
 
 @dataclass(frozen=True)
@@ -118,7 +166,7 @@ class Hello:
 
 
 @dataclass(frozen=True)
-class ModelDescription:
+class ModelDescription(PeerMessage):
     """Description of a state of the model, sent with its arrays.
 
     Attributes
@@ -139,36 +187,18 @@ class ModelDescription:
         Whether the model is final.
     """
 
-    session_id: str
+    title = "the model's message"
+
+    session_id: Text
     time_s: float
     ready: bool
     surface: int | None
     samples: int
-    completion: str
+    completion: Text
     complete: bool
 
-    @classmethod
-    def from_message(cls, message: Any) -> Self:
-        """Parse a message, which is not trusted.
 
-        Raises
-        ------
-        InputError
-            It is malformed.
-        """
-        try:
-            surface = message["surface"]
-            return cls(
-                session_id=printable(str(message["session_id"])[:LONGEST_NAME]),
-                time_s=float(message["time_s"]),
-                ready=message["ready"] is True,
-                surface=None if surface is None else int(surface),
-                samples=int(message["samples"]),
-                completion=printable(str(message["completion"])[:256]),
-                complete=message["complete"] is True,
-            )
-        except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise InputError(f"the model's message is malformed: {error}") from error
+adapter(ModelDescription)
 
 
 def model_message(

@@ -251,7 +251,7 @@ def test_a_listing_that_makes_no_sense_is_refused_and_any_other_can_be_printed(m
     said.append(json.dumps([{**ENTRY, "note": "\x1b[31m"}]).encode())
     printable = Entry("oak", note="\N{REPLACEMENT CHARACTER}[31m", hash="a" * 64, samples=10)
     assert remote.entries() == [printable]
-    changes = ({"hash": "../../oak"}, {"hash": ""}, {"name": []}, {"samples": "10"}, {"unknown": 1})
+    changes = {"hash": "../../oak"}, {"hash": ""}, {"name": []}, {"samples": "x"}, {"unknown": 1}
     wrong = [json.dumps([{**ENTRY, **change}]).encode() for change in changes]
     wrong += [b"{", b"[" * 100_000, b"7", b"[7]"]
     for listing in (*wrong, json.dumps([ENTRY] * (store_module.MOST_MODELS + 1)).encode()):

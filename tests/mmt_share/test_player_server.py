@@ -226,7 +226,7 @@ def test_a_touch_is_recorded_at_the_rate_of_its_model(tmp_path, k):
     shipped = mmt.load_model("oak")
     model = TextureModel(shipped.samples, method="published", rate_hz=1000.0 * k)
     recorder = TouchRecorder(tmp_path / "touch.mcap", ["oak"], [model])
-    recorder.record(0, [Step(10, (0.0, 0.0), (150.0, 0.0), 1.0)] * 50)
+    recorder.record(0, [Step(10, 0.0, 0.0, 150.0, 0.0, 1.0)] * 50)
     assert recorder.problem is None
     ((file, seconds),) = recorder.close()
     session = mmt.read_session(file)

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from scipy.ndimage import correlate1d
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
@@ -169,13 +170,7 @@ def transform(blocks: FloatArray) -> FloatArray:
 
 
 def _filtered(blocks: FloatArray, half: tuple[float, ...]) -> FloatArray:
-    reach, width = len(half) - 1, blocks.shape[1]
-    wide = np.pad(blocks, ((0, 0), (reach, reach)), "reflect")
-    result = half[0] * blocks
-    for offset in range(1, reach + 1):
-        left = wide[:, reach - offset : reach - offset + width]
-        result += half[offset] * (left + wide[:, reach + offset : reach + offset + width])
-    return result
+    return np.asarray(correlate1d(blocks, [*half[:0:-1], *half], axis=1, mode="mirror"))
 
 
 def _stream(coefficients: FloatArray) -> str:

@@ -7,10 +7,11 @@ none. This does no harm, because the messages are numbered.
 """
 
 from dataclasses import dataclass
-from typing import Any, Final, Self
+from typing import Annotated, Final
 
-from mmt.core.errors import InputError, printable
-from mmt_share.messages import LONGEST_ADDRESS, LONGEST_NAME
+from pydantic import Field
+
+from mmt_share.messages import PeerMessage, Text
 
 BEAT_S: Final = 1.0
 """Time between two beats of a hub."""
@@ -23,7 +24,7 @@ TURN_S: Final = 1.0
 
 
 @dataclass(frozen=True)
-class Heartbeat:
+class Heartbeat(PeerMessage):
     """Message that a hub sends to the others once a second.
 
     Attributes
@@ -42,38 +43,15 @@ class Heartbeat:
         Whether this is its last beat.
     """
 
-    id: str
-    address: str
+    title = "a hub's beat"
+
+    id: Text
+    address: Annotated[Text, Field(pattern="^https?://")]
     listeners: int = 0
     feeding: bool = False
-    session_id: str = ""
+    session_id: Text = ""
     number: int = 0
     leaving: bool = False
-
-    @classmethod
-    def from_message(cls, message: Any) -> Self:
-        """Parse a beat, which is not trusted.
-
-        Raises
-        ------
-        InputError
-            It is malformed.
-        """
-        try:
-            beat = cls(
-                id=printable(str(message["id"])[:LONGEST_NAME]),
-                address=printable(str(message["address"])[:LONGEST_ADDRESS]),
-                listeners=int(message["listeners"]),
-                feeding=message["feeding"] is True,
-                session_id=str(message["session_id"])[:LONGEST_NAME],
-                number=int(message["number"]),
-                leaving=message["leaving"] is True,
-            )
-        except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise InputError(f"a hub's beat is malformed: {error}") from error
-        if not beat.address.startswith(("http://", "https://")):
-            raise InputError(f"a hub's address is {beat.address!r}: none of http or https")
-        return beat
 
 
 class Peers:

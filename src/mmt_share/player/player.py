@@ -151,7 +151,7 @@ class Player:
             self.end_touch()
             return
         if self.study is not None:
-            moved = (s for s in steps if math.hypot(*s.velocity_mm_s) >= _SLOWEST_STROKE_MM_S)
+            moved = (s for s in steps if math.hypot(s.x_mm_s, s.y_mm_s) >= _SLOWEST_STROKE_MM_S)
             self.study.stroked(tile, 1e-3 * sum(step.duration_ms for step in moved))
         if self._recorder is not None:
             self._recorder.record(texture, steps)

@@ -129,7 +129,7 @@ class TouchRecorder:
             self._down = file
             file.begin(steps[0])
         for step in steps:
-            touch(self._textures, texture, *step.velocity_mm_s, step.force_n)
+            touch(self._textures, texture, step.x_mm_s, step.y_mm_s, step.force_n)
             file.write(step, render(self._textures, step.duration_ms * self._samples))
 
     def close(self) -> list[tuple[Path, float]]:
@@ -165,15 +165,15 @@ class _TextureFile:
     def begin(self, step: Step) -> None:
         """Begin another touch at the position of the hand."""
         self._sequence += 1
-        self._path_mm = np.array(step.position_mm)
+        self._path_mm = np.array([step.x_mm, step.y_mm])
 
     def write(self, step: Step, vibration_m_s2: FloatArray) -> None:
         count = len(vibration_m_s2) // self._samples
         frames = empty_frames(count, samples_per_frame=self._samples)
         frames["sequence"] = self._sequence + np.arange(count)
         frames["time_ns"] = frames["sequence"].astype(np.int64) * FRAME_PERIOD_NS
-        back = (np.array(step.position_mm) - self._path_mm) / _RETURN_S
-        step_mm = (np.array(step.velocity_mm_s) + back) * _FRAME_S
+        back = (np.array([step.x_mm, step.y_mm]) - self._path_mm) / _RETURN_S
+        step_mm = (np.array([step.x_mm_s, step.y_mm_s]) + back) * _FRAME_S
         counted = np.arange(1, count + 1)[:, None]
         frames["position_mm"][:, :2] = self._path_mm + counted * step_mm
         frames["force_n"][:, 2] = step.force_n

@@ -54,7 +54,7 @@ class RemoteStore:
         with suppress(ValueError, RecursionError, InputError):
             listed = json.loads(text)
             if isinstance(listed, list) and len(listed) <= MOST_MODELS:
-                return [Entry.from_listing(each) for each in listed]
+                return [Entry.from_message(each) for each in listed]
         raise MmtError(f"{self._url} has no store of models that this program reads")
 
     def find(self, name: str) -> Entry:
@@ -121,7 +121,7 @@ class RemoteStore:
         path = f"/models?{urllib.parse.urlencode(about)}"
         answer = self._request(path, _LARGEST_ENTRY, data=data)
         try:
-            return Entry.from_listing(json.loads(answer))
+            return Entry.from_message(json.loads(answer))
         except (ValueError, RecursionError, InputError) as error:
             raise MmtError(f"what {self._url} says of the model cannot be read") from error
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 from aiohttp import web
 
 from mmt.core.errors import InputError, MmtError
-from mmt_share.store.store import DIGITS, LARGEST_BYTES, Entry, ModelStore
+from mmt_share.store.store import HASH, LARGEST_BYTES, Entry, ModelStore
 
 if TYPE_CHECKING:
     from mmt.link.access import Access
@@ -44,7 +44,7 @@ def store_pages(store: ModelStore, *, accepts: bool) -> "Page":
     def add(application: web.Application, _: "Access") -> None:
         library = web.Application(client_max_size=LARGEST_BYTES + 1)
         library.router.add_get("", listed)
-        library.router.add_get(f"/{{digest:[0-9a-f]{{{DIGITS}}}}}", fetched)
+        library.router.add_get(f"/{{digest:{HASH}}}", fetched)
         library.router.add_post("", pushed if accepts else refused)
         application.add_subapp(MODELS, library)
 

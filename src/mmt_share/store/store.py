@@ -7,31 +7,31 @@ its `Entry`.
 
 import hashlib
 import json
+import re
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Annotated, Final, Self
 
-from mmt.core.bounds import check, finite_number
+from pydantic import ConfigDict, Field, FiniteFloat
+
+from mmt.core.bounds import finite_number
 from mmt.core.errors import InputError, MmtError, printable
 from mmt.core.files.existing import write_file
 from mmt.texture.model.file import unpack
+from mmt_share.messages import LONGEST_TEXT, PeerMessage, Text
 
 LARGEST_BYTES: Final = 1 << 20
 """Most bytes of a model file; one of a thousand samples has some 200,000."""
 
 MOST_MODELS: Final = 1000
-LONGEST_TEXT: Final = 200
-DIGITS: Final = 64
-"""Hexadecimal digits of a hash."""
-
-_TEXTS: Final = ("name", "who", "licence", "note", "made", "hash", "inputs")
-"""Fields of an entry that are text; the others are numbers."""
+HASH: Final = "[0-9a-f]{64}"
+"""Pattern of a hash."""
 
 
 @dataclass(frozen=True)
-class Entry:
+class Entry(PeerMessage):
     """Description of a model.
 
     Attributes
@@ -48,41 +48,21 @@ class Entry:
         Properties of the file.
     """
 
-    name: str
-    who: str = ""
-    licence: str = ""
-    note: str = ""
-    made: str = ""
-    error_db: float | None = None
-    hash: str = ""
+    title = "what is listed of a model"
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    name: Text
+    who: Text = ""
+    licence: Text = ""
+    note: Text = ""
+    made: Text = ""
+    error_db: FiniteFloat | None = None
+    hash: Annotated[str, Field(pattern=f"^{HASH}$", validate_default=True)] = ""
     file_bytes: int = 0
-    inputs: str = ""
+    inputs: Text = ""
     samples: int = 0
     order: int = 0
-    rate_hz: float = 0.0
-
-    @classmethod
-    def from_listing(cls, given: Any) -> Self:
-        """Parse an entry that a store has listed, which is not trusted.
-
-        Raises
-        ------
-        InputError
-            It is malformed.
-        """
-        try:
-            entry = cls(**given)
-        except TypeError as error:
-            raise InputError(f"what is listed of a model is malformed: {error}") from error
-        values = vars(entry)
-        for name, value in values.items():
-            number = float | None if name == "error_db" else float
-            allowed = str if name in _TEXTS else number
-            check(f"what is listed of a model is malformed: {name}", value, allowed)
-        if not _is_hash(entry.hash):
-            raise InputError("what is listed of a model is malformed: hash")
-        texts: dict[str, Any] = {name: printable(values[name][:LONGEST_TEXT]) for name in _TEXTS}
-        return replace(entry, **texts)
+    rate_hz: FiniteFloat = 0.0
 
     @classmethod
     def from_description(cls, description: Mapping[str, str]) -> Self:
@@ -130,7 +110,7 @@ class ModelStore:
 
     def path(self, digest: str) -> Path | None:
         """Return the file of the model with this hash, or None if there is none."""
-        if not _is_hash(digest):
+        if not re.fullmatch(HASH, digest):
             return None
         path = self.folder / f"{digest}.npz"
         return path if path.is_file() else None
@@ -174,13 +154,9 @@ class ModelStore:
         return entry
 
 
-def _is_hash(text: str) -> bool:
-    return len(text) == DIGITS and set(text) <= set("0123456789abcdef")
-
-
 def _read(path: Path) -> Entry | None:
     """Read the entry beside a model; return None if it is damaged."""
     try:
-        return Entry.from_listing(json.loads(path.read_text(encoding="utf-8")))
+        return Entry.from_message(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, InputError):
         return None
