@@ -126,8 +126,9 @@ def test_among_few_points_a_loud_knock_is_found_and_nothing_else(n):
 
 def test_repeated_equal_and_silent_points_are_no_outliers():
     data, _ = sampled_texture(40, 2, knocks=0)
-    twice = find_outliers(data.subset(np.repeat(np.arange(20), 2)))
-    assert twice.outlier.mean() <= 0.1
+    repeated = np.repeat(np.arange(20), 2)
+    each = (sampled_texture(40, 2, knocks=0, seed=seed)[0] for seed in range(4))
+    assert np.mean([find_outliers(one.subset(repeated)).outlier for one in each]) <= 0.1
     equal = ModelPoints(data.points, np.tile(data.lsf[0], (40, 1)), np.ones(40))
     assert not find_outliers(equal).outlier.any()
     silent = replace(data, segments=[np.zeros(260)] * 5 + list(data.segments[5:]))

@@ -60,7 +60,7 @@ def covariance_written_out(a, b, h):
         return (1 + r) * math.exp(-r)
 
     (ua, va, ta), (ub, vb, tb) = a, b
-    total = 16.0 + 0.7**2 * ua * ub + 0.5**2 * va * vb
+    total = 16.0 + 0.5**2 * ua * ub + 0.3**2 * va * vb
     total += h[0] ** 2 * matern(ua - ub, h[1]) * matern(va - vb, h[2])
     cell = 0.15 if len(h) == 4 else 0.5
     total += h[3] ** 2 * matern(ua - ub, cell) * matern(va - vb, cell)

@@ -63,9 +63,8 @@ CELL_WIDTHS: Final = (0.15, 0.5)
 """Width in u and v of the cells in which blocks are summed (`mmt.texture.field.cells`), without and
 with heading. It is also the length of the rough departure, as finer detail is not resolved."""
 
-SLOPES: Final = ((1.5, 0.7), (0.5, 0.5))
-"""Mean and standard deviation, of a and of b. The same models have means of 1.5 and 0.51, and
-spreads of 0.5 and 0.3."""
+SLOPES: Final = ((1.5, 0.5), (0.5, 0.3))
+"""Mean and standard deviation, of a and of b, as in the same models."""
 
 _FREE: Final = 16.0  # variance of c about the blocks' mean
 _PER_COORDINATE: Final = 1.5
