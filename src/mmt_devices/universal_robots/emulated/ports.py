@@ -7,10 +7,7 @@ import asyncio
 import re
 import struct
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
-
-if TYPE_CHECKING:
-    from mmt_devices.universal_robots.emulated.controller import EmulatedUrController
+from typing import Any, Final, Protocol
 
 HEADER: Final = struct.Struct(">HB")
 """Size of the whole package, and its kind."""
@@ -118,6 +115,23 @@ VERSION: Final = (5, 12, 2, 1101319)
 RATE_HZ: Final = 500
 
 
+class Controller(Protocol):
+    """The controller behind the ports."""
+
+    refuses_version: bool
+    """Whether the controller speaks only the first version of RTDE."""
+    connections: "list[PortConnection]"
+
+    def answer(self, line: str) -> str:
+        """Return the dashboard server's answer to a line."""
+
+    def run_script(self) -> None:
+        """Run the control script."""
+
+    def set_registers(self, values: dict[str, Any]) -> None:
+        """Take input registers."""
+
+
 class PortConnection(asyncio.Protocol):
     """One client at one port.
 
@@ -129,7 +143,7 @@ class PortConnection(asyncio.Protocol):
 
     transport: asyncio.Transport
 
-    def __init__(self, controller: "EmulatedUrController") -> None:
+    def __init__(self, controller: Controller) -> None:
         self.controller = controller
         self.received = bytearray()
 
@@ -195,7 +209,7 @@ class ScriptConnection(PortConnection):
 class RtdeConnection(PortConnection):
     """A session of RTDE."""
 
-    def __init__(self, controller: "EmulatedUrController") -> None:
+    def __init__(self, controller: Controller) -> None:
         super().__init__(controller)
         self._outputs: Recipe | None = None
         self._inputs: list[Recipe] = []
