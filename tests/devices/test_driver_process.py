@@ -1,6 +1,8 @@
 """The pipes between a driver and the process that talks to its device."""
 
+import itertools
 import os
+import pickle
 import sys
 import textwrap
 import time
@@ -8,6 +10,8 @@ from collections import Counter
 from collections.abc import Callable
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mmt.devices.driver_process import DriverPipes, DriverProcess
 
@@ -134,8 +138,26 @@ def test_a_message_for_which_there_is_no_room_is_known_not_to_be_sent():
     assert driver.receive() == [("state", bytes(4000))] * sent
     assert pipes.send("lost", "\N{GREEK SMALL LETTER ALPHA}" * 4000)
     assert driver.receive() == [("lost", "\N{GREEK SMALL LETTER ALPHA}" * 2000)]
-    driver.close()
+    os.close(read)
+    os.close(unused)
     assert pipes.receive() is None
     with pytest.raises(BrokenPipeError):
         pipes.send("state", 1)
-    pipes.close()
+    os.close(unread)
+    os.close(write)
+
+
+@given(st.lists(st.integers(1, 60), min_size=1, max_size=20))
+def test_messages_that_come_in_pieces_are_received_whole(pieces):
+    read, write = os.pipe()
+    driver = DriverPipes(read, write)
+    sent = [("state", (1.5, None)), ("lost", "\N{GREEK SMALL LETTER ALPHA}. K"), ("count", "x")]
+    stream = b"".join(map(pickle.dumps, sent))
+    ends = [*itertools.takewhile(lambda end: end < len(stream), itertools.accumulate(pieces))]
+    received = []
+    for begin, end in itertools.pairwise([0, *ends, len(stream)]):
+        os.write(write, stream[begin:end])
+        received += driver.receive()
+    assert received == sent
+    os.close(read)
+    os.close(write)

@@ -32,8 +32,7 @@ LOST: Final = "lost"
 
 _LONGEST: Final = 4000
 """Bytes of a text: the system writes less than a page either whole or not at all."""
-_ALL: Final = 1 << 16
-"""Bytes that a pipe holds at most, so that what is read ends with a whole message."""
+_AT_ONCE: Final = 1 << 16
 _SILENT_READS: Final = 20
 """Empty reads that a loss needs too: a host that was held up does not mean a lost device."""
 _CLOSE_S: Final = 4.0
@@ -59,17 +58,24 @@ class DriverPipes:
         for file in (receiving, sending):
             os.set_blocking(file, False)
         self._receiving, self._sending = receiving, sending
+        self._rest = b""  # of a message whose end has not come
 
     def receive(self) -> list[tuple[Any, ...]] | None:
         """Return the received messages, or None if the other end has gone."""
         try:
-            data = os.read(self._receiving, _ALL)
+            data = os.read(self._receiving, _AT_ONCE)
         except BlockingIOError:
             return []
-        messages, stream = [], BytesIO(data)
-        while stream.tell() < len(data):
-            messages.append(pickle.load(stream))  # noqa: S301 - from our own child or parent
-        return messages or None
+        if not data:
+            return None
+        messages, stream = [], BytesIO(self._rest + data)
+        whole = 0
+        with contextlib.suppress(EOFError, pickle.UnpicklingError):
+            while True:
+                messages.append(pickle.load(stream))  # noqa: S301 - from our own child or parent
+                whole = stream.tell()
+        self._rest = stream.getvalue()[whole:]
+        return messages
 
     def send(self, kind: str, *body: Any) -> bool:
         """Send a message; return False if the pipe is full because the other end does not read.
@@ -88,11 +94,6 @@ class DriverPipes:
         except BlockingIOError:
             return False
         return True
-
-    def close(self) -> None:
-        """Close both pipes, which the other end sees."""
-        os.close(self._receiving)
-        os.close(self._sending)
 
 
 class DriverProcess(Generic[State]):
@@ -147,7 +148,7 @@ class DriverProcess(Generic[State]):
             stderr=subprocess.DEVNULL,  # libraries write there what the pipe reports already
             bufsize=0,
         )
-        self._pipes = DriverPipes(*(os.dup(each.fileno()) for each in (child.stdout, child.stdin)))
+        self._pipes = DriverPipes(child.stdout.fileno(), child.stdin.fileno())
         self._arrival_ns = time.monotonic_ns()
 
     def await_state(self, patience_s: float, late: str) -> None:
@@ -224,11 +225,9 @@ class DriverProcess(Generic[State]):
     def end(self, reason: str) -> None:
         """Have the process release the device and end; calling it twice is harmless."""
         with self._lock:
-            child, self.child = self.child, None
-            pipes, self._pipes = self._pipes, None
-            if child is None or pipes is None:
+            child, self.child, self._pipes = self.child, None, None
+            if child is None:
                 return
-            pipes.close()
             self.ended = self.ended or reason
         # if it is killed, its connections end, which stops a device as well
         child.end(_CLOSE_S if self._heard else _UNHEARD_CLOSE_S)
