@@ -10,7 +10,7 @@ from typing import Annotated, Final
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, Strict
 
 from mmt.contact.estimation import ContactModel
 from mmt.core.arrays import RecordArray
@@ -64,7 +64,7 @@ def control_access(token_file: Path | None) -> Access:
     return access
 
 
-_Place = Annotated[float, Ge(-FARTHEST_MM), Le(FARTHEST_MM)]
+_Place = Annotated[float, Strict(), Ge(-FARTHEST_MM), Le(FARTHEST_MM)]
 
 
 @dataclass(frozen=True)
@@ -88,9 +88,9 @@ class ControlNews(PeerMessage):
     title = "a message about control"
 
     state: Annotated[str, Field(pattern="^(asked|refused|given|ended)$")]
-    grant: Annotated[int, Ge(0), Lt(2**32)] = 0
+    grant: Annotated[int, Strict(), Ge(0), Lt(2**32)] = 0
     hold_mm: tuple[_Place, _Place, _Place] = (0.0, 0.0, 0.0)
-    recovery_mm_s: Annotated[float, Gt(0), Le(1000)] = 50.0
+    recovery_mm_s: Annotated[float, Strict(), Gt(0), Le(1000)] = 50.0
     why: Text = ""
 
     def encode(self) -> bytes:
@@ -132,8 +132,8 @@ class SharedContact(PeerMessage):
     title = "a message about the contact"
 
     model: Annotated[ContactModel, AfterValidator(_accepted)] | None
-    normal: Annotated[int, Ge(0), Le(2)]
-    limit_n: Annotated[float, Ge(0), Le(40)]
+    normal: Annotated[int, Strict(), Ge(0), Le(2)]
+    limit_n: Annotated[float, Strict(), Ge(0), Le(40)]
 
     def encode(self) -> bytes:
         """Return the message."""

@@ -64,6 +64,8 @@ STATE_DTYPE: Final = np.dtype([("time_s", "<f8"), *HAND_FIELDS])
 
 Text = Annotated[str, Strict(), AfterValidator(lambda text: printable(text[:LONGEST_TEXT]))]
 """A text of a peer."""
+Name = Annotated[str, Strict(), AfterValidator(lambda text: printable(text[:LONGEST_NAME]))]
+Flag = Annotated[bool, Strict()]
 
 
 def parsed(kind: Any, given: object, what: str, *, strict: bool = False) -> Any:
@@ -94,6 +96,8 @@ class PeerMessage:
 
     title: ClassVar[str]
     """Name of the message in errors."""
+    may_lack: ClassVar[bool] = False
+    """Whether fields may be absent that have a default."""
 
     @classmethod
     def from_message(cls, message: object) -> Self:
@@ -104,6 +108,9 @@ class PeerMessage:
         InputError
             It is malformed.
         """
+        given = message if isinstance(message, dict) else {}
+        if not cls.may_lack and (absent := sorted(cls.__annotations__.keys() - given.keys())):
+            raise InputError(f"{cls.title} is malformed: it lacks {', '.join(absent)}")
         found: Self = parsed(cls, message, cls.title)
         return found
 
@@ -189,13 +196,13 @@ class ModelDescription(PeerMessage):
 
     title = "the model's message"
 
-    session_id: Text
+    session_id: Name
     time_s: float
-    ready: bool
+    ready: Flag
     surface: int | None
     samples: int
     completion: Text
-    complete: bool
+    complete: Flag
 
 
 adapter(ModelDescription)

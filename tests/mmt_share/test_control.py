@@ -272,6 +272,27 @@ def test_any_contact_that_is_taken_can_be_rendered(given_model):
         assert np.isfinite([rendering.step(depth_m) for depth_m in (-1.0, 0.001, 2.0)]).all()
 
 
+GIVEN = {"state": "given", "grant": 1, "hold_mm": [1, 2.0, 3], "recovery_mm_s": 5, "why": ""}
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        *({"state": x} for x in ("given\n", "taken", None)),
+        *({"grant": x} for x in (-1, 2**32, "1", 1.5)),
+        *({"hold_mm": [0.0, x, 0.0]} for x in (float("nan"), 1e5, "1", None)),
+        *({"recovery_mm_s": x} for x in (0.0, float("inf"), "5")),
+    ],
+)
+def test_control_is_told_whole_or_not_at_all(changed):
+    assert ControlNews.from_message(GIVEN) == ControlNews("given", 1, (1.0, 2.0, 3.0), 5.0)
+    for absent in GIVEN:
+        with pytest.raises(InputError, match=f"it lacks {absent}"):
+            ControlNews.from_message({key: GIVEN[key] for key in GIVEN if key != absent})
+    with pytest.raises(InputError, match=f"malformed: {next(iter(changed))}"):
+        ControlNews.from_message({**GIVEN, **changed})
+
+
 def test_orders_that_make_no_sense_are_refused(tmp_path, monkeypatch):
     monkeypatch.setenv(CONTROL_VARIABLE, "0123456789abcdef")
     tables = {"texture": {}, "rendering": {}, "sharing": {"port": 0}, "control": {}}

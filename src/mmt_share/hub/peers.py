@@ -11,7 +11,7 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from mmt_share.messages import PeerMessage, Text
+from mmt_share.messages import Flag, Name, PeerMessage, Text
 
 BEAT_S: Final = 1.0
 """Time between two beats of a hub."""
@@ -45,13 +45,13 @@ class Heartbeat(PeerMessage):
 
     title = "a hub's beat"
 
-    id: Text
+    id: Name
     address: Annotated[Text, Field(pattern="^https?://")]
     listeners: int = 0
-    feeding: bool = False
-    session_id: Text = ""
+    feeding: Flag = False
+    session_id: Name = ""
     number: int = 0
-    leaving: bool = False
+    leaving: Flag = False
 
 
 class Peers:

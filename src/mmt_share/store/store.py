@@ -49,6 +49,7 @@ class Entry(PeerMessage):
     """
 
     title = "what is listed of a model"
+    may_lack = True
     __pydantic_config__ = ConfigDict(extra="forbid")
 
     name: Text
