@@ -3,9 +3,9 @@
 import re
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, Generic, Protocol, TypeVar
 
 from mmt.core.arrays import FloatArray, Vector, difference, step_towards
 from mmt.core.errors import DeviceLost
@@ -107,9 +107,15 @@ def _gist(reason: str) -> str:
 AnyDevice = TypeVar("AnyDevice", bound=Device)
 
 
-LossCallback = Callable[..., None]
-"""Called when a device is lost, when its reason changes, and when it is back: with a sentence for
-the operator, and details for a program by their names."""
+class LossCallback(Protocol):
+    """Called when a device is lost, when its reason changes, and when it is back."""
+
+    def __call__(self, sentence: str, **details: object) -> None:
+        """Take a sentence for the operator, and details for a program."""
+
+
+def _ignore(sentence: str, **details: object) -> None:
+    """Do nothing."""
 
 
 class ReconnectingDevice(Generic[AnyDevice]):
@@ -131,7 +137,7 @@ class ReconnectingDevice(Generic[AnyDevice]):
         self.losses = 0
         """How often it was lost."""
         self._meanwhile = meanwhile
-        self._tell: LossCallback = lambda _sentence, **_details: None
+        self._tell: LossCallback = _ignore
         self._reconnection: Reconnection | None = None
         self._earlier: Reconnection | None = None
         self._reason = ""

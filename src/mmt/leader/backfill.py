@@ -5,7 +5,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 
@@ -38,8 +38,11 @@ WORTH_SAYING: Final = 100
 """Gaps of fewer frames are recorded but not announced."""
 
 
-Note = Callable[..., None]
-"""Records an event; called as `mmt.leader.run_log.Journal.note`."""
+class Note(Protocol):
+    """Records an event, and announces it to the user if wanted."""
+
+    def __call__(self, sentence: str, *, announce: bool, **details: object) -> None:
+        """Record a sentence, with details for programs."""
 
 
 @dataclass
