@@ -9,7 +9,7 @@ as a quarter of the windows holds nothing else. It is too low rather than too hi
 import statistics
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any, Final, Self
 
 import numpy as np
@@ -34,13 +34,13 @@ class Columns:
     """Arrays of one length, (n, ...) each; an index takes the same part of every array."""
 
     def __getitem__(self, part: slice | BoolArray) -> Self:
-        return type(self)(*(getattr(self, field.name)[part] for field in fields(self)))
+        return type(self)(*(column[part] for column in vars(self).values()))
 
     @classmethod
     def concatenate(cls, blocks: Sequence[Self]) -> Self:
         """Join successive blocks, at least one."""
-        columns = ([getattr(block, field.name) for block in blocks] for field in fields(cls))
-        return cls(*(np.concatenate(column) for column in columns))
+        columns = zip(*(vars(block).values() for block in blocks), strict=True)
+        return cls(*map(np.concatenate, columns))
 
 
 @dataclass(frozen=True, eq=False)
