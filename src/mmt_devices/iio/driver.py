@@ -4,11 +4,11 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.units import GRAVITY_M_S2
-from mmt.devices.drivers import read_options
+from mmt.devices.drivers import factory_of
 from mmt.devices.record_clocks import CountingClock
 from mmt.devices.sensor_drivers import AccelerometerDriver
 from mmt_devices.iio.attributes import find_device, find_iio_accelerometers
@@ -33,18 +33,6 @@ Raw = tuple[int, ...]
 
 
 FINDERS: Final = {"IIO accelerometers": find_iio_accelerometers}
-
-
-def iio_accelerometer(**options: Any) -> "IioAccelerometer":
-    """Make the driver; see `IioOptions`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed.
-    """
-    read = read_options(IioOptions, DRIVER, options)
-    return StampedAccelerometer(read) if read.stamps == "kernel" else IioAccelerometer(read)
 
 
 class IioAccelerometer(AccelerometerDriver):
@@ -191,3 +179,11 @@ class StampedAccelerometer(IioAccelerometer):
             self._newest_ns, self._impossible = time_ns, 0
             stamped.append((time_ns, tuple(raw)))
         return stamped
+
+
+def _stamped_or_counted(options: IioOptions) -> IioAccelerometer:
+    kind = StampedAccelerometer if options.stamps == "kernel" else IioAccelerometer
+    return kind(options)
+
+
+iio_accelerometer = factory_of(DRIVER, IioOptions, _stamped_or_counted)
