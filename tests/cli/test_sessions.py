@@ -17,7 +17,7 @@ from mmt.session.data import RecordedSession
 from mmt.session.files import read_session, write_session
 from mmt.session.windows import MemoryWindows
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
+from mmt.testing.simulation.surfaces.textures import surface_from_annotations
 from mmt.web.viewing.recording import ViewedRecording
 from mmt.web.viewing.server import serve_recording
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from mmt.testing.simulation.surfaces.known_surfaces import vibration_of
 from mmt.testing.simulation.surfaces.vibration import Stroke
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space import InputSpace, TextureSamples
@@ -28,7 +27,7 @@ def odd_model(inputs="isotropic", count=25, order=6, seed=3, fastest_mm_s=300.0)
 
 def realisation(surface, stroke, frames, seed=3):
     """Return the vibration (n, 2), normal and along, of a constant stroke once it has settled."""
-    source = vibration_of(surface, np.random.default_rng(seed))
+    source = surface.vibration(np.random.default_rng(seed))
     samples = round(surface.rate_hz / 1000.0)
     made = [source.run(samples, stroke) for _ in range(frames + 2000 // samples)]
     return np.concatenate(made[2000 // samples :])

@@ -9,7 +9,6 @@ from mmt.testing.simulation.strokes import REACH_MM
 from mmt.testing.simulation.surfaces.alterations import Level, Patches
 from mmt.testing.simulation.surfaces.altered_surface import AlteredSurface
 from mmt.testing.simulation.surfaces.drawn_textures import FINAL, draw_texture
-from mmt.testing.simulation.surfaces.known_surfaces import vibration_of
 from mmt.testing.simulation.surfaces.textures import SURFACES, get_surface
 from mmt.testing.simulation.surfaces.vibration import Stroke
 from mmt_lab.harness.experiment import DRAWN, chosen_textures
@@ -31,7 +30,7 @@ def test_patches_have_the_deviation_mean_power_and_size_stated(deviation_db, see
 def test_a_patch_stays_where_it_is_and_the_power_over_all_is_the_truth():
     surface = get_surface("sandpaper+patches")
     gains = np.array(surface.patches.gains())
-    source = vibration_of(surface, np.random.default_rng(2))
+    source = surface.vibration(np.random.default_rng(2))
     spots = np.random.default_rng(5).uniform(-60.0, 60.0, (150, 2))
     spots = spots[np.hypot(*spots.T) < REACH_MM]
     rows = [

@@ -13,7 +13,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.devices.drivers import load_device
 from mmt.devices.labjack import packets, usb_link
 from mmt.devices.labjack.board import U6Voltages
-from mmt.devices.labjack.packets import AnalogInput, plan
+from mmt.devices.labjack.packets import AnalogInput
 from mmt.devices.labjack.scans import CentredLines, nominal_lines, read_lines, write_lines
 from mmt.testing.emulated.labjack_u6 import ENDPOINTS, EmulatedU6
 from mmt.testing.emulated.remote_u6 import RemoteU6, U6Server
@@ -81,10 +81,7 @@ def test_what_is_lost_or_spoilt_is_counted_and_times_stay_true(connected):
 
 def test_a_stream_that_a_program_left_behind_is_ended(closing):
     box = EmulatedU6(level)
-    left = usb_link.U6Link(None, box)
-    left.open()
-    left.send(packets.stream_config(plan([AnalogInput(0)], 1000.0)), packets.STREAM_CONFIG)
-    left.start()
+    left = usb_link.U6Stream(None, box, 1000.0, lambda _: (AnalogInput(0),))
     source = closing(U6Voltages([AnalogInput(5)], backend=box))
     with pytest.raises(MmtError, match="another program has the LabJack U6 open"):
         source.connect()

@@ -12,12 +12,11 @@ import mmt
 from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.evaluation.truth import known_texture
-from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.surfaces.model_surface import (
     ModelSurface,
     filter_side_by_side,
 )
-from mmt.testing.simulation.surfaces.textures import get_surface
+from mmt.testing.simulation.surfaces.textures import get_surface, surface_from_annotations
 from mmt_bridges.hatt.models import export_hatt
 
 FREQUENCIES_HZ = np.arange(501.0)

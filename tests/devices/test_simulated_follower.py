@@ -17,9 +17,8 @@ from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.instruments import ACCELERATION_NOISE_M_S2
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces.course import SurfaceCourse
-from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.surfaces.surface import Surface
-from mmt.testing.simulation.surfaces.textures import SURFACES, get_surface
+from mmt.testing.simulation.surfaces.textures import SURFACES, get_surface, surface_from_annotations
 
 LINKED = {"link": {}, "hand": {}, "texture": {}}
 

@@ -9,8 +9,7 @@ from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.recorded_path import load_path
 from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
-from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
-from mmt.testing.simulation.surfaces.textures import get_surface
+from mmt.testing.simulation.surfaces.textures import get_surface, surface_from_annotations
 
 
 def _tool(rate_hz=2000.0, duration_s=3.0):

@@ -13,12 +13,17 @@ import mmt
 from mmt.core.errors import InputError
 from mmt.testing.simulation.instruments import Instruments
 from mmt.testing.simulation.robot import TipState
-from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations, vibration_of
 from mmt.testing.simulation.surfaces.model_surface import ModelSurface
 from mmt.testing.simulation.surfaces.modes import Grain, Line, Resonance
 from mmt.testing.simulation.surfaces.surface import HIGH_PASS_POLE, Surface
-from mmt.testing.simulation.surfaces.textures import CORDUROY, GRAINED, SURFACES, get_surface
-from mmt.testing.simulation.surfaces.vibration import Stroke, SurfaceVibration
+from mmt.testing.simulation.surfaces.textures import (
+    CORDUROY,
+    GRAINED,
+    SURFACES,
+    get_surface,
+    surface_from_annotations,
+)
+from mmt.testing.simulation.surfaces.vibration import Stroke
 
 NAMES = sorted(name for name, surface in SURFACES.items() if surface.isotropic)
 
@@ -101,7 +106,7 @@ def test_power_is_the_integral_of_the_spectrum(name):
 def test_no_vibration_without_motion_or_contact(name):
     surface = get_surface(name)
     assert surface.power([0.0, 0.0, 100.0, -5.0, 100.0], [0.0, 1.0, 0.0, 1.0, -1.0]).max() == 0.0
-    vibration = SurfaceVibration(surface, np.random.default_rng(1))
+    vibration = surface.vibration(np.random.default_rng(1))
     for _ in range(500):
         vibration.step(Stroke(150.0, 1.5))
     rest = [vibration.step(Stroke(0.0, 1.5)) for _ in range(3000)]
@@ -113,7 +118,7 @@ def test_no_vibration_without_motion_or_contact(name):
 def test_at_the_ends_of_the_plane_it_stays_finite(name, stroke):
     surface = surface_of(name, 1)
     assert np.isfinite(surface.spectrum(*stroke, np.arange(500.0), 0.0)).all()
-    source, far = vibration_of(surface, np.random.default_rng(1)), (-1e4, 1e4)
+    source, far = surface.vibration(np.random.default_rng(1)), (-1e4, 1e4)
     assert np.isfinite([source.step(Stroke(*stroke, (0.0, 1.0), far)) for _ in range(300)]).all()
 
 
@@ -149,7 +154,7 @@ def test_maps_stay_within_bounds(name, speed, force):
 def test_generator_stays_bounded_under_erratic_hands(name, seed):
     surface = SURFACES[name]
     random = np.random.default_rng(seed)
-    vibration = SurfaceVibration(surface, random)
+    vibration = surface.vibration(random)
     strokes = zip(random.uniform(0, 300, 500), random.uniform(0, 3, 500), strict=True)
     values = np.array([vibration.step(Stroke(float(v), float(f))) for v, f in strokes])
     largest = sum(mode.maps(300.0, 3.0)[0] for mode in surface.modes)
@@ -254,7 +259,7 @@ def test_a_grain_out_of_range_is_refused():
 def test_the_heading_matters_to_directed_textures_alone():
     with pytest.raises(InputError, match="corduroy depends on the stroke's heading"):
         CORDUROY.spectrum(100.0, 1.0, [100.0])
-    one, other = (SurfaceVibration(get_surface("mesh"), np.random.default_rng(5)) for _ in range(2))
+    one, other = (get_surface("mesh").vibration(np.random.default_rng(5)) for _ in range(2))
     for angle in np.random.default_rng(6).uniform(0.0, 7.0, 300).tolist():
         stroke = Stroke(120.0, 1.0)
         turned = stroke._replace(heading=(np.cos(angle), np.sin(angle)))

@@ -20,8 +20,7 @@ from mmt.testing.simulation.surfaces.course import (
     course_from_annotations,
     surface_of,
 )
-from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
-from mmt.testing.simulation.surfaces.textures import get_surface
+from mmt.testing.simulation.surfaces.textures import get_surface, surface_from_annotations
 
 LINKED = {"link": {}, "recording": {}, "texture": {}}
 THREE = [get_surface(name) for name in ("glass", "sandpaper", "wood")]

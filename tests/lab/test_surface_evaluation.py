@@ -17,8 +17,7 @@ from mmt.session.data import RecordedSession
 from mmt.session.files import export_session, write_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
-from mmt.testing.simulation.surfaces.known_surfaces import surface_from_annotations
-from mmt.testing.simulation.surfaces.textures import get_surface
+from mmt.testing.simulation.surfaces.textures import get_surface, surface_from_annotations
 from mmt.texture.online.updates import SurfaceChange
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt_lab.experiments import surfaces

@@ -36,6 +36,9 @@ class SensorDriver(ABC):
         Time with exactly the same values after which it counts as stuck; 0 for never.
     """
 
+    _first_s = 1.0
+    """How long the first record may take."""
+
     def __init__(self, name: str, stuck_s: float) -> None:
         self.name = name
         self.latency_ns = 0
@@ -49,9 +52,55 @@ class SensorDriver(ABC):
         """Counts of tolerated faults, by kind."""
         return {reason: count for reason, count in dict(self._counts).items() if count}
 
+    def connect(self) -> None:
+        """Open and set up the device, then wait for a record; if it was stuck, for another value.
+
+        Raises
+        ------
+        InputError
+            The sensor or its calibration is not the one that the options expect.
+        MmtError
+            The device does not answer correctly, gives no record, or is still stuck; the message
+            says what to do.
+        """
+        self.close()
+        try:
+            self._open()
+            self._await_record()
+        except BaseException:
+            self.close()
+            raise
+
     @abstractmethod
     def close(self) -> None:
         """Release the device; calling it twice is harmless."""
+
+    @abstractmethod
+    def _open(self) -> None:
+        """Open and set up the device, whose records come from then on."""
+
+    def _await_record(self) -> None:
+        came = False
+        start = time.monotonic()
+        while time.monotonic() - start < self._first_s:
+            records = self._received()
+            if self._stuck.recovers(raw for _, raw in records):
+                return
+            came = came or bool(records)
+            time.sleep(0.001)
+        raise MmtError(self._explain_stuck() if came else self._explain_absence())
+
+    @abstractmethod
+    def _received(self) -> Sequence[tuple[int, tuple[float, ...]]]:
+        """Return the received records as (time_ns, raw values), oldest first; never blocks."""
+
+    @abstractmethod
+    def _explain_absence(self) -> str:
+        """Return why no record may have come since it was connected."""
+
+    @abstractmethod
+    def _explain_stuck(self) -> str:
+        """Return that the value stays the same, and what to do."""
 
 
 class AccelerometerDriver(SensorDriver):
@@ -62,12 +111,17 @@ class AccelerometerDriver(SensorDriver):
     and the magnitude from which it is overloaded."""
 
     @abstractmethod
-    def connect(self) -> None:
-        """Open the device; see `mmt.devices.protocols.Device`."""
+    def samples(self) -> Sequence[tuple[int, tuple[float, ...]]]:
+        """Return the new samples as (time_ns, raw values along the sensor's own axes).
 
-    @abstractmethod
-    def samples(self) -> Iterable[tuple[int, tuple[float, ...]]]:
-        """Return the new samples as (time_ns, raw values along the sensor's own axes)."""
+        Raises
+        ------
+        DeviceLost
+            The sensor is gone.
+        """
+
+    def _received(self) -> Sequence[tuple[int, tuple[float, ...]]]:
+        return self.samples()
 
     @abstractmethod
     def _doubt(self) -> tuple[float, str]:
@@ -176,9 +230,6 @@ class WrenchSensor(SensorDriver):
         Mounting of the sensor, and when it is lost.
     """
 
-    _first_s = 1.0
-    """How long the first record may take."""
-
     def __init__(self, name: str, options: WrenchOptions) -> None:
         super().__init__(name, 1e-3 * options.stuck_ms)
         self._mounting = options
@@ -189,32 +240,20 @@ class WrenchSensor(SensorDriver):
         self._silence_ns = round(options.silence_ms * 1e6)
 
     def connect(self) -> None:
-        """Open and set up the device, then wait for a record; if it was stuck, for another value.
-
-        Raises
-        ------
-        InputError
-            The sensor or its calibration is not the one that the options expect.
-        MmtError
-            The device does not answer correctly, gives no record, or is still stuck; the message
-            says what to do.
-        """
-        self.close()
+        """Connect it; see `SensorDriver.connect`."""
         self._useless_ns = 0
-        try:
-            self._open()
-            self._await_record()
-        except BaseException:
-            self.close()
-            raise
-
-    @abstractmethod
-    def _open(self) -> None:
-        """Open and set up the device, whose records come from then on."""
+        super().connect()
 
     @abstractmethod
     def _receive(self, now_ns: int) -> list[Stamped]:
         """Return the received records, oldest first; never blocks."""
+
+    def _received(self) -> list[Stamped]:
+        now_ns = time.monotonic_ns()
+        records = self._receive(now_ns)
+        if records:
+            self._arrival_ns = now_ns
+        return records
 
     @abstractmethod
     def _where(self) -> str:
@@ -307,10 +346,6 @@ class WrenchSensor(SensorDriver):
         """Return why what comes gives no record."""
         return self._explain_absence()
 
-    @abstractmethod
-    def _explain_absence(self) -> str:
-        """Return why no record may have come since it was connected."""
-
     def _set_latency(self, own_ns: float) -> None:
         """Set the latency: the driver's own figure, unless the options say another."""
         latency_ms = self._mounting.latency_ms
@@ -335,18 +370,6 @@ class WrenchSensor(SensorDriver):
             raise DeviceLost(
                 f"{self.name}: no record for {silent_ns / 1e6:.0f} ms; {self._where()}"
             )
-
-    def _await_record(self) -> None:
-        came = False
-        start = time.monotonic()
-        while time.monotonic() - start < self._first_s:
-            records = self._receive(time.monotonic_ns())
-            if self._stuck.recovers(raw for _, raw in records):
-                self._arrival_ns = time.monotonic_ns()
-                return
-            came = came or bool(records)
-            time.sleep(0.001)
-        raise MmtError(self._explain_stuck() if came else self._explain_absence())
 
     def _explain_stuck(self) -> str:
         return (

@@ -19,7 +19,6 @@ from mmt.core.files.untrusted import load_arrays
 from mmt.evaluation.model_errors import root_mean_square
 from mmt.testing.emulated.haptuator import coil_acceleration_m_s2
 from mmt.testing.emulated.openhaptics.phantom import series_n_mm
-from mmt.testing.simulation.surfaces.known_surfaces import vibration_of
 from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.testing.simulation.surfaces.vibration import Stroke
 
@@ -108,7 +107,7 @@ def _oracle(
     surface: str, velocity_mm_s: FloatArray, force_n: FloatArray
 ) -> tuple[FloatArray, list[tuple[int, int]]]:
     """Return the vibration at the hand's own motion, and first and last sample of each touch."""
-    source = vibration_of(get_surface(surface), np.random.default_rng(7))
+    source = get_surface(surface).vibration(np.random.default_rng(7))
     speed = np.hypot(*velocity_mm_s.T)
     heading = velocity_mm_s / np.maximum(speed, 1e-9)[:, np.newaxis]
     made = np.array(

@@ -33,7 +33,8 @@ from mmt.evaluation.model_errors import (
 )
 from mmt.evaluation.results import PowerMap, Worst
 from mmt.evaluation.worst import StrokeError, explain
-from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface, surface_from_annotations
+from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface
+from mmt.testing.simulation.surfaces.textures import surface_from_annotations
 from mmt.texture.autoregression.forms import ar_spectra, ar_spectrum, lsf_to_ar
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings

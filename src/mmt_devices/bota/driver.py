@@ -2,12 +2,12 @@
 
 import time
 from collections import Counter
-from typing import Any, Final, Literal
+from typing import Final, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from mmt.core.errors import InputError, MmtError
-from mmt.devices.drivers import read_options
+from mmt.core.errors import MmtError
+from mmt.devices.drivers import factory_of
 from mmt.devices.record_clocks import StampClock
 from mmt.devices.sensor_drivers import Stamped, WrenchSensor
 from mmt.devices.serial_ports import SerialLine, is_text
@@ -129,24 +129,16 @@ class BotaOptions(WrenchOptions):
     start_s: float = Field(default=2.0, ge=0.2, le=30.0)
     """How long the first frame may take."""
 
-
-def bota_serial(**options: Any) -> "BotaSerial":
-    """Make the driver; see `BotaOptions`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed, or the line is too slow for the frame rate.
-    """
-    read = read_options(BotaOptions, DRIVER, options)
-    if read.configure and frame_rate_hz(read.sinc_length) > most_frames_hz(read.baud):
-        raise InputError(
-            f"device {DRIVER!r}: sinc_length {read.sinc_length} gives "
-            f"{frame_rate_hz(read.sinc_length):.0f} frames a second, of which {read.baud} baud "
-            f"carry {most_frames_hz(read.baud):.0f}: raise 'sinc_length', or set the sensor to a "
-            "higher 'baud'"
-        )
-    return BotaSerial(read)
+    @model_validator(mode="after")
+    def _fit_the_line(self) -> Self:
+        frames_hz, most_hz = frame_rate_hz(self.sinc_length), most_frames_hz(self.baud)
+        if self.configure and frames_hz > most_hz:
+            raise ValueError(
+                f"sinc_length {self.sinc_length} gives {frames_hz:.0f} frames a second, of which "
+                f"{self.baud} baud carry {most_hz:.0f}: raise 'sinc_length', or set the sensor to "
+                "a higher 'baud'"
+            )
+        return self
 
 
 class BotaSerial(WrenchSensor):
@@ -266,3 +258,6 @@ class BotaSerial(WrenchSensor):
             else "switch its calibration matrix on, which configure = true does"
         )
         return f"{self.name}: the sensor reports {words}: {advice}"
+
+
+bota_serial = factory_of(DRIVER, BotaOptions, BotaSerial)

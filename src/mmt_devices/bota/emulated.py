@@ -2,7 +2,7 @@
 
 import re
 import time
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from mmt.testing.emulated import Clockwork, Truth
 from mmt.testing.emulated.drivers import VirtualSensor
@@ -165,5 +165,5 @@ def in_lab(world: "World", seed: int, clockwork: Clockwork) -> EmulatedBota:
 class VirtualBota(VirtualSensor):
     """Another force sensor of the virtual lab; takes the options of ``bota-serial`` too."""
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__("virtual-bota", "bota-serial", "bota", options, port="lab")
+    _name, _driver, _address = "virtual-bota", "bota-serial", "bota"
+    _needed: ClassVar = {"port": "lab"}

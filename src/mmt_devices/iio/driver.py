@@ -4,11 +4,11 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.units import GRAVITY_M_S2
-from mmt.devices.drivers import read_options
+from mmt.devices.drivers import factory_of
 from mmt.devices.record_clocks import CountingClock
 from mmt.devices.sensor_drivers import AccelerometerDriver
 from mmt_devices.iio.attributes import find_device, find_iio_accelerometers
@@ -35,18 +35,6 @@ Raw = tuple[int, ...]
 FINDERS: Final = {"IIO accelerometers": find_iio_accelerometers}
 
 
-def iio_accelerometer(**options: Any) -> "IioAccelerometer":
-    """Make the driver; see `IioOptions`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed.
-    """
-    read = read_options(IioOptions, DRIVER, options)
-    return StampedAccelerometer(read) if read.stamps == "kernel" else IioAccelerometer(read)
-
-
 class IioAccelerometer(AccelerometerDriver):
     """`SampledSensor` of accelerations; counting the samples gives their times.
 
@@ -58,23 +46,14 @@ class IioAccelerometer(AccelerometerDriver):
 
     def __init__(self, options: IioOptions) -> None:
         super().__init__(f"accelerometer {options.device or ''}".strip(), options.stuck_s)
-        self._options = options
+        self._options, self._first_s = options, options.start_s
         self.latency_ns = round(1e6 * options.latency_ms)
         self._capture: Capture | None = None
         self._unfinished = b""
         self._clock: CountingClock | None = None
 
-    def connect(self) -> None:
-        """Find and set up the device, start the capture, and await the first sample.
-
-        Raises
-        ------
-        InputError
-            There is no such device, or several.
-        MmtError
-            The device cannot capture; the message says why and what to do.
-        """
-        self.close()
+    def _open(self) -> None:
+        """Find and set up the device, and start the capture."""
         if sys.platform != "linux":
             raise MmtError(
                 f"{DRIVER}: industrial I/O is a part of Linux, and this is another system"
@@ -83,14 +62,9 @@ class IioAccelerometer(AccelerometerDriver):
         directory = find_device(Path(options.sysfs_root), options.device)
         capture = Capture(directory, Path(options.dev_root) / directory.name, self.name)
         self._capture = capture
-        try:
-            stamped = options.stamps == "kernel"
-            capture.start(options.rate_hz, options.length, options.trigger, stamped=stamped)
-            self._prepare(capture)
-            self._await_sample()
-        except BaseException:
-            self.close()
-            raise
+        stamped = options.stamps == "kernel"
+        capture.start(options.rate_hz, options.length, options.trigger, stamped=stamped)
+        self._prepare(capture)
 
     def explain_fault(self) -> str:
         """Return why no samples arrive, as far as the kernel tells."""
@@ -103,13 +77,7 @@ class IioAccelerometer(AccelerometerDriver):
             self._capture = None
 
     def samples(self) -> list[tuple[int, Raw]]:
-        """Return time and counts of the scans that have arrived.
-
-        Raises
-        ------
-        DeviceLost
-            The sensor is gone.
-        """
+        """Return time and counts of the scans that have arrived."""
         capture = self._capture
         if capture is None:
             raise DeviceLost(f"{self.name} is closed: connect it again")
@@ -154,21 +122,11 @@ class IioAccelerometer(AccelerometerDriver):
         else:
             self._clock = CountingClock(capture.rate_hz, self._counts, "lost samples")
 
-    def _await_sample(self) -> None:
-        end = time.monotonic() + self._options.start_s
-        came = False
-        while time.monotonic() < end:
-            scans = self.samples()
-            if self._stuck.recovers(raw for _, raw in scans):
-                return
-            came = came or bool(scans)
-            time.sleep(0.001)
-        if came:
-            raise MmtError(self._explain_stuck())
+    def _explain_absence(self) -> str:
         why = self.explain_fault().removeprefix(f"{self.name}: ")
-        raise MmtError(
+        return (
             f"{self.name}: no sample for {self._options.start_s:g} s though its buffer runs; "
-            + (why or "check the wire from its interrupt to the pin that the overlay names")
+            f"{why or 'check the wire from its interrupt to the pin that the overlay names'}"
         )
 
     def _doubt(self) -> tuple[float, str]:
@@ -221,3 +179,11 @@ class StampedAccelerometer(IioAccelerometer):
             self._newest_ns, self._impossible = time_ns, 0
             stamped.append((time_ns, tuple(raw)))
         return stamped
+
+
+def _stamped_or_counted(options: IioOptions) -> IioAccelerometer:
+    kind = StampedAccelerometer if options.stamps == "kernel" else IioAccelerometer
+    return kind(options)
+
+
+iio_accelerometer = factory_of(DRIVER, IioOptions, _stamped_or_counted)

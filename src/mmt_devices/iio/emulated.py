@@ -248,5 +248,4 @@ def in_lab(world: "World", seed: int, clockwork: Clockwork) -> EmulatedIio:
 class VirtualIio(VirtualSensor):
     """Another accelerometer of the virtual lab; takes the options of ``iio-accelerometer`` too."""
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__("virtual-iio", "iio-accelerometer", "iio", options)
+    _name, _driver, _address = "virtual-iio", "iio-accelerometer", "iio"

@@ -1,9 +1,8 @@
 """``virtual-ur``: the real drivers, connected to the emulated arm of the virtual lab."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 from mmt.core.extras import require
-from mmt.devices.drivers import Role
 from mmt.testing.emulated.drivers import VirtualDevice, forwarded
 from mmt_devices.universal_robots.force import UrForceSensor
 from mmt_devices.universal_robots.robot import UrRobot, missing
@@ -12,19 +11,14 @@ __all__ = ["VirtualUrForceSensor", "VirtualUrRobot", "missing"]
 
 
 class _VirtualUr(VirtualDevice):
-    """A real driver, connected to the lab's controller.
+    """A real driver, connected to the lab's controller; takes the options of `LabOptions` too."""
 
-    Parameters
-    ----------
-    role
-        Role of the driver ``ur``.
-    options
-        Options of the driver, and those of the lab.
-    """
+    _name, _driver, _address = "virtual-ur", "ur", "ur"
+    _needed: ClassVar = {"host": "lab"}
 
-    def __init__(self, role: Role, options: dict[str, Any]) -> None:
+    def __init__(self, **options: Any) -> None:
         require("rtde_control")  # before a lab is started in vain
-        super().__init__("virtual-ur", "ur", "ur", options, role=role, host="lab")
+        super().__init__(**options)
 
     def connect(self) -> None:
         """Start the lab, and connect the real driver to it."""
@@ -38,9 +32,7 @@ class _VirtualUr(VirtualDevice):
 class VirtualUrRobot(_VirtualUr):
     """The arm of the virtual lab; it takes the options of ``ur`` and of `LabOptions`."""
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__("robot", options)
-
+    _role = "robot"
     read = forwarded(UrRobot.read)
     orientation = forwarded(UrRobot.orientation)
     positions = forwarded(UrRobot.positions)
@@ -50,9 +42,7 @@ class VirtualUrRobot(_VirtualUr):
 class VirtualUrForceSensor(_VirtualUr):
     """The force at the tool of the virtual lab's arm."""
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__("force_sensor", options)
-
+    _role = "force_sensor"
     read = forwarded(UrForceSensor.read)
 
     def _enter(self) -> dict[str, Any]:

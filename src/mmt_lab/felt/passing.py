@@ -33,7 +33,7 @@ from mmt.scene import (
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ, nominal_compliance_mm_n
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.hand import SimulatedHand
-from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface, vibration_of
+from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface
 from mmt.testing.simulation.surfaces.vibration import Stroke
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import OnlineModeller
@@ -129,7 +129,7 @@ def undelayed_vibration(passage: Passage, seed: int) -> FloatArray:
 
     It is a separate realisation: no rendering from a model can come nearer to the texture.
     """
-    surface = vibration_of(passage.surface, np.random.default_rng([seed, 77]))
+    surface = passage.surface.vibration(np.random.default_rng([seed, 77]))
     motion = zip(
         passage.speed_mm_s.tolist(),
         passage.force_n.tolist(),

@@ -40,6 +40,7 @@ class BoardAdxl335(Adxl335):
         checked = read_options(BoardAdxl335Options, NAME, options)
         super().__init__(checked)
         named = checked.board
+        self._is_open = False
         self._board: VoltageBoard = load_device(named.driver, named.options, role="board")
         if self._board.inputs != 3:
             raise InputError(
@@ -52,30 +53,23 @@ class BoardAdxl335(Adxl335):
         """Arrival time of the newest reading (ns, host's clock), or now if the board has none."""
         return arrival_of(self._board)
 
-    def connect(self) -> None:
-        """Open the board and start its stream.
-
-        Raises
-        ------
-        MmtError
-            The board is missing, may not be opened, or refuses a command.
-        """
+    def _open(self) -> None:
+        self._is_open = True  # a board may hold something even if it cannot be connected
         self._board.connect()
         self._prepare(getattr(self._board, "serial", None))
 
     def samples(self) -> Sequence[tuple[int, Vector]]:
-        """Return the new samples as (time_ns, volts along the sensor's own axes).
-
-        Raises
-        ------
-        DeviceLost
-            The board was unplugged.
-        """
+        """Return the new samples as (time_ns, volts along the sensor's own axes)."""
         return cast(Sequence[tuple[int, Vector]], self._board.read())
+
+    def _explain_absence(self) -> str:
+        return f"{self.name}: the board gives no voltages; check its cable and its driver's options"
 
     def close(self) -> None:
         """Close the board; calling it twice is harmless."""
-        self._board.close()
+        if self._is_open:
+            self._is_open = False
+            self._board.close()
 
     @property
     def faults(self) -> Mapping[str, int]:

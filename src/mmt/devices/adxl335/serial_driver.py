@@ -46,35 +46,18 @@ class SerialAdxl335(Adxl335):
         self._decoder = BoardDecoder()
         self._timeline = Timeline(self._counts)
         self._survived = 0  # invalid frames before the newest good one
+        self._heard = bytearray()  # the newest bytes before it was connected
 
-    def connect(self) -> None:
-        """Open the port and wait for the board's first frames.
-
-        Raises
-        ------
-        MmtError
-            The port cannot be opened, or no frames come; the message explains what came instead.
-        """
+    def _open(self) -> None:
         self._counts.update(self._decoder.faults)
         self._timeline = Timeline(self._counts)
         self._decoder = BoardDecoder()
         self._survived = 0
         self._line.open()
-        try:
-            self._wait_for_frames()
-        except Exception:
-            self._line.close()
-            raise
         self._prepare(_serial_number(self._options.port))
 
     def samples(self) -> Sequence[tuple[int, Vector]]:
-        """Return the new samples as (time_ns, volts along the sensor's own axes).
-
-        Raises
-        ------
-        DeviceLost
-            The board was unplugged.
-        """
+        """Return the new samples as (time_ns, volts along the sensor's own axes)."""
         place = self._timeline.place
         placed: list[tuple[int, Vector]] = []
         frames = self._decoder.feed(self._line.read())
@@ -108,28 +91,28 @@ class SerialAdxl335(Adxl335):
         """Counts of tolerated faults, by kind, those of the frames too."""
         return Counter(super().faults) + self._decoder.faults
 
-    def _wait_for_frames(self) -> None:
-        received = bytearray()
+    def _await_record(self) -> None:
+        self._heard.clear()
         frames: list[BoardFrame] = []
         end = time.monotonic() + self._options.start_s
         while time.monotonic() < end:
             got = self._line.read()
-            received += got
-            del received[:-4096]
+            self._heard += got
+            del self._heard[:-4096]
             frames.extend(self._decoder.feed(got))
             newest = [self._volts(frame.samples[-1]) for frame in frames[-1:]]
             if len(frames) >= _FIRST_FRAMES and self._stuck.recovers(newest):
                 return
             time.sleep(0.002)
-        raise MmtError(self._explain(bytes(received), frames))
-
-    def _explain(self, received: bytes, frames: Sequence[BoardFrame]) -> str:
-        where = self._line.name
         if frames and self._stuck.is_stuck:
-            return (
-                f"{where} still sends one value that never changes: check the sensor's supply and "
-                "the wires to the converter"
+            raise MmtError(
+                f"{self._line.name} still sends one value that never changes: check the sensor's "
+                "supply and the wires to the converter"
             )
+        raise MmtError(self._explain_absence())
+
+    def _explain_absence(self) -> str:
+        where, received = self._line.name, bytes(self._heard)
         if not received:
             return (
                 f"{where} sent nothing for {self._options.start_s:g} s: check that the sketch of "

@@ -1,6 +1,6 @@
 """Force through ATI's Digital F/T: settings by Modbus, then a stream on RS-485."""
 
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 from pydantic import Field
 
@@ -25,7 +25,7 @@ from mmt.devices.ati.digital_wire import (
     explain_status,
     parse_calibration,
 )
-from mmt.devices.drivers import read_options
+from mmt.devices.drivers import factory_of
 from mmt.devices.record_clocks import CountingClock
 from mmt.devices.sensor_drivers import Stamped, WrenchSensor
 
@@ -56,17 +56,6 @@ class DigitalFtOptions(AtiOptions):
 def record_rate_hz(baud: int) -> float:
     """Return the rate of records (Hz): the sensor's own, or less if the line is slower."""
     return min(NOMINAL_HZ, baud / _BITS)
-
-
-def digital_ft(**options: Any) -> "DigitalFt":
-    """Make the driver; see `DigitalFtOptions`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed.
-    """
-    return DigitalFt(read_options(DigitalFtOptions, DRIVER, options))
 
 
 class DigitalFt(WrenchSensor):
@@ -187,3 +176,6 @@ class DigitalFt(WrenchSensor):
         self._sums = [u, v, w, x, y, z]
         self._summed = summed
         return records
+
+
+digital_ft = factory_of(DRIVER, DigitalFtOptions, DigitalFt)

@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from mmt.core.bounds import finite_number
 from mmt.core.errors import DeviceLost, InputError, short_message
@@ -16,7 +16,7 @@ from mmt.devices.ati.calibration import (
     unit_size,
     wrench_units,
 )
-from mmt.devices.drivers import load_device, read_options
+from mmt.devices.drivers import factory_of, load_device
 from mmt.devices.protocols import VoltageBoard, arrival_of
 from mmt.devices.sensor_drivers import Stamped, WrenchSensor
 from mmt.devices.wrench import matrix_of, six_of
@@ -180,18 +180,6 @@ class GaugesOptions(AtiOptions):
     """Driver and options of the board; its first six inputs are the gauges G0 to G5."""
 
 
-def gauges(**options: Any) -> "Gauges":
-    """Make the driver and that of its board; see `GaugesOptions`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed.
-    """
-    checked = read_options(GaugesOptions, DRIVER, options)
-    return Gauges(checked, load_device(checked.board.driver, checked.board.options, role="board"))
-
-
 class Gauges(WrenchSensor):
     """A `SampledSensor` of forces behind an acquisition board.
 
@@ -261,3 +249,11 @@ class Gauges(WrenchSensor):
         """Counts of tolerated faults, by kind, those of the board too."""
         of_board = {f"board: {what}": count for what, count in self._board.faults.items() if count}
         return {**super().faults, **of_board}
+
+
+def _at_its_board(options: GaugesOptions) -> Gauges:
+    board = options.board
+    return Gauges(options, load_device(board.driver, board.options, role="board"))
+
+
+gauges = factory_of(DRIVER, GaugesOptions, _at_its_board)

@@ -6,7 +6,7 @@ import struct
 import sys
 import time
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 from pydantic import Field
 
@@ -27,7 +27,7 @@ from mmt.devices.ati.net_wire import (
     is_broken,
     request,
 )
-from mmt.devices.drivers import read_options
+from mmt.devices.drivers import factory_of
 from mmt.devices.record_clocks import SequenceClock
 from mmt.devices.sensor_drivers import Stamped, WrenchSensor
 
@@ -115,17 +115,6 @@ class NetFtOptions(AtiOptions):
     """Low-pass filter of the box: 0 none, 1 to 8 for 838 to 5 Hz, 9 to 12 for 1500 to 3000 Hz."""
     rdt_port: int = Field(default=PORT, ge=1, le=65535)
     http_port: int = Field(default=80, ge=1, le=65535)
-
-
-def net_ft(**options: Any) -> "NetFt":
-    """Make the driver; see `NetFtOptions`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed.
-    """
-    return NetFt(read_options(NetFtOptions, DRIVER, options))
 
 
 class NetFt(WrenchSensor):
@@ -294,3 +283,6 @@ class NetFt(WrenchSensor):
             f"{self.name}: the box reports {explain_status(self._broken_status)}: check the "
             "transducer's cable and the box's System Information page, and switch it off and on"
         )
+
+
+net_ft = factory_of(DRIVER, NetFtOptions, NetFt)

@@ -3,14 +3,14 @@
 import time
 from collections import deque
 from dataclasses import asdict, dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from pydantic import Field
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.drivers import read_options
+from mmt.devices.drivers import factory_of
 from mmt.devices.haptuator.board import BoardResampler, HaptuatorBoard
 from mmt.devices.haptuator.driver import SILENCE_NS, HaptuatorDriver
 from mmt.devices.haptuator.framing import FULL_SCALE, MOST_SAMPLES, BoardReport, BoardSamples, Reset
@@ -53,17 +53,6 @@ class SerialStatistics(ActuatorStatistics):
     """How much faster the session's clock runs than the board's."""
     latency_ms: float | None
     """Running mean of the time from `write` to the converter, without the wire."""
-
-
-def haptuator_serial(**options: Any) -> "SerialHaptuator":
-    """Make the driver; see `HaptuatorSerialOptions`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed.
-    """
-    return SerialHaptuator(read_options(HaptuatorSerialOptions, DRIVER, options))
 
 
 class SerialHaptuator(HaptuatorDriver):
@@ -222,3 +211,6 @@ class SerialHaptuator(HaptuatorDriver):
             self._under_way.append((self._sequence, len(piece)))
             frames.append(BoardSamples(self._sequence, piece))
         self._board.send(*frames)
+
+
+haptuator_serial = factory_of(DRIVER, HaptuatorSerialOptions, SerialHaptuator)

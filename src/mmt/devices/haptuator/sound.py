@@ -13,7 +13,7 @@ from pydantic import Field
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.extras import require
 from mmt.devices.discovery import FoundPort, lacking
-from mmt.devices.drivers import read_options
+from mmt.devices.drivers import factory_of
 from mmt.devices.haptuator.card_buffer import CardBuffer
 from mmt.devices.haptuator.driver import SILENCE_NS, HaptuatorDriver
 from mmt.devices.haptuator.equaliser import ActuatorLevel
@@ -147,19 +147,6 @@ class SoundStatistics(ActuatorStatistics):
     """Running mean of the time from `write` to the converter; None before the first block."""
 
 
-def haptuator_sound(**options: Any) -> "SoundHaptuator":
-    """Make the driver; see `SoundOptions`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed, or sounddevice is not installed.
-    """
-    checked = read_options(SoundOptions, DRIVER, options)
-    require("sounddevice")
-    return SoundHaptuator(checked)
-
-
 class SoundHaptuator(HaptuatorDriver):
     """A `VibrationActuator` at a sound card.
 
@@ -176,6 +163,11 @@ class SoundHaptuator(HaptuatorDriver):
         Monotonic clock.
     level
         Level in place of the one that the options name.
+
+    Raises
+    ------
+    InputError
+        sounddevice is not installed.
     """
 
     def __init__(
@@ -185,6 +177,8 @@ class SoundHaptuator(HaptuatorDriver):
         clock_ns: Callable[[], int] = time.monotonic_ns,
         level: ActuatorLevel | None = None,
     ) -> None:
+        if library is None:
+            require("sounddevice")
         super().__init__(options, float(options.card_rate_hz), level)
         self.name = f"sound card {'(default)' if options.device is None else options.device}"
         self._options = options
@@ -315,3 +309,6 @@ class SoundHaptuator(HaptuatorDriver):
 
     def _on_finished(self) -> None:
         self._ended = True
+
+
+haptuator_sound = factory_of(DRIVER, SoundOptions, SoundHaptuator)

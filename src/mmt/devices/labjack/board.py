@@ -1,24 +1,15 @@
-"""``labjack-u6``: a LabJack U6 as the board of a sensor that gives bare volts, and its stream."""
+"""``labjack-u6``: a LabJack U6 as the board of a sensor that gives bare volts."""
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from mmt.core.errors import MmtError
-from mmt.devices.board_sharing import BoardStream, ChannelsOf, SharedInputs, StreamData
+from mmt.devices.board_sharing import BoardStream, ChannelsOf, SharedInputs
 from mmt.devices.discovery import missing_libusb
 from mmt.devices.drivers import read_options
-from mmt.devices.labjack.packets import (
-    READ_CALIBRATION,
-    STREAM_CONFIG,
-    AnalogInput,
-    plan,
-    stream_config,
-)
-from mmt.devices.labjack.scans import BLOCKS, CentredLines, StreamDecoder, read_lines
-from mmt.devices.labjack.usb_link import U6Link, check_alone, find_boxes
+from mmt.devices.labjack.packets import AnalogInput
+from mmt.devices.labjack.usb_link import U6Stream, check_alone, find_boxes
 
 missing = missing_libusb
 
@@ -28,56 +19,6 @@ MOST_SAMPLES_HZ: Final = 50_000
 
 NAME: Final = "labjack-u6"
 RATES: Final = f"100 to {MOST_SAMPLES_HZ} samples a second (rate_hz), of all inputs together"
-
-
-class U6Stream(U6Link):
-    """A `BoardStream`.
-
-    Parameters
-    ----------
-    box
-        Serial number of the U6; None takes the only one.
-    backend
-        The pyusb backend; None takes the one that the system has.
-    rate_hz
-        Scans a second.
-    channels_of
-        Returns the inputs to scan.
-
-    Raises
-    ------
-    MmtError
-        The U6 is missing, may not be opened, or refuses a command.
-    """
-
-    def __init__(
-        self, box: int | None, backend: Any, rate_hz: float, channels_of: ChannelsOf[AnalogInput]
-    ) -> None:
-        super().__init__(box, backend)
-        try:
-            self.open()
-            self.board, self.serial = self.number, f"u6-{self.number}"
-            scanning = plan(channels_of(self.number), rate_hz)
-            self._decoder = StreamDecoder(scanning, self._calibration())
-            self.send(stream_config(scanning), STREAM_CONFIG)
-            self.start()
-        except BaseException:
-            self.close()
-            raise
-
-    def read_scans(self) -> StreamData:
-        """Decode the received packets; see `BoardStream`."""
-        packets, decoder = self.packets(), self._decoder
-        scans = [scan for _, raw in packets for scan in decoder.decode(raw)]
-        faults, decoder.faults = decoder.faults, Counter()
-        return StreamData(scans, packets[-1][0] if packets else 0, faults)
-
-    def _calibration(self) -> tuple[CentredLines, ...]:
-        blocks = [self.ask(READ_CALIBRATION, bytes((0, number))) for number in range(BLOCKS)]
-        try:
-            return read_lines(blocks)
-        except ValueError as error:
-            raise MmtError(f"the LabJack U6 is not calibrated: {error}") from error
 
 
 class U6Voltages(SharedInputs[AnalogInput]):

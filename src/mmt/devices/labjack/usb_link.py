@@ -5,7 +5,7 @@ import errno
 import threading
 import time
 from array import array
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -14,16 +14,23 @@ import usb.util
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.running.process import follow_real_time
+from mmt.devices.board_sharing import ChannelsOf, StreamData
 from mmt.devices.discovery import NO_LIBUSB
 from mmt.devices.labjack.packets import (
     CONFIG_U6,
+    READ_CALIBRATION,
     START_STREAM,
     STOP_STREAM,
+    STREAM_CONFIG,
+    AnalogInput,
     command,
     explain,
+    plan,
     read_reply,
     read_short_reply,
+    stream_config,
 )
+from mmt.devices.labjack.scans import BLOCKS, CentredLines, StreamDecoder, read_lines
 
 VENDOR: Final = 0x0CD5
 PRODUCT: Final = 0x0006
@@ -40,93 +47,91 @@ _MOST_WAITING: Final = 8192
 """Packets in the buffer; beyond that the oldest are dropped, and a gap in the numbers shows it."""
 
 
-Arrived = tuple[int, bytes]
-"""Arrival time of a stream packet (ns, host's monotonic clock), and the packet."""
-
-
-class U6Link:
-    """Connection to one U6.
+class U6Stream:
+    """A `BoardStream` of a LabJack U6.
 
     Parameters
     ----------
-    serial
-        Its serial number; None takes the only one.
+    box
+        Serial number of the U6; None takes the only one.
     backend
         The pyusb backend; None takes the one that the system has.
+    rate_hz
+        Scans a second.
+    channels_of
+        Returns the inputs to scan.
+
+    Raises
+    ------
+    MmtError
+        No U6 or several are connected, or the U6 may not be opened, does not answer, or refuses a
+        command.
     """
 
-    def __init__(self, serial: int | None, backend: Any = None) -> None:
-        self._wanted = serial
-        self._backend = backend
+    def __init__(
+        self, box: int | None, backend: Any, rate_hz: float, channels_of: ChannelsOf[AnalogInput]
+    ) -> None:
         self._device: Any = None
         self._thread: threading.Thread | None = None
         self._ending = threading.Event()
         self._lost = threading.Event()
-        self._packets: deque[Arrived] = deque(maxlen=_MOST_WAITING)
-        self._heard_ns = 0
-        self.number = 0
-        """Serial number of the U6 that is open."""
+        self._packets: deque[tuple[int, bytes]] = deque(maxlen=_MOST_WAITING)
+        """Arrival time of each packet (ns, host's monotonic clock), and the packet."""
+        try:
+            self.board = self._open(box, backend)
+            self.serial = f"u6-{self.board}"
+            scanning = plan(channels_of(self.board), rate_hz)
+            self._decoder = StreamDecoder(scanning, self._calibration())
+            self._send(stream_config(scanning), STREAM_CONFIG)
+            self._start()
+        except BaseException:
+            self.close()
+            raise
 
-    def open(self) -> None:
-        """Find the U6 and end a stream that a program left behind.
-
-        Raises
-        ------
-        MmtError
-            No U6 or several are connected, or the U6 may not be opened.
-        """
-        self.close()
-        found = find_boxes(self._backend)
-        if self._wanted is None:
+    def _open(self, wanted: int | None, backend: Any) -> int:
+        """Find the U6, end a stream that a program left behind, and return its serial number."""
+        found = find_boxes(backend)
+        if wanted is None:
             check_alone(found)
         told = []
         for device in found:
             self._device = device
             try:
-                self.number = self._open_box()
+                number = self._open_box()
             except MmtError as error:  # perhaps another program's, and not the wanted one
-                if self._wanted is None:
+                if wanted is None:
                     raise
                 told.append(f"the serial number of one cannot be read: {error}")
                 continue
-            if self._wanted in {None, self.number}:
-                return
-            told.append(f"there is {self.number}")
+            if wanted in {None, number}:
+                return number
+            told.append(f"there is {number}")
             self._release()
-        which = "" if self._wanted is None else f" with serial number {self._wanted}"
+        which = "" if wanted is None else f" with serial number {wanted}"
         raise MmtError("; ".join([f"there is no LabJack U6{which} on USB: plug it in", *told]))
 
-    def ask(self, number: int, payload: bytes) -> bytes:
-        """Send an extended command and return the content of its reply.
+    def _calibration(self) -> tuple[CentredLines, ...]:
+        blocks = [
+            self._send(command(READ_CALIBRATION, bytes((0, number))), READ_CALIBRATION)
+            for number in range(BLOCKS)
+        ]
+        try:
+            return read_lines(blocks)
+        except ValueError as error:
+            raise MmtError(f"the LabJack U6 is not calibrated: {error}") from error
 
-        Raises
-        ------
-        MmtError
-            The U6 does not answer, or refuses.
-        """
-        return self.send(command(number, payload), number)
-
-    def send(self, packet: bytes, number: int) -> bytes:
-        """Send an encoded extended command and return the content of its reply; see `ask`."""
+    def _send(self, packet: bytes, number: int) -> bytes:
+        """Send an encoded extended command and return the content of its reply."""
         try:
             return read_reply(self._exchange(packet), number)
         except ValueError as error:
             raise MmtError(f"a command to the LabJack U6 failed: {error}") from error
 
-    def start(self) -> None:
-        """Start the stream that was configured.
-
-        Raises
-        ------
-        MmtError
-            The U6 does not answer, or refuses.
-        """
+    def _start(self) -> None:
+        """Start the stream that was configured."""
         error = self._short(START_STREAM)
         if error:
             raise MmtError(f"the LabJack U6 does not stream: {explain(error)}")
-        self._packets.clear()
-        self._ending.clear()
-        self._lost.clear()
         self._heard_ns = time.monotonic_ns()
         self._thread = threading.Thread(
             target=self._run, args=(self._device,), name="LabJack U6", daemon=True
@@ -139,19 +144,15 @@ class U6Link:
         silent_ns = time.monotonic_ns() - self._heard_ns
         return self._thread is not None and not self._lost.is_set() and silent_ns < _SILENT_NS
 
-    def packets(self) -> list[Arrived]:
-        """Return the received packets of the stream, oldest first.
-
-        Raises
-        ------
-        DeviceLost
-            The U6 was unplugged, or is not open.
-        """
-        waiting = self._packets
-        taken = [waiting.popleft() for _ in range(len(waiting))]
-        if not taken and (self._lost.is_set() or self._device is None):
+    def read_scans(self) -> StreamData:
+        """Decode the received packets; see `BoardStream`."""
+        waiting, decoder = self._packets, self._decoder
+        packets = [waiting.popleft() for _ in range(len(waiting))]
+        if not packets and (self._lost.is_set() or self._device is None):
             raise DeviceLost("the LabJack U6 is gone: plug it in again")
-        return taken
+        scans = [scan for _, raw in packets for scan in decoder.decode(raw)]
+        faults, decoder.faults = decoder.faults, Counter()
+        return StreamData(scans, packets[-1][0] if packets else 0, faults)
 
     def close(self) -> None:
         """End the stream and release the U6; calling it twice is harmless."""
@@ -190,7 +191,7 @@ class U6Link:
                 with contextlib.suppress(usb.core.USBTimeoutError):
                     for _ in range(_MOST_WAITING):  # it may go on sending
                         self._device.read(endpoint, _PACKET, _DRAIN_MS)
-            reply = self.ask(CONFIG_U6, bytes(20))
+            reply = self._send(command(CONFIG_U6, bytes(20)), CONFIG_U6)
         except usb.core.USBError as error:
             self._release()
             raise MmtError(_reason(error)) from error

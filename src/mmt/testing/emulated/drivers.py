@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
-from typing import Any, Final, TypeVar
+from typing import Any, ClassVar, Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -85,20 +85,8 @@ class VirtualDevice:
 
     Parameters
     ----------
-    name
-        Name of the device in a scene.
-    driver
-        Name of the real driver.
-    address
-        Name of its device in the lab.
-    options
-        Options of the driver; those of the lab are removed from them.
-    role
-        Role of the driver, if it has several.
-    lab, lab_options
-        Process of the lab, and the type of its options.
-    **needed
-        Options that the driver requires, with any values: the lab gives the true ones.
+    **options
+        Options of the driver, and those of the lab.
 
     Raises
     ------
@@ -106,26 +94,26 @@ class VirtualDevice:
         An option is not allowed.
     """
 
-    def __init__(
-        self,
-        name: str,
-        driver: str,
-        address: str,
-        options: dict[str, Any],
-        *,
-        role: Role | None = None,
-        lab: LabProcess = LAB,
-        lab_options: type[HandleLabOptions] = LabOptions,
-        **needed: Any,
-    ) -> None:
-        self._lab, self._address = lab, address
-        self._lab_arguments = take_lab_options(lab_options, name, options).arguments
+    _name: ClassVar[str]
+    """Name of the device in a scene."""
+    _driver: ClassVar[str]
+    """Name of the real driver."""
+    _role: ClassVar[Role | None] = None
+    """Role of the driver, if it has several."""
+    _address: ClassVar[str]
+    """Name of its device in the lab."""
+    _needed: ClassVar[Mapping[str, Any]] = {}
+    """Options that the driver requires, with any values: the lab gives the true ones."""
+    _lab: ClassVar = LAB
+    _lab_options: ClassVar[type[HandleLabOptions]] = LabOptions
+
+    def __init__(self, **options: Any) -> None:
+        self._lab_arguments = take_lab_options(self._lab_options, self._name, options).arguments
         self._options = options
         try:  # at any address, to report a wrong option before the lab starts
-            load_device(driver, {**needed, **options}, role=role)
+            load_device(self._driver, {**self._needed, **options}, role=self._role)
         except InputError as error:
-            raise InputError(f"{name}: {error}") from error
-        self._name, self._driver, self._role = name, driver, role
+            raise InputError(f"{self._name}: {error}") from error
         self._device: Any = None
         self._connected_to: dict[str, Any] = {}
 
@@ -176,10 +164,13 @@ class VirtualDevice:
 class VirtualRobot(VirtualDevice):
     """The simulated robot, by datagrams; see `LabOptions`."""
 
+    _name, _address = "virtual-robot", "robot"
+    _driver = f"{DatagramRobot.__module__}:{DatagramRobot.__name__}"
+    _needed: ClassVar = {"port": 0}
+
     def __init__(self, **options: Any) -> None:
-        read_options(LabOptions, "virtual-robot", options)  # it has no others
-        driver = f"{DatagramRobot.__module__}:{DatagramRobot.__name__}"
-        super().__init__("virtual-robot", driver, "robot", options, port=0)
+        read_options(LabOptions, self._name, options)  # it has no others
+        super().__init__(**options)
 
     read = forwarded(DatagramRobot.read)
     write = forwarded(DatagramRobot.write)
@@ -200,25 +191,21 @@ class VirtualSensor(VirtualDevice):
 class VirtualNetFt(VirtualSensor):
     """The force sensor of the virtual lab; it takes the options of ``ati-net-ft`` too."""
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__("virtual-net-ft", "ati-net-ft", "net_ft", options)
+    _name, _driver, _address = "virtual-net-ft", "ati-net-ft", "net_ft"
 
 
 class VirtualAdxl335(VirtualSensor):
     """The accelerometer of the virtual lab; it takes the options of ``adxl335-serial`` too."""
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__("virtual-adxl335", "adxl335-serial", "adxl335", options, port="lab")
+    _name, _driver, _address = "virtual-adxl335", "adxl335-serial", "adxl335"
+    _needed: ClassVar = {"port": "lab"}
 
 
-class VirtualHandleAdxl335(VirtualSensor):
+class VirtualHandleAdxl335(VirtualAdxl335):
     """The accelerometer on the emulated handle that the `VirtualHaptuator` shakes."""
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__(
-            "virtual-handle-adxl335", "adxl335-serial", "adxl335", options,
-            lab=_HANDLE_LAB, lab_options=HandleLabOptions, port="lab",
-        )  # fmt: skip
+    _name = "virtual-handle-adxl335"
+    _lab, _lab_options = _HANDLE_LAB, HandleLabOptions
 
 
 class VirtualHaptuator(VirtualDevice):
@@ -230,12 +217,10 @@ class VirtualHaptuator(VirtualDevice):
         Those of ``haptuator-serial`` except `port` and `full_scale_v`, and `HandleLabOptions`.
     """
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__(
-            "virtual-haptuator", "haptuator-serial", "haptuator", options,
-            lab=_HANDLE_LAB, lab_options=HandleLabOptions, port="lab", full_scale_v=1.0,
-        )  # fmt: skip
-        self._rate_hz = USUAL_RATE_HZ
+    _name, _driver, _address = "virtual-haptuator", "haptuator-serial", "haptuator"
+    _needed: ClassVar = {"port": "lab", "full_scale_v": 1.0}
+    _lab, _lab_options = _HANDLE_LAB, HandleLabOptions
+    _rate_hz = USUAL_RATE_HZ
 
     def set_rate(self, rate_hz: float) -> None:
         """Take the rate of the samples, for the real driver."""

@@ -16,8 +16,7 @@ from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import frame_dtype, frame_struct, ordered_channels
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ, NoiseRows
 from mmt.testing.simulation.robot import TipState
-from mmt.testing.simulation.surfaces.surface import Surface
-from mmt.testing.simulation.surfaces.vibration import Stroke, SurfaceVibration, VibrationSource
+from mmt.testing.simulation.surfaces.vibration import Stroke
 
 if TYPE_CHECKING:
     from mmt.testing.simulation.surfaces.course import SurfaceCourse
@@ -178,7 +177,7 @@ class Instruments:
         self._with_position = "position" in chosen
         self._with_force = "force" in chosen
         self._with_acceleration = "acceleration" in chosen
-        self._vibration = _vibration_on(surface, texture)
+        self._vibration = surface.vibration(texture)
         self._encoder = Encoder(exact=not noise)
         self._gauge = ForceGauge(gauge, exact=not noise)
         self._accelerometer = TiltedAccelerometer(
@@ -235,16 +234,3 @@ class Instruments:
                 )
             )
         return shaken
-
-
-def _vibration_on(
-    surface: "KnownSurface | SurfaceCourse", generator: np.random.Generator
-) -> VibrationSource:
-    if isinstance(surface, Surface):
-        return SurfaceVibration(surface, generator)
-    from mmt.testing.simulation.surfaces.course import CourseVibration, SurfaceCourse
-    from mmt.testing.simulation.surfaces.known_surfaces import vibration_of
-
-    if isinstance(surface, SurfaceCourse):
-        return CourseVibration(surface, generator)
-    return vibration_of(surface, generator)

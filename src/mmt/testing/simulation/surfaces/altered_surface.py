@@ -8,7 +8,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from math import exp, floor, pi, sqrt
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -17,23 +17,17 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.testing.simulation import RATE_HZ, NoiseRows
 from mmt.testing.simulation.surfaces.alterations import LAGS, Bursts, Level, Patches, burst_decay
-from mmt.testing.simulation.surfaces.surface import (
+from mmt.testing.simulation.surfaces.known_surfaces import (
     ALTERED_VERSION,
-    Surface,
+    KnownSurface,
     encode_truth,
-    integrated_power,
-    spectra,
-    strokes_on,
 )
 from mmt.testing.simulation.surfaces.vibration import Stroke, VibrationSource
 
-if TYPE_CHECKING:
-    from mmt.testing.simulation.surfaces.model_surface import ModelSurface
-
 
 @dataclass(frozen=True)
-class AlteredSurface:
-    """A known surface and the alterations of its vibration; has the interface of `Surface`.
+class AlteredSurface(KnownSurface):
+    """A known surface and the alterations of its vibration.
 
     Parameters
     ----------
@@ -48,31 +42,20 @@ class AlteredSurface:
     """
 
     name: str
-    base: "Surface | ModelSurface"
+    base: KnownSurface
     low_pass_hz: float | None = None
     level: Level | None = None
     patches: Patches | None = None
     bursts: Bursts | None = None
 
+    def __post_init__(self) -> None:
+        for name in ("tangential_share", "friction_coefficient", "rate_hz"):
+            object.__setattr__(self, name, getattr(self.base, name))
+
     @property
     def isotropic(self) -> bool:
         """Whether the texture is the same in all directions."""
         return self.base.isotropic
-
-    @property
-    def tangential_share(self) -> float:
-        """See `Surface`."""
-        return self.base.tangential_share
-
-    @property
-    def friction_coefficient(self) -> float:
-        """See `Surface`."""
-        return self.base.friction_coefficient
-
-    @property
-    def rate_hz(self) -> float:
-        """See `Surface`."""
-        return self.base.rate_hz
 
     @property
     def pole(self) -> float:
@@ -86,7 +69,7 @@ class AlteredSurface:
         frequencies_hz: npt.ArrayLike,
         heading_rad: npt.ArrayLike | None = None,
     ) -> FloatArray:
-        """Return the exact spectrum along the normal, (k, f); see `Surface.spectrum`.
+        """Return the exact spectrum along the normal, (k, f); see `KnownSurface.spectrum`.
 
         With patches it is the mean over the reach of a hand.
         """
@@ -94,19 +77,10 @@ class AlteredSurface:
         if self.bursts is None:
             return self._steady(speed_mm_s, force_n, frequencies, heading_rad)
         grid = np.linspace(0.0, 0.5 * self.rate_hz, round(LAGS * self.rate_hz / RATE_HZ) + 1)
-        blocks = spectra(self._steady, speed_mm_s, force_n, grid, heading_rad)
+        blocks = self._steady_blocks(speed_mm_s, force_n, grid, heading_rad)
         return np.concatenate(
             [self.bursts.widened(steady, frequencies, self.rate_hz) for steady in blocks]
         )
-
-    def power(
-        self,
-        speed_mm_s: npt.ArrayLike,
-        force_n: npt.ArrayLike,
-        heading_rad: npt.ArrayLike | None = None,
-    ) -> FloatArray:
-        """Return the exact power along the normal, (k,), (m/s2)^2; see `Surface.power`."""
-        return integrated_power(self._steady, self.rate_hz, speed_mm_s, force_n, heading_rad)
 
     def _steady(
         self,
@@ -120,7 +94,7 @@ class AlteredSurface:
         cosine, pole = np.cos(2.0 * pi / self.rate_hz * frequencies_hz), self.pole
         density *= (1.0 - pole) ** 2 / (1.0 + pole * pole - 2.0 * pole * cosine)
         if self.level is not None:
-            speed, force, _, _ = strokes_on(self, speed_mm_s, force_n, heading_rad)
+            speed, force, _, _ = self._strokes(speed_mm_s, force_n, heading_rad)
             density *= 10.0 ** (self.level.level_db(speed, force) / 10.0)[:, None]
         return density
 
@@ -134,27 +108,33 @@ class AlteredSurface:
         }
         return encode_truth(self.name, ALTERED_VERSION, parameters)
 
+    def vibration(self, generator: np.random.Generator) -> "AlteredVibration":
+        """Return a generator of its vibration."""
+        return AlteredVibration(self, generator)
+
 
 _PARTS: Final = {"level": Level, "patches": Patches, "bursts": Bursts}
 
 
 def from_altered_parameters(
-    name: str, base: "Surface | ModelSurface", parameters: Mapping[str, Any]
+    name: str, base: KnownSurface, parameters: Mapping[str, Any]
 ) -> AlteredSurface:
     """Rebuild the surface on its base from the parameters of `AlteredSurface.annotations`.
 
     Raises
     ------
+    InputError
+        The base is an altered surface itself.
     ValueError, KeyError, TypeError
         The parameters do not describe an altered surface.
     """
+    if isinstance(base, AlteredSurface):
+        raise InputError("annotations hold an altered surface of an altered one")
     parts = {key: kind(**parameters[key]) for key, kind in _PARTS.items() if key in parameters}
     return AlteredSurface(name, base, parameters["low_pass_hz"], **parts)
 
 
-def alter_surface(
-    surface: "Surface | ModelSurface | AlteredSurface", alteration: str, seed: int
-) -> AlteredSurface:
+def alter_surface(surface: KnownSurface, alteration: str, seed: int) -> AlteredSurface:
     """Return a surface with ``patches`` or ``bursts``, in place of those that it has.
 
     Parameters
@@ -196,17 +176,16 @@ class AlteredVibration(VibrationSource):
     patches or for each sample of bursts.
     """
 
-    def __init__(
-        self, surface: AlteredSurface, base: VibrationSource, generator: np.random.Generator
-    ) -> None:
-        self._base = base
+    def __init__(self, surface: AlteredSurface, generator: np.random.Generator) -> None:
+        source, chance = generator.spawn(2)
+        self._base = surface.base.vibration(source)
         self._pole = surface.pole
         self._passed = (0.0, 0.0)
         self._level = surface.level
         self._gains = None if surface.patches is None else surface.patches.gains()
         self._spread = 0.0 if surface.bursts is None else surface.bursts.spread
         self._keep = exp(-burst_decay(surface.rate_hz))
-        self._noise = NoiseRows(generator, 1)
+        self._noise = NoiseRows(chance, 1)
         self._burst = self._noise.next()[0]
 
     def run(self, count: int, stroke: Stroke) -> list[tuple[float, float]]:

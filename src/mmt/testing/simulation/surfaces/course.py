@@ -16,12 +16,11 @@ from mmt.core.errors import InputError
 from mmt.scene import Simulated
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.surfaces.known_surfaces import (
+    COURSE_VERSION,
     KnownSurface,
-    surface_from_annotations,
-    vibration_of,
+    encode_truth,
 )
-from mmt.testing.simulation.surfaces.surface import COURSE_VERSION, encode_truth
-from mmt.testing.simulation.surfaces.textures import get_surface
+from mmt.testing.simulation.surfaces.textures import get_surface, surface_from_annotations
 from mmt.testing.simulation.surfaces.vibration import Stroke, VibrationSource
 
 When = Literal["lifted", "contact", "either"]
@@ -122,7 +121,7 @@ class SurfaceCourse:
 
     @property
     def rate_hz(self) -> float:
-        """See `Surface`."""
+        """See `KnownSurface`."""
         return self.surfaces[0].rate_hz
 
     @property
@@ -137,6 +136,10 @@ class SurfaceCourse:
             "changes": [list(change) for change in self.changes],
         }
         return encode_truth(self.name, COURSE_VERSION, parameters)
+
+    def vibration(self, generator: np.random.Generator) -> "CourseVibration":
+        """Return a generator of the vibration under the tool."""
+        return CourseVibration(self, generator)
 
     def places_by_frame(self, force_n: FloatArray) -> IntArray:
         """Return the place of the surface under the tool in each frame, from the force (n,)."""
@@ -174,11 +177,9 @@ class CourseVibration(VibrationSource):
     def __init__(self, course: SurfaceCourse, generator: np.random.Generator) -> None:
         self._watch = ContactWatch(course.changes)
         self._course = course
+        parts = generator.spawn(len(course.surfaces))
         self._each = [
-            vibration_of(surface, part)
-            for surface, part in zip(
-                course.surfaces, generator.spawn(len(course.surfaces)), strict=True
-            )
+            surface.vibration(part) for surface, part in zip(course.surfaces, parts, strict=True)
         ]
 
     @property

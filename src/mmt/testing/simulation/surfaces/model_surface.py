@@ -22,7 +22,11 @@ from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.session.formats import find_format
 from mmt.testing.simulation import RATE_HZ
-from mmt.testing.simulation.surfaces.surface import MODEL_VERSION, encode_truth, strokes_on
+from mmt.testing.simulation.surfaces.known_surfaces import (
+    MODEL_VERSION,
+    KnownSurface,
+    encode_truth,
+)
 from mmt.testing.simulation.surfaces.vibration import Stroke, VibrationSource
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space import InputSpace
@@ -65,8 +69,8 @@ _OUTSIDE = -1e-9
 """Least weight of a point inside a simplex, because of rounding."""
 
 
-class ModelSurface:
-    """A texture model as the texture of a surface; has the interface of `Surface`.
+class ModelSurface(KnownSurface):
+    """A texture model as the texture of a surface.
 
     Parameters
     ----------
@@ -75,7 +79,7 @@ class ModelSurface:
     model
         Texture model of any rate; its filters are resampled to `rate_hz`.
     tangential_share, friction_coefficient, rate_hz
-        See `Surface`.
+        See `KnownSurface`.
 
     Raises
     ------
@@ -98,7 +102,6 @@ class ModelSurface:
         self.name = name
         self.rate_hz = rate_hz
         self.model = model
-        self.isotropic = not model.space.directed
         self.tangential_share = tangential_share
         self.friction_coefficient = friction_coefficient
         self.space = InputSpace(model.space.name)
@@ -111,6 +114,11 @@ class ModelSurface:
         except QhullError as error:
             raise InputError(f"surface {name}: its points lie on a line") from error
 
+    @property
+    def isotropic(self) -> bool:
+        """Whether the model is one over speed, not velocity."""
+        return not self.model.space.directed
+
     def spectrum(
         self,
         speed_mm_s: npt.ArrayLike,
@@ -118,7 +126,7 @@ class ModelSurface:
         frequencies_hz: npt.ArrayLike,
         heading_rad: npt.ArrayLike | None = None,
     ) -> FloatArray:
-        """Return the exact spectrum along the normal, (k, f); see `Surface.spectrum`."""
+        """Return the exact spectrum along the normal, (k, f); see `KnownSurface.spectrum`."""
         from mmt.texture.autoregression.forms import ar_spectrum
 
         frequencies = np.atleast_1d(np.asarray(frequencies_hz, np.float64))
@@ -134,7 +142,7 @@ class ModelSurface:
         force_n: npt.ArrayLike,
         heading_rad: npt.ArrayLike | None = None,
     ) -> FloatArray:
-        """Return the exact power along the normal, (k,), (m/s2)^2; see `Surface.power`."""
+        """Return the exact power along the normal, (k,), (m/s2)^2; see `KnownSurface.power`."""
         from mmt.texture.autoregression.forms import ar_to_reflection, output_power
 
         corners, weights = self.weights(self._inputs(speed_mm_s, force_n, heading_rad))
@@ -178,13 +186,17 @@ class ModelSurface:
         }
         return encode_truth(self.name, MODEL_VERSION, parameters)
 
+    def vibration(self, generator: np.random.Generator) -> "ModelVibration":
+        """Return a generator of its vibration."""
+        return ModelVibration(self, generator)
+
     def _inputs(
         self,
         speed_mm_s: npt.ArrayLike,
         force_n: npt.ArrayLike,
         heading_rad: npt.ArrayLike | None,
     ) -> FloatArray:
-        speed, force, cosine, sine = strokes_on(self, speed_mm_s, force_n, heading_rad)
+        speed, force, cosine, sine = self._strokes(speed_mm_s, force_n, heading_rad)
         return self.space.normalise(self.space.from_motion(speed * cosine, speed * sine, force))
 
 

@@ -9,19 +9,25 @@ except `felt` depend on the heading of the stroke, as in paper B (Abdulali and J
 Rendering of Anisotropic Haptic Textures, section 3.3).
 """
 
+import json
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import Final
 from zlib import crc32
 
 from mmt.core.errors import InputError
 from mmt.testing.simulation import RATE_HZ
+from mmt.testing.simulation.surfaces.known_surfaces import (
+    ALTERED_VERSION,
+    COURSE_VERSION,
+    GRAINED_VERSION,
+    MODEL_VERSION,
+    VERSION,
+    KnownSurface,
+)
 from mmt.testing.simulation.surfaces.modes import Grain, Resonance, ridges
-from mmt.testing.simulation.surfaces.surface import Surface, with_bands
-
-if TYPE_CHECKING:
-    from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface
+from mmt.testing.simulation.surfaces.surface import Surface, surface_from_parameters, with_bands
 
 RIDGED_PLASTIC: Final = Surface(
     "ridged-plastic",
@@ -221,7 +227,7 @@ other nine."""
 _DRAWN: Final = re.compile(r"(drawn|final)-(\d{1,6})", re.ASCII)
 
 
-def get_surface(name: str, rate_hz: float = RATE_HZ) -> "KnownSurface":
+def get_surface(name: str, rate_hz: float = RATE_HZ) -> KnownSurface:
     """Return the known texture of this name at a rate.
 
     Parameters
@@ -258,4 +264,36 @@ def get_surface(name: str, rate_hz: float = RATE_HZ) -> "KnownSurface":
     raise InputError(
         f"surface is {name!r}, allowed are {', '.join(SURFACES)}, drawn-N and final-N (N up to "
         "999999), and files of models (.npz, .xml), each with +patches or +bursts behind it or not"
+    )
+
+
+def surface_from_annotations(annotations: bytes) -> KnownSurface:
+    """Rebuild the surface that a recording's annotations describe.
+
+    Raises
+    ------
+    InputError
+        The bytes hold no truth of a known version.
+    """
+    try:
+        truth = json.loads(annotations)
+        version, name, parameters = truth["version"], str(truth["surface"]), truth["parameters"]
+        if version == COURSE_VERSION:
+            raise InputError("the session goes over several surfaces: mmt lab surfaces")
+        if version == MODEL_VERSION:
+            from mmt.testing.simulation.surfaces.model_surface import from_parameters
+
+            return from_parameters(name, parameters)
+        if version == ALTERED_VERSION:
+            from mmt.testing.simulation.surfaces.altered_surface import from_altered_parameters
+
+            base = surface_from_annotations(json.dumps(parameters["base"]).encode())
+            return from_altered_parameters(name, base, parameters)
+        if version in {VERSION, GRAINED_VERSION}:
+            return surface_from_parameters(name, parameters)
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(f"annotations hold no simulated truth: {error!r}") from error
+    raise InputError(
+        f"annotations: version {version} of the simulated truth is not known, this program reads "
+        f"{VERSION}, {GRAINED_VERSION}, {MODEL_VERSION} and {ALTERED_VERSION}"
     )
