@@ -20,7 +20,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.texture.model.file_arrays import FIELD_ROWS, MODEL_ROWS, file_arrays, pack_arrays
-from mmt_share.messages import ModelDescription, model_message
+from mmt_share.messages import MODEL, ModelDescription
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel
@@ -185,49 +185,41 @@ class ModelReplica:
 
     Attributes
     ----------
-    number
-        Number of this state, 0 before the first.
-    made_ns
-        When this state was made, by the leader's monotonic clock.
     about
         Description of this state, or None before the first.
     """
 
     def __init__(self) -> None:
-        self.number = self.made_ns = 0
         self.about: ModelDescription | None = None
         self._arrays: dict[str, Any] = {}
 
-    def replace_model(self, message: object) -> None:
-        """Take a whole model.
+    @property
+    def number(self) -> int:
+        """Number of this state, 0 before the first."""
+        return 0 if self.about is None else self.about.number
+
+    def take(self, event: str, message: object) -> None:
+        """Take a whole model (`MODEL`), or the change (`CHANGE`) of the state that is here.
 
         Raises
         ------
         InputError
-            The message is malformed; the replica stays as it was.
+            The message is malformed, or changes another state; then the whole model must be
+            requested. The replica stays as it was.
         """
-        stamp, about = _stamp(message), ModelDescription.from_message(message)
-        file = message.get("file") if isinstance(message, Mapping) else None
-        if not isinstance(file, bytes):
-            raise InputError("the model's message has no file")
-        self._arrays = file_arrays(file)
-        (self.number, self.made_ns), self.about = stamp, about
-
-    def apply_change(self, message: object) -> None:
-        """Apply a change to the state that is here.
-
-        Raises
-        ------
-        InputError
-            The change is malformed, or from another state. The replica stays as it was, and the
-            whole model must be requested.
-        """
-        stamp, about = _stamp(message), ModelDescription.from_message(message)
-        since = message.get("since") if isinstance(message, Mapping) else None
-        if since != self.number or not self.number:
-            raise InputError(f"a change since number {since} came to number {self.number}")
-        self._arrays = apply(self._arrays, message)
-        (self.number, self.made_ns), self.about = stamp, about
+        about = ModelDescription.from_message(message)
+        given: Mapping[str, Any] = message  # type: ignore[assignment] # it is a map by now
+        if event == MODEL:
+            file = given.get("file")
+            if not isinstance(file, bytes):
+                raise InputError("the model's message has no file")
+            arrays = file_arrays(file)
+        else:
+            since = given.get("since")
+            if since != self.number or not self.number:
+                raise InputError(f"a change since number {since} came to number {self.number}")
+            arrays = apply(self._arrays, given)
+        self._arrays, self.about = arrays, about
 
     def message(self) -> dict[str, Any]:
         """Return the message of the whole model; the compression takes some 5 ms.
@@ -239,7 +231,7 @@ class ModelReplica:
         """
         if self.about is None:
             raise InputError("no model has come yet")
-        return model_message(self.number, self.made_ns, self.about, pack_arrays(self._arrays))
+        return {**vars(self.about), "file": pack_arrays(self._arrays)}
 
     def build(self) -> "TextureModel":
         """Build the model, from any thread; this takes some 30 ms.
@@ -254,11 +246,3 @@ class ModelReplica:
         from mmt.texture.model.texture_model import TextureModel
 
         return TextureModel.from_contents(contents_of(self._arrays))
-
-
-def _stamp(message: object) -> tuple[int, int]:
-    """Return the number of the model in a message, and when it was made."""
-    match message:
-        case {"number": int(number), "made_ns": int(made_ns)} if number >= 1:
-            return number, made_ns
-    raise InputError("the model's message has no number, or no time")

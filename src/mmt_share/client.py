@@ -5,6 +5,7 @@ import logging
 import random
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -133,8 +134,8 @@ class ListenerClient:
         """
         handlers: dict[str, Callable[..., None]] = {
             WELCOME: self._welcome,
-            MODEL: self._take_whole,
-            CHANGE: self._take_change,
+            MODEL: partial(self._take, MODEL),
+            CHANGE: partial(self._take, CHANGE),
             HUBS: self._take_hubs,
             END: self._take_end,
             **({} if self._operator is None else self._operator.handlers),
@@ -202,19 +203,17 @@ class ListenerClient:
         self._asked = False
         self.request_model()
 
-    def _take_whole(self, message: object = None, *_: object) -> None:
-        self._asked = False
-        self.wholes += 1
-        self._take(self.replica.replace_model, MODEL, message)
-
-    def _take_change(self, message: object = None, *_: object) -> None:
-        if not self._asked:  # else it changes a state that was missed
+    def _take(self, event: str, message: object = None, *_: object) -> None:
+        """Take a whole model or a change; a change is of no use while the whole is requested."""
+        if event == MODEL:
+            self._asked = False
+            self.wholes += 1
+        elif self._asked:
+            return
+        else:
             self.changes += 1
-            self._take(self.replica.apply_change, CHANGE, message)
-
-    def _take(self, take: Callable[[object], None], event: str, message: object) -> None:
         try:
-            take(message)
+            self.replica.take(event, message)
         except InputError as error:
             self.rejected += 1
             LOG.info("a message of the model was not taken: %s", error)

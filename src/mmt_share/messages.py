@@ -5,15 +5,15 @@ a number, one higher than the state before. A listener first receives the whole 
 change from each number to the next. If it has missed a change, it requests the whole model again.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Annotated, Any, ClassVar, Final, Self
 
 import numpy as np
+from annotated_types import Ge
 from pydantic import AfterValidator, Strict, TypeAdapter, ValidationError
 
 from mmt.core.errors import InputError, printable, short_message
-from mmt.link.protocol import encode_event
 
 SHARING_VERSION: Final = 1
 
@@ -23,9 +23,10 @@ WELCOME: Final = "welcome"
 """To a listener, at the start of each session: ``{"sharing": int, "session_id": str, "name": str,
 "rate_hz": int}``."""
 MODEL: Final = "model"
-"""To a listener: the whole model, a map with a model ``file``; see `model_message`."""
+"""To a listener: the whole model, a map with a `ModelDescription` and the model's ``file``."""
 CHANGE: Final = "change"
-"""To a listener: a change, a map with the keys of `mmt_share.changes`; see `encode_change`."""
+"""To a listener: a change, a map with a `ModelDescription`, the number ``since`` which it changes,
+and the keys of `mmt_share.changes`."""
 STATE: Final = "state"
 """To a listener, 20 times a second or at the lower rate that it asked for: `STATE_DTYPE`."""
 END: Final = "end"
@@ -192,6 +193,10 @@ class ModelDescription(PeerMessage):
         The readiness of the leader's verdict, in words; see `mmt.core.verdict`.
     complete
         Whether the model is final.
+    number
+        Number of the state, 0 before it is published.
+    made_ns
+        When it was published, by the leader's monotonic clock.
     """
 
     title = "the model's message"
@@ -203,24 +208,11 @@ class ModelDescription(PeerMessage):
     samples: int
     completion: Text
     complete: Flag
+    number: Annotated[int, Strict(), Ge(1)] = field(default=0, compare=False)
+    made_ns: Annotated[int, Strict()] = field(default=0, compare=False)
 
 
 adapter(ModelDescription)
-
-
-def model_message(
-    number: int, made_ns: int, about: ModelDescription, file: bytes
-) -> dict[str, Any]:
-    """Return the argument of `MODEL`; `made_ns` is a time of the leader's monotonic clock."""
-    return {"number": number, "made_ns": made_ns, **vars(about), "file": file}
-
-
-def encode_change(
-    number: int, made_ns: int, about: ModelDescription, change: dict[str, Any]
-) -> bytes:
-    """Encode the `CHANGE` from the state before this number to this one."""
-    head = {"number": number, "since": number - 1, "made_ns": made_ns}
-    return encode_event(CHANGE, {**head, **vars(about), **change})
 
 
 def shared_at(sentence: str) -> str | None:

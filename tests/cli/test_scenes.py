@@ -5,7 +5,6 @@ import json
 import os
 import signal
 import sys
-from pathlib import Path
 
 import pytest
 import tomli_w
@@ -115,12 +114,9 @@ def test_a_run_writes_nowhere_but_in_its_directory_and_replays_what_was_named(tm
     ],
 )
 def test_a_run_that_does_not_end_well_is_no_measurement(outcome, error, tmp_path, monkeypatch):
-    async def run_services(*_, **named):
-        assert "MMT_TEXTURE__ORDER" not in named["environment"], "it would bring [texture] back"
-        assert named["environment"]["PATH"] == os.environ["PATH"]
+    async def run_services(*_, **__):
         return outcome
 
-    monkeypatch.setenv("MMT_TEXTURE__ORDER", "8")
     monkeypatch.setattr(scene_runs, "run_services", run_services)
     with pytest.raises(error):
         SceneRunner(tmp_path, 2.0)(example("stream-only"))
@@ -174,18 +170,20 @@ class EndedChild:
 
 @pytest.mark.parametrize("shows_monitor", [True, False])
 async def test_a_monitor_is_opened_for_a_person_alone(shows_monitor, monkeypatch):
-    async def start(name, *_):
+    async def start(name, _module, arguments, environment, _on_warning):
+        assert "MMT_TEXTURE__ORDER" not in environment, "it would bring [texture] back"
+        assert environment["PATH"] == os.environ["PATH"]
+        assert load_scene(arguments[1]) == scene
         return EndedChild(name)
 
     opened = []
+    monkeypatch.setenv("MMT_TEXTURE__ORDER", "8")
     monkeypatch.setattr(scene_services.Child, "start", start)
     monkeypatch.setattr(scene_services, "open_page", opened.append)
     scene = load_scene("demo", tables=["monitor"])
     shown = {"shows_monitor": True} if shows_monitor else {}
     state = signal.getsignal(signal.SIGINT), sys.stdout, sys.stderr, is_queued()
-    run = await scene_services.run_services(
-        Path("demo"), scene, 1.0, None, console=Console(quiet=True), **shown
-    )
+    run = await scene_services.run_services(scene, console=Console(quiet=True), **shown)
     assert not run.failed
     assert len(opened) == shows_monitor
     assert state == (signal.getsignal(signal.SIGINT), sys.stdout, sys.stderr, is_queued())
@@ -218,7 +216,7 @@ async def test_a_side_service_is_waited_for_until_an_interrupt(start_s, interrup
     scene = load_scene("demo")
     async with asyncio.timeout(25):
         run = await scene_services.run_services(
-            Path("demo"), scene, 1.0, None, console=Console(quiet=True), side_services=[service]
+            scene, console=Console(quiet=True), side_services=[service]
         )
     assert (service.started, run.interrupted) == (not interrupted, interrupted)
 

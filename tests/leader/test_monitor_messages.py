@@ -19,7 +19,7 @@ from mmt.texture.interpolation.vertices import RIM
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.space import ANISOTROPIC, ISOTROPIC
-from mmt.web.monitor.live import MOST_SAMPLES, LiveMessages, MonitorTap, Viewers
+from mmt.web.monitor.live import MOST_SAMPLES, LiveMessages, Viewers
 from mmt.web.monitor.states import completion_header, hello_header, model_message, surfaces, thinned
 from mmt.web.page_server import pack
 
@@ -29,9 +29,9 @@ SCENE = scene_from_tables(
 
 
 def live_messages():
-    tap = MonitorTap()
-    tap.watched = True
-    return tap, LiveMessages(SCENE, tap)
+    live = LiveMessages(SCENE)
+    live.restart()
+    return live
 
 
 @given(
@@ -58,54 +58,53 @@ def test_what_json_cannot_say_is_null_and_thresholds_are_numbers():
 
 
 def test_what_nobody_fetches_is_bounded_and_nothing_is_kept_while_nobody_looks_on():
-    tap, _ = live_messages()
+    live, unwatched = live_messages(), LiveMessages(SCENE)
     for k in range(5000):
-        tap.add_frames(made_frames(k, 1))
-        tap.add_output(np.full(1, k))
-    assert len(tap.frames()) <= 500
-    assert tap.played()[-1] == 4999
-    unwatched = MonitorTap()
-    unwatched.add_frames(made_frames(0, 1))
-    unwatched.add_output(np.ones(1))
-    assert unwatched.frames() == []
-    assert len(unwatched.played()) == 0
+        for each in (live, unwatched):
+            each.add_frames(made_frames(k, 1))
+            each.add_output(np.full(1, k))
+    message = unpack(live.make({}))
+    assert message["measured_count"] <= 500
+    assert message["arrays"]["played"][-1] == 4999
+    assert unpack(unwatched.make({}))["measured_count"] == 0
+    assert len(unpack(unwatched.make({}))["arrays"]["played"]) == 0
 
 
 def test_samples_are_numbered_so_that_a_gap_is_seen():
-    tap, live = live_messages()
-    tap.add_frames(made_frames(0, 30))
-    tap.add_output(np.arange(10.0))
-    tap.add_output(np.arange(10.0, 14.0))
+    live = live_messages()
+    live.add_frames(made_frames(0, 30))
+    live.add_output(np.arange(10.0))
+    live.add_output(np.arange(10.0, 14.0))
     message = unpack(live.make({"time_s": 1.0}))
     assert (message["measured_count"], message["played_count"]) == (30, 14)
     np.testing.assert_array_equal(message["arrays"]["played"], np.arange(14.0))
     assert message["arrays"]["measured"].shape == (30,)
-    tap.add_frames(made_frames(30, 5000))  # as a replay that runs faster than time
+    live.add_frames(made_frames(30, 5000))  # as a replay that runs faster than time
     message = unpack(live.make({"time_s": 2.0}))
     assert message["measured_count"] == 5030
     assert message["arrays"]["measured"].shape == (MOST_SAMPLES,)
 
 
 def test_the_point_is_that_of_the_hand_at_the_leader():
-    tap, live = live_messages()
-    tap.state = InterfaceState((0.0, 0.0, 0.0), (30.0, 40.0, 99.0), 1.5, contact=True)
+    live = live_messages()
+    live.state = InterfaceState((0.0, 0.0, 0.0), (30.0, 40.0, 99.0), 1.5, contact=True)
     message = unpack(live.make({}))
     assert (message["point"], message["contact"]) == ([50.0, 1.5], True)
     assert message["velocity_mm_s"] == [30.0, 40.0]
 
 
 def test_without_a_hand_the_point_follows_the_stream():
-    tap, live = live_messages()
+    live = live_messages()
     frames = made_frames(0, 41)
     frames["position_mm"] = np.outer(np.arange(41), [0.03, 0.04, 7.0])  # 50 mm/s across
     frames["force_n"] = [9.0, 9.0, 2.0]
     without = made_frames(0, 500, ("acceleration",))
     without["acceleration_m_s2"] = 9.81
-    tap.add_frames(without)
+    live.add_frames(without)
     message = unpack(live.make({}))
     assert message["point"] is None
     assert np.abs(message["arrays"]["measured"][-100:]).max() < 0.05  # without the offset
-    tap.add_frames(frames)
+    live.add_frames(frames)
     message = unpack(live.make({}))
     assert message["point"] == pytest.approx([50.0, 2.0], abs=1e-2)
     assert message["force_n"] == [9.0, 9.0, 2.0]

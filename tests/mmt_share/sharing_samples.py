@@ -17,7 +17,7 @@ from mmt.texture.space import ISOTROPIC, TextureSamples
 from mmt_share.client import ListenerClient
 from mmt_share.messages import CHANGE, MODEL, STATE, STATE_DTYPE, ModelDescription
 from mmt_share.parts.sharing import ModelPublisher
-from mmt_share.player.following import SharedTexture
+from mmt_share.player.following import shared_player
 from mmt_share.player.results import ResultsFile
 from mmt_share.player.server import PlayerServer
 from mmt_share.relay import Relay
@@ -113,17 +113,14 @@ async def shared(**settings):
 @asynccontextmanager
 async def playing_shared(sharing, directory):
     """Serve the page that plays what is shared."""
-    texture = SharedTexture(Listening(url=sharing.url), sharing.said.append)
-    player = await texture.connect(ResultsFile(directory / "results.csv"))
-    following = asyncio.create_task(texture.follow(player))
-    server = PlayerServer(player, several=True)
-    await server.start("127.0.0.1", 0)
-    try:
-        yield server
-    finally:
-        following.cancel()
-        await server.stop()
-        await texture.close()
+    results = ResultsFile(directory / "results.csv")
+    async with shared_player(Listening(url=sharing.url), results, sharing.said.append) as player:
+        server = PlayerServer(player, several=True)
+        await server.start("127.0.0.1", 0)
+        try:
+            yield server
+        finally:
+            await server.stop()
 
 
 @dataclass

@@ -62,7 +62,8 @@ def take(over, what, value):
 @given(STEPS)
 @example([("ask", 1), ("give", 1), ("tick", HOLD), ("move", 1), ("leave", 1)])
 def test_one_hand_moves_at_a_time_with_a_hold_between_two_and_at_last_the_leaders(steps):
-    over = HandOver(hold_ticks=HOLD, silence_ticks=SILENCE)
+    changes = []
+    over = HandOver(changes.append, hold_ticks=HOLD, silence_ticks=SILENCE)
     mover = 0  # 0 is the leader's own hand, None is nobody
     held = 0
     for what, value in steps:
@@ -85,7 +86,7 @@ def test_one_hand_moves_at_a_time_with_a_hold_between_two_and_at_last_the_leader
         over.tick(1)
     assert (over.state, over.operator) == ("own", None)
     grants = {}
-    for change in over.changes:
+    for change in changes:
         if change.what in ("giving", "given", "moves", "ended"):
             grants.setdefault(change.grant, []).append(change.what)
     for told in grants.values():
@@ -94,7 +95,7 @@ def test_one_hand_moves_at_a_time_with_a_hold_between_two_and_at_last_the_leader
 
 
 def test_the_hold_and_the_silence_that_ends_control_last_their_ticks_to_the_last():
-    over = HandOver(hold_ticks=HOLD, silence_ticks=SILENCE)
+    over = HandOver(lambda _: None, hold_ticks=HOLD, silence_ticks=SILENCE)
     over.request_control(1, "ann")
     over.grant_control(1)
     over.tick(HOLD - 1)
@@ -111,11 +112,12 @@ def test_the_hold_and_the_silence_that_ends_control_last_their_ticks_to_the_last
 
 
 def test_more_who_ask_than_a_person_can_read_are_refused():
-    over = HandOver(hold_ticks=HOLD, silence_ticks=SILENCE)
+    changes = []
+    over = HandOver(changes.append, hold_ticks=HOLD, silence_ticks=SILENCE)
     for who in range(1, 30):
         over.request_control(who, "x")
     assert len(over.asking) == 20
-    assert over.changes[-1].what == "refused"
+    assert changes[-1].what == "refused"
 
 
 PLACES = st.tuples(*[st.floats(-50.0, 50.0)] * 3)

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from contextlib import AsyncExitStack
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -59,7 +60,8 @@ async def test_a_listener_that_lacks_a_change_asks_for_the_whole():
     async with shared() as sharing, listening(sharing.url) as heard:
         sharing.publish(10)
         await until(lambda: heard.models == [1])
-        heard.client.replica.number = 7  # as if it had come from another state
+        replica = heard.client.replica
+        replica.about = replace(replica.about, number=7)  # as if it had come from another state
         sharing.publish(11)
         await until(lambda: heard.models == [1, 2])
         assert (heard.client.wholes, heard.client.rejected) == (2, 1)

@@ -3,6 +3,7 @@
 import asyncio
 import random
 from contextlib import suppress
+from dataclasses import replace
 
 import aiohttp
 import psutil
@@ -13,7 +14,7 @@ from sharing_samples import about, listening, shared, until
 from mmt.link.protocol import encode_event
 from mmt_lab.harness.proxy import Proxy
 from mmt_share.client import ListenerClient
-from mmt_share.messages import MODEL, SHARING_VERSION, model_message
+from mmt_share.messages import MODEL, SHARING_VERSION
 from mmt_share.tables import Listening
 
 
@@ -77,7 +78,7 @@ async def test_troubles_disturb_nobody():
 async def test_a_model_that_cannot_be_read_is_told_once_and_the_next_one_is_taken():
     async with shared() as sharing, listening(sharing.url) as heard:
         for number in (1, 2):
-            broken = model_message(number, 5, about(3), b"of another release")
+            broken = {**vars(replace(about(3), number=number)), "file": b"of another release"}
             sharing.relay.offer_model(number, encode_event(MODEL, broken), None)
             await until(lambda number=number: heard.client.rejected >= number)
         await asyncio.sleep(0.3)

@@ -113,16 +113,16 @@ async def test_only_so_many_may_look_on_and_nothing_is_kept_once_the_last_has_le
 ):
     together = await monitored(tmp_path)
     monitor = together.leader.parts.monitor
-    assert not monitor.tap.watched
+    assert not monitor.live.watched
     sockets = [await browser.look_on(together) for _ in range(MOST_VIEWERS)]
     for socket in sockets:
         await until(socket, "live")
-    assert monitor.tap.watched
+    assert monitor.live.watched
     with pytest.raises(MmtError, match="has too many viewers"):
         await give_order(f"http://127.0.0.1:{together.leader.port}", Access(), {"do": "mark"})
     for socket in sockets:
         await socket.close()
-    await together.until(lambda: not monitor.tap.watched)
+    await together.until(lambda: not monitor.live.watched)
     await together.stop()
 
 

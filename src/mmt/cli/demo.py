@@ -179,14 +179,11 @@ def demo(
     try:
         run = asyncio.run(
             run_services(
-                scene_file,
                 scene,
-                duration,
-                replay,
+                follower_scene=None if pair is None else load_scene(pair.follower, replay=replay),
                 realtime=realtime,
                 side_services=side_services,
                 on_link=_prepare_report if scene.recording is not None else lambda _: None,
-                follower_file=None if pair is None else pair.follower,
                 verbose=verbose,
                 shows_monitor=sys.stderr.isatty(),
             )

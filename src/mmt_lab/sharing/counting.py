@@ -36,6 +36,7 @@ from mmt_share.messages import (
     TOKEN_VARIABLE,
     WELCOME,
     Hello,
+    ModelDescription,
 )
 from mmt_share.tables import Listening
 
@@ -113,26 +114,20 @@ class CountingReplica(ModelReplica):
         super().__init__()
         self._file = self._digest = b""
 
-    def replace_model(self, message: object) -> None:
-        """Take a whole model."""
-        taken = self._stamped(message)
-        self._file, self._digest = taken["file"], b""
-
-    def apply_change(self, message: object) -> None:
-        """Take a change."""
-        if not isinstance(message, Mapping) or message["since"] != self.number or not self.number:
+    def take(self, event: str, message: Any) -> None:
+        """Take a whole model or a change."""
+        if event == CHANGE and (message["since"] != self.number or not self.number):
             raise InputError("a change is missing")
-        self._digest = self._stamped(message)["digest"]
+        self.about = ModelDescription.from_message(message)
+        if event == MODEL:
+            self._file = message["file"]
+        self._digest = message.get("digest", b"")
 
     def digest(self) -> str:
         """Return the digest of the model in hexadecimal digits, empty before there is one."""
         if not self.number:
             return ""
         return (self._digest or digest(file_arrays(self._file))).hex()
-
-    def _stamped(self, message: Any) -> Any:
-        self.number, self.made_ns = message["number"], message["made_ns"]
-        return message
 
 
 @dataclass
@@ -206,7 +201,7 @@ class CountingListener:
         elif event == MODEL:
             self._asked = False
             self.found.wholes += 1
-            self.replica.replace_model(argument)
+            self.replica.take(MODEL, argument)
             if self.found.first_s is None:
                 self.found.first_s = time.monotonic() - self._begun_s
             self._note_lag()
@@ -217,7 +212,7 @@ class CountingListener:
 
     async def _take_change(self, message: object) -> None:
         try:
-            self.replica.apply_change(message)
+            self.replica.take(CHANGE, message)
         except InputError:
             self.found.rejected += 1
             await self._ask()
@@ -225,8 +220,9 @@ class CountingListener:
             self._note_lag()
 
     def _note_lag(self) -> None:
-        if self.found.changes:
-            self.found.lags_ms.append(1e-6 * (time.monotonic_ns() - self.replica.made_ns))
+        if self.found.changes and self.replica.about is not None:
+            made_ns = self.replica.about.made_ns
+            self.found.lags_ms.append(1e-6 * (time.monotonic_ns() - made_ns))
 
     async def _ask(self) -> None:
         self._asked = True

@@ -87,19 +87,11 @@ def play(
 
 async def _serve_shared(url: str, results: "ResultsFile", link: Link, everyone: bool) -> None:
     """Serve the surface that a leader shares, to several pages at once."""
-    from mmt_share.player.following import SharedTexture
+    from mmt_share.player.following import shared_player
 
     table = table_from(Listening, "listening", {"url": url, "name": "player"})
-    texture = SharedTexture(table, messages.print)
-    following: asyncio.Task[None] | None = None
-    try:
-        player = await texture.connect(results)
-        following = asyncio.create_task(texture.follow(player))
+    async with shared_player(table, results, messages.print) as player:
         await serve_until_ended(player, link, everyone=everyone, several=True)
-    finally:
-        if following is not None:
-            following.cancel()
-        await texture.close()
 
 
 async def serve_until_ended(

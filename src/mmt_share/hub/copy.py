@@ -91,16 +91,15 @@ class HubCopy:
             return
         replica = self.replica
         try:
-            if event == MODEL:
-                replica.replace_model(message)
-                self._relay.offer_model(replica.number, encode_event(MODEL, message), None)
-            else:
-                replica.apply_change(message)
-                change = encode_event(CHANGE, message)
-                self._relay.offer_model(
-                    replica.number, lambda: encode_event(MODEL, replica.message()), change
-                )
+            replica.take(event, message)
         except InputError:
             self.lacking = True
+            return
+        self.lacking = False
+        encoded = encode_event(event, message)
+        if event == MODEL:
+            self._relay.offer_model(replica.number, encoded, None)
         else:
-            self.lacking = False
+            self._relay.offer_model(
+                replica.number, lambda: encode_event(MODEL, replica.message()), encoded
+            )

@@ -84,6 +84,7 @@ class ControlPart(Part):
         self._limit_mm = link.limit_mm_s / rate_hz
         self._silence_ns = round(table.silence_ms * 1e6)
         self._over = HandOver(
+            self._report,
             hold_ticks=FADE_TICKS,
             silence_ticks=round(table.silence_ms * rate_hz / 1000),
         )
@@ -137,7 +138,6 @@ class ControlPart(Part):
             self.grant_control(who)
         else:
             self._over.refuse(who)
-            self._report_changes()
         return _DECISIONS[decision]
 
     def grant_control(self, who: int) -> None:
@@ -154,12 +154,10 @@ class ControlPart(Part):
         self._over.grant_control(who)
         self._motion, self._clutch = OperatorMotion(self._silence_ns), None
         self._grants += 1
-        self._report_changes()
 
     def revoke_control(self) -> None:
         """Give control back to the leader's hand."""
         self._over.revoke_control("the leader has taken it back")
-        self._report_changes()
 
     def toggle(self) -> None:
         """Take control back, or give it to the listener that has asked for longest."""
@@ -190,7 +188,6 @@ class ControlPart(Part):
                 self._refused += line["count"]
             case "motion":
                 self._receive_motion(who, bytes.fromhex(line["data"]))
-        self._report_changes()
 
     def _receive_motion(self, who: int, data: bytes) -> None:
         try:
@@ -259,8 +256,6 @@ class ControlPart(Part):
         """Advance the time, and send the operator the contact for its own force."""
         over = self._over
         over.tick(tick.elapsed)
-        if over.changes:
-            self._report_changes()
         if over.operator is None:
             return
         self._contact_ticks += tick.elapsed
@@ -273,25 +268,19 @@ class ControlPart(Part):
         table = self._session.scene.force_feedback
         return SharedContact(model, self._normal, 0.0 if table is None else table.limit_n)
 
-    def _report_changes(self) -> None:
-        """Report and record the changes of control, and send them to the listeners concerned."""
-        changes = self._over.changes
-        while changes:
-            change = changes.popleft()
-            if change.what in _SENTENCES:
-                details: dict[str, object] = {"control": change.what, "grant": change.grant}
-                if change.name:
-                    details["operator"] = change.name
-                sentence = _SENTENCES[change.what].format(name=change.name, why=change.why)
-                self._session.journal.event(sentence, **details)
-            if change.what in {"asked", "refused", "given", "ended"}:
-                self._send(change)
-
-    def _send(self, change: Change) -> None:
-        hold = self._command_mm or (0.0, 0.0, 0.0)
-        news = ControlNews(change.what, change.grant, hold, self._recovery_mm_s, change.why)
-        self._sharing.admit_motion(self._over.operator)
-        self._sharing.send_to(change.who, news.encode())
+    def _report(self, change: Change) -> None:
+        """Report and record a change of control, and send it to the listener concerned."""
+        if change.what in _SENTENCES:
+            details: dict[str, object] = {"control": change.what, "grant": change.grant}
+            if change.name:
+                details["operator"] = change.name
+            sentence = _SENTENCES[change.what].format(name=change.name, why=change.why)
+            self._session.journal.event(sentence, **details)
+        if change.what in {"asked", "refused", "given", "ended"}:
+            hold = self._command_mm or (0.0, 0.0, 0.0)
+            news = ControlNews(change.what, change.grant, hold, self._recovery_mm_s, change.why)
+            self._sharing.admit_motion(self._over.operator)
+            self._sharing.send_to(change.who, news.encode())
 
     # --- reports
 

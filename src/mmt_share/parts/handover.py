@@ -4,8 +4,7 @@ Between any two hands the robot holds. Nothing here uses a network or a clock: t
 events, and time passes by `HandOver.tick`.
 """
 
-from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 from mmt.core.errors import InputError
@@ -41,13 +40,18 @@ class HandOver:
 
     Parameters
     ----------
+    tell
+        Called with each change, after the states have changed.
     hold_ticks
         Least time that the robot holds between two hands, in which force and vibration fade.
     silence_ticks
         An operator that sends no motion for this long loses control.
     """
 
-    def __init__(self, *, hold_ticks: int, silence_ticks: int) -> None:
+    def __init__(
+        self, tell: Callable[[Change], None], *, hold_ticks: int, silence_ticks: int
+    ) -> None:
+        self._tell = tell
         self._hold_ticks = hold_ticks
         self._silence_ticks = silence_ticks
         self._held_ticks = self._silent_ticks = 0
@@ -63,8 +67,6 @@ class HandOver:
         """Names of the listeners that ask, by number, the longest waiting first."""
         self.holds = self.refusals = 0
         """How often the robot was held between two hands, and how often a request was refused."""
-        self.changes: deque[Change] = deque()
-        """Changes that the caller has not taken yet."""
 
     def request_control(self, who: int, name: str) -> None:
         """Note that a listener asks for control, unless it asks already or is the operator."""
@@ -148,10 +150,11 @@ class HandOver:
         return self.asking.pop(who)
 
     def _end(self, why: str) -> None:
-        assert self.operator is not None  # noqa: S101 - the callers have looked
-        self._record_change("ended", self.operator, self.name, why)
+        who, name = self.operator, self.name
+        assert who is not None  # noqa: S101 - the callers have looked
         self.operator, self.name = None, ""
         self._hold("returning")
+        self._record_change("ended", who, name, why)
 
     def _hold(self, state: State) -> None:
         self.holds += self.state in {"own", "given"}
@@ -161,7 +164,7 @@ class HandOver:
 
     def _record_change(self, what: What, who: int, name: str, why: str = "") -> None:
         self.refusals += what == "refused"
-        self.changes.append(Change(what, who, name, self.grant, why))
+        self._tell(Change(what, who, name, self.grant, why))
 
 
 def control_metrics(now: State, figures: Mapping[str, Any]) -> Iterator["Metric"]:

@@ -19,14 +19,7 @@ from mmt.link.protocol import encode_event
 from mmt.texture.model.file import arrays_of
 from mmt.texture.model.file_arrays import pack_arrays
 from mmt_share.changes import difference
-from mmt_share.messages import (
-    MODEL,
-    STATE,
-    STATE_DTYPE,
-    ModelDescription,
-    encode_change,
-    model_message,
-)
+from mmt_share.messages import CHANGE, MODEL, STATE, STATE_DTYPE, ModelDescription
 from mmt_share.parts.listeners import Listeners
 from mmt_share.store.store import Entry, ModelStore
 from mmt_share.tables import Control, Sharing
@@ -70,12 +63,12 @@ class ModelPublisher:
         before, after = self._arrays, arrays_of(model.contents)
         self._arrays = after
         self._number += 1
-        now_ns = time.monotonic_ns()
-        change = None
+        said = vars(replace(about, number=self._number, made_ns=time.monotonic_ns()))
+        whole, change = encode_event(MODEL, {**said, "file": pack_arrays(after)}), None
         if before:
-            change = encode_change(self._number, now_ns, about, difference(before, after))
-        whole = model_message(self._number, now_ns, about, pack_arrays(after))
-        return PublishedModel(self._number, encode_event(MODEL, whole), change)
+            changed = {**said, "since": self._number - 1, **difference(before, after)}
+            change = encode_event(CHANGE, changed)
+        return PublishedModel(self._number, whole, change)
 
 
 class SharingPart(Part):

@@ -1,7 +1,8 @@
 """A shared model as the player's texture, kept up to date."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from typing import Any, Final
 
 import numpy as np
@@ -16,13 +17,18 @@ from mmt_share.tables import Listening
 _HAND_HZ: Final = 10.0
 
 
-class SharedTexture:
-    """Listen to a leader's model on behalf of a player.
+@asynccontextmanager
+async def shared_player(
+    settings: Listening, results: ResultsFile, on_event: Callable[[str], None]
+) -> AsyncIterator[Player]:
+    """Yield a player of the surface that a leader shares; it follows the model in the block.
 
     Parameters
     ----------
     settings
         Where the model is shared.
+    results
+        As of `Player`.
     on_event
         Called with a sentence whenever something happens that a person wants to know.
 
@@ -30,61 +36,43 @@ class SharedTexture:
     ------
     InputError
         The URL is not valid, or the token or a certificate cannot be read.
+    MmtError
+        Nobody shares a model there.
     """
+    player = Player(["shared"], [], results=results, scenarios=False)
+    welcomed = asyncio.Event()
 
-    def __init__(self, settings: Listening, on_event: Callable[[str], None]) -> None:
-        self._client = ListenerClient(
-            settings,
-            on_event=self._say,
-            on_message=self._take,
-            states_hz=_HAND_HZ,
-        )
-        self._on_event = on_event
-        self._welcomed = asyncio.Event()
-        self._said = ""
-        self._player: Player | None = None
+    def say(sentence: str) -> None:
+        player.said = sentence
+        on_event(sentence)
 
-    async def connect(self, results: ResultsFile) -> Player:
-        """Connect, and return a player of the surface; `follow` gives it the model.
+    def take(event: str, message: Any) -> None:
+        if event == WELCOME and not welcomed.is_set():
+            player.names = (client.session["name"] or "shared",)
+            welcomed.set()
+        elif event == STATE:
+            state = np.frombuffer(message, STATE_DTYPE)[0]
+            x_mm, y_mm, _ = (float(at) for at in state["position_mm"])
+            player.hand = (x_mm, y_mm, bool(state["contact"]))
 
-        Raises
-        ------
-        MmtError
-            Nobody shares a model there.
-        """
-        await self._client.connect()
-        await self._welcomed.wait()
-        name = self._client.session.get("name") or "shared"
-        self._player = Player([name], [], results=results, scenarios=False)
-        self._player.said = self._said
-        return self._player
+    client = ListenerClient(settings, on_event=say, on_message=take, states_hz=_HAND_HZ)
+    following = asyncio.create_task(_follow(client, player, say))
+    try:
+        await client.connect()
+        await welcomed.wait()
+        yield player
+    finally:
+        following.cancel()
+        await client.close()
 
-    async def follow(self, player: Player) -> None:
-        """Give the player each new state of the model, until cancelled."""
-        while True:
-            about, model = await self._client.next_state()
-            player.completion = about.completion
-            if model is None:
-                continue
+
+async def _follow(client: ListenerClient, player: Player, say: Callable[[str], None]) -> None:
+    """Give the player each new state of the model, until cancelled."""
+    while True:
+        about, model = await client.next_state()
+        player.completion = about.completion
+        if model is not None:
             try:
                 await asyncio.to_thread(player.set_models, [model])
             except InputError as error:
-                self._say(str(error))
-
-    async def close(self) -> None:
-        """Disconnect from the leader."""
-        await self._client.close()
-
-    def _say(self, sentence: str) -> None:
-        self._said = sentence
-        if self._player is not None:
-            self._player.said = sentence
-        self._on_event(sentence)
-
-    def _take(self, event: str, message: Any) -> None:
-        if event == WELCOME:
-            self._welcomed.set()
-        elif event == STATE and self._player is not None:
-            state = np.frombuffer(message, STATE_DTYPE)[0]
-            x_mm, y_mm, _ = (float(at) for at in state["position_mm"])
-            self._player.hand = (x_mm, y_mm, bool(state["contact"]))
+                say(str(error))

@@ -1,19 +1,23 @@
 """Run a scene's services as two processes on loopback."""
 
 import asyncio
+import os
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+import tomli_w
 from rich.console import Console
 
 from mmt.cli.common import messages, open_page, stopping_on_signals
 from mmt.cli.running.child import Child
 from mmt.cli.running.display import StatusLine
 from mmt.cli.running.service import SideService, start_side_services
+from mmt.core.files.existing import write_file
 from mmt.scene import Scene
-from mmt.scene.table import added_flags
+from mmt.scene.files import ENVIRONMENT_PREFIX
 
 _LAST_SECONDS: Final = 5.0
 _LONGEST_OPENING_S: Final = 10.0
@@ -43,17 +47,14 @@ class DemoRun:
 
 
 async def run_services(
-    scene_file: Path,
     scene: Scene,
-    duration_s: float | None,
-    replay: Path | None,
     *,
+    follower_scene: Scene | None = None,
     console: Console = messages,
-    environment: Mapping[str, str] | None = None,
+    environment: Mapping[str, str] = os.environ,
     realtime: bool = False,
     side_services: Sequence[SideService] = (),
     on_link: Callable[[str], None] = lambda _: None,
-    follower_file: Path | None = None,
     verbose: bool = False,
     shows_monitor: bool = False,
 ) -> DemoRun:
@@ -61,57 +62,47 @@ async def run_services(
 
     Parameters
     ----------
-    scene_file, duration_s, replay
-        Arguments for the services.
     scene
-        The scene that results from these arguments.
+        The resolved scene; the services get it in a file, and any free port.
+    follower_scene
+        The follower's scene, if it differs from the leader's.
     console
         Console for the live progress.
     environment
-        Environment of the processes; None for this process's environment.
+        Environment of the processes, without settings of scenes: these are resolved already.
     realtime
         Whether the services tick by real-time scheduling.
     side_services
         Side services, which start at events of the leader.
     on_link
         Called with the URL of the leader's link when the leader listens.
-    follower_file
-        The follower's scene, if it differs from the leader's.
     verbose
         Whether to print every event of both services.
     shows_monitor
         Whether to open the scene's monitor in a browser, and wait for it before the session begins.
     """
-    shared = ["--json-lines", *["--realtime"] * realtime]
-    if replay is not None:
-        shared += ["--replay", str(replay)]
-    return await _Services(
-        scene,
-        [str(scene_file), *shared, *_leader_options(scene, duration_s)],
-        [str(follower_file or scene_file), *shared],
-        environment,
-        side_services,
-        on_link,
-        StatusLine(console),
-        verbose=verbose,
-        shows_monitor=shows_monitor,
-    ).run()
+    with tempfile.TemporaryDirectory(prefix="mmt-") as directory:
+        files = []
+        for name, each in (("leader", scene), ("follower", follower_scene or scene)):
+            files.append(Path(directory) / f"{name}.toml")
+            write_file(files[-1], tomli_w.dumps(each.dump()))
+        shared = ["--json-lines", *["--realtime"] * realtime]
+        return await _Services(
+            scene,
+            [str(files[0]), *shared, *(["--port", "0"] if scene.link is not None else [])],
+            [str(files[1]), *shared],
+            {name: v for name, v in environment.items() if not _sets_scene(name)},
+            side_services,
+            on_link,
+            StatusLine(console),
+            verbose=verbose,
+            shows_monitor=shows_monitor,
+        ).run()
 
 
-def _leader_options(scene: Scene, duration_s: float | None) -> list[str]:
-    options = [] if duration_s is None else ["--duration", str(duration_s)]
-    if scene.link is not None:
-        options += ["--port", "0"]
-    if scene.monitor is not None:
-        options += ["--monitor"]
-    for flag in added_flags("leader"):
-        if not flag.side_service and {*flag.tables} <= {*scene.added}:
-            options += [flag.name]
-    if scene.recording is not None:
-        options += ["--record", str(scene.recording.file)]
-        if scene.recording.existing == "replace":
-            options += ["--force"]
-    return options
+def _sets_scene(variable: str) -> bool:
+    """Return whether a variable overrides a scene; it would add a table again that is left out."""
+    return variable.startswith(ENVIRONMENT_PREFIX) and "__" in variable
 
 
 @dataclass
@@ -119,7 +110,7 @@ class _Services:
     scene: Scene
     leader_arguments: list[str]
     follower_arguments: list[str]
-    environment: Mapping[str, str] | None
+    environment: Mapping[str, str]
     side_services: Sequence[SideService]
     on_link: Callable[[str], None]
     line: StatusLine

@@ -46,17 +46,13 @@ Version: TypeAlias = Annotated[
 
 
 class SideService(Protocol):
-    """A service for other people that a command runs beside the leader, such as a page."""
+    """A service for other people beside the leader, such as a page, perhaps longer than it runs."""
 
     def start_on_event(self, sentence: str) -> Coroutine[Any, Any, str] | None:
         """Return a coroutine that starts the service on this event of the leader, or None.
 
         The coroutine returns a text for the terminal.
         """
-
-
-class LastingSideService(SideService, Protocol):
-    """A service that may run longer than the session."""
 
     @property
     def after_session(self) -> str | None:
@@ -71,7 +67,7 @@ class LastingSideService(SideService, Protocol):
 
 def create_side_services(
     flags: Iterable[Flag], scene: Scene, *, terminal: bool = True
-) -> list[LastingSideService]:
+) -> list[SideService]:
     """Return the side services of these flags, not started.
 
     Parameters

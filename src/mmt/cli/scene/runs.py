@@ -7,14 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import tomli_w
 from rich.console import Console
 
 from mmt.cli.running.scene_services import DemoRun, run_services
 from mmt.cli.scene.costs import OF_PROCESSES, SceneRun
 from mmt.core.errors import MmtError
 from mmt.scene import Replay, Scene
-from mmt.scene.files import ENVIRONMENT_PREFIX
 from mmt.scene.table import added_parts
 
 _MARGIN_S = 2.0
@@ -23,12 +21,12 @@ _MOMENT = {"duration_s": 0.2}
 
 
 class SceneRunner:
-    """Runs scenes for a given duration, with all their files in one directory.
+    """Runs scenes for a given duration, with their recordings in one directory.
 
     Parameters
     ----------
     directory
-        Directory for the scene's file and its recording.
+        Directory for the recordings.
     duration_s
         Duration of a run.
     """
@@ -37,15 +35,9 @@ class SceneRunner:
         self._directory = directory
         self._recorded = directory / "recorded.mcap"
         self._duration_s = duration_s
-        # already applied to the scene; they would add a table again that is left out
-        self._environment = {
-            name: value
-            for name, value in os.environ.items()
-            if not (name.startswith(ENVIRONMENT_PREFIX) and "__" in name)
-        }
-        for part in added_parts().values():
-            for name in part.secrets:
-                self._environment.setdefault(name, secrets.token_hex(32))  # never used to connect
+        needed = {name for part in added_parts().values() for name in part.secrets}
+        unused = {name: secrets.token_hex(32) for name in needed}  # never used to connect
+        self._environment = {**unused, **os.environ}
 
     def prepare(self, scene: Scene) -> Scene:
         """Return the scene to run, with duration, recording and replay set."""
@@ -84,12 +76,8 @@ class SceneRunner:
         KeyboardInterrupt
             The run was interrupted; both services have ended.
         """
-        file = self._directory / "scene.toml"
-        file.write_text(tomli_w.dumps(scene.dump()), encoding="utf-8")
         quiet = Console(quiet=True)
-        run = asyncio.run(
-            run_services(file, scene, None, None, console=quiet, environment=self._environment)
-        )
+        run = asyncio.run(run_services(scene, console=quiet, environment=self._environment))
         self._recorded.unlink(missing_ok=True)
         if run.interrupted:
             raise KeyboardInterrupt

@@ -16,7 +16,7 @@ from mmt.leader.part import Part, Session, Tick
 from mmt.link.access import Access
 from mmt.scene import Monitor
 from mmt.web.monitor import states
-from mmt.web.monitor.live import MOST_VIEWERS, LiveMessages, MonitorTap, Viewer, Viewers
+from mmt.web.monitor.live import MOST_VIEWERS, LiveMessages, Viewer, Viewers
 from mmt.web.page_server import add_page, monitor_files, open_socket, pack
 
 if TYPE_CHECKING:
@@ -59,13 +59,12 @@ class MonitorPart(Part):
         playout: "StreamedVibration | None",
         vibration: "VibrationPart | None",
     ) -> None:
-        self.tap = MonitorTap()
+        self.live = LiveMessages(session.scene)
         self.viewers = Viewers()
         self._session, self._controls = session, controls
         self._playout, self._vibration = playout, vibration
         self._period_s = 1.0 / table.updates_hz
         self._slow = max(2, round(table.updates_hz))  # calls of `publish_changes` per second
-        self._live = LiveMessages(session.scene, self.tap)
         self._update: ModelUpdate | None = None
         self._model: TextureModel | None = None
         self._history: deque[tuple[float, float]] = deque(maxlen=_HISTORY)
@@ -100,15 +99,15 @@ class MonitorPart(Part):
 
     def on_frames(self, frames: RecordArray, _arrival_ns: int) -> None:
         """Keep frames (n,) for the page."""
-        self.tap.add_frames(frames)
+        self.live.add_frames(frames)
 
     def on_output(self, _first_ns: int, _mode: str, vibration_m_s2: FloatArray) -> None:
         """Keep the played vibration (n,) for the page."""
-        self.tap.add_output(vibration_m_s2)
+        self.live.add_output(vibration_m_s2)
 
     def tick(self, tick: Tick) -> None:
         """Keep the state of the hand that moves the robot for the page."""
-        self.tap.state = tick.moving
+        self.live.state = tick.moving
 
     def status(self) -> dict[str, Any]:
         """Return the number of viewers."""
@@ -135,11 +134,10 @@ class MonitorPart(Part):
         """Publish changes since the last call."""
         self._follow_model()
         if not self.viewers:
-            self.tap.watched = False
+            self.live.watched = False
             return
-        if not self.tap.watched:
-            self._live.restart()
-            self.tap.watched = True
+        if not self.live.watched:
+            self.live.restart()
             self._looks = 0
         state = self._controls.state()
         if state != self._controls_state:
@@ -169,7 +167,7 @@ class MonitorPart(Part):
             verdict = self._session.verdict().as_dict()
             shown = self._session.ending.outcome if problem is None else problem
             self.viewers.publish("end", pack("end", {"outcome": shown, "verdict": verdict}, {}))
-        self.tap.watched = False
+        self.live.watched = False
         self.viewers.close()
 
     def _publish_ticks(self) -> None:
@@ -184,7 +182,7 @@ class MonitorPart(Part):
 
     def _live_message(self) -> bytes:
         session, vibration = self._session, self._vibration
-        return self._live.make(
+        return self.live.make(
             {
                 "time_s": round(session.time_s(), 3),
                 "mode": "silent" if vibration is None else vibration.switch.mode,

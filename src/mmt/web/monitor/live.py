@@ -6,6 +6,7 @@ yet, so a slow viewer skips states; it neither delays other viewers nor fills th
 
 import asyncio
 from collections import deque
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -31,57 +32,25 @@ Motion = tuple[float, float, float]
 """Velocity along the two axes of the surface (mm/s), and normal force (N)."""
 
 
-class MonitorTap:
-    """Holds references to the data since the monitor's last reading.
+class LiveMessages:
+    """Makes live messages from the data since the last one.
 
     The 1 kHz path calls the `add` methods; without viewers they return at once.
-    """
-
-    def __init__(self) -> None:
-        self.watched = False
-        """Whether there are viewers."""
-        self.state: InterfaceState | None = None
-        """State of the hand at the last tick, or None if the hand is not read."""
-        self._frames: deque[RecordArray] = deque(maxlen=_MOST_BLOCKS)
-        self._played: deque[FloatArray] = deque(maxlen=_MOST_BLOCKS)
-
-    def add_frames(self, frames: RecordArray) -> None:
-        """Store frames (n,) that have just arrived."""
-        if self.watched:
-            self._frames.append(frames)
-
-    def add_output(self, vibration_m_s2: FloatArray) -> None:
-        """Store samples (n,) that were written to the actuator."""
-        if self.watched:
-            self._played.append(vibration_m_s2)
-
-    def frames(self) -> list[RecordArray]:
-        """Return the blocks of frames since the last call."""
-        blocks = list(self._frames)
-        self._frames.clear()
-        return blocks
-
-    def played(self) -> FloatArray:
-        """Return the samples (n,) played since the last call."""
-        blocks = list(self._played)
-        self._played.clear()
-        return np.concatenate(blocks) if blocks else np.zeros(0)
-
-
-class LiveMessages:
-    """Makes live messages from the data in a tap.
 
     Parameters
     ----------
     scene
         Defines the axis of the vibration and the surface's normal.
-    tap
-        Holds the data since the last message.
     """
 
-    def __init__(self, scene: Scene, tap: MonitorTap) -> None:
+    def __init__(self, scene: Scene) -> None:
         texture = scene.texture or Texture()
-        self._tap = tap
+        self.watched = False
+        """Whether there are viewers."""
+        self.state: InterfaceState | None = None
+        """State of the hand at the last tick, or None if the hand is not read."""
+        self._frames: deque[RecordArray] = deque(maxlen=_MOST_BLOCKS)
+        self._outputs: deque[FloatArray] = deque(maxlen=_MOST_BLOCKS)
         self._rate_hz = float(scene.session.rate_hz)
         self._normal = "xyz".index(texture.normal)
         self._tangential = [axis for axis in range(3) if axis != self._normal]
@@ -91,17 +60,29 @@ class LiveMessages:
         self._measured = 0
         self._played = 0
 
+    def add_frames(self, frames: RecordArray) -> None:
+        """Store frames (n,) that have just arrived."""
+        if self.watched:
+            self._frames.append(frames)
+
+    def add_output(self, vibration_m_s2: FloatArray) -> None:
+        """Store samples (n,) that were written to the actuator."""
+        if self.watched:
+            self._outputs.append(vibration_m_s2)
+
     def restart(self) -> None:
-        """Discard old data in the tap, before the first viewer gets messages."""
-        self._tap.frames()
-        self._tap.played()
+        """Discard old data, and store data from now on, for the first viewer."""
+        self._frames.clear()
+        self._outputs.clear()
         self._filter.reset()
+        self.watched = True
 
     def make(self, header: dict[str, Any]) -> bytes:
         """Return the next message; its counts of samples let the page detect missed ones."""
-        blocks = self._tap.frames()
-        frames = _joined(blocks) if blocks else None
-        played = self._tap.played()
+        frames = _joined(self._frames) if self._frames else None
+        played = np.concatenate(self._outputs) if self._outputs else np.zeros(0)
+        self._frames.clear()
+        self._outputs.clear()
         self._played += len(played)
         measured = self._vibration(frames)
         values = {
@@ -137,7 +118,7 @@ class LiveMessages:
 
     def _hand(self) -> Motion | None:
         """Return the velocity and force of the leader's hand, or None if it was not read."""
-        state = self._tap.state
+        state = self.state
         if state is None:
             return None
         x, y = (state.velocity_mm_s[axis] for axis in self._tangential)
@@ -157,7 +138,7 @@ class LiveMessages:
         return x, y, max(0.0, force_n)
 
 
-def _joined(blocks: list[RecordArray]) -> RecordArray:
+def _joined(blocks: Sequence[RecordArray]) -> RecordArray:
     """Join blocks of one dtype by their bytes, which takes a hundredth of the time."""
     return np.frombuffer(b"".join(block.tobytes() for block in blocks), blocks[-1].dtype)
 

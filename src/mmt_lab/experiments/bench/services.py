@@ -19,7 +19,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import check_acceleration_rate
 from mmt.core.running.process import require_real_time
 from mmt.evaluation.run_verdict import median_of_known
-from mmt.scene.files import ENVIRONMENT_PREFIX, example_scenes, load_scene
+from mmt.scene.files import load_scene
 from mmt_lab.bench import strangers as disturbing
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.experiment import AccelerationRate, Duration, RealTime, Strangers
@@ -75,22 +75,20 @@ async def run_demo_services(
     scene_name: str = "demo",
     *,
     tables: Sequence[str] = (),
+    acceleration_rate_hz: int = 1000,
     realtime: bool = False,
-    environment: Mapping[str, str] | None = None,
+    environment: Mapping[str, str] = os.environ,
     on_link: Callable[[str], None] = lambda _: None,
 ) -> DemoRun:
     """Run both services of an example scene with more tables, and record to a temporary file."""
-    scene_file = example_scenes()[scene_name]
     with tempfile.TemporaryDirectory() as directory:
         overrides: dict[str, Any] = {
             "session.duration_s": duration_s,
+            "session.acceleration_rate_hz": acceleration_rate_hz,
             "recording.file": str(Path(directory) / "session.mcap"),
         }
         run = await run_services(
-            scene_file,
-            load_scene(scene_file, overrides, tables=tables),
-            duration_s,
-            None,
+            load_scene(scene_name, overrides, tables=tables),
             environment=environment,
             realtime=realtime,
             on_link=on_link,
@@ -102,9 +100,7 @@ async def run_demo_services(
 
 def measure(duration_s: float, acceleration_rate_hz: int = 1000) -> Findings:
     """Run the demo's scene once, with both services as processes."""
-    key = ENVIRONMENT_PREFIX + "SESSION__ACCELERATION_RATE_HZ"
-    environment = {**os.environ, key: str(acceleration_rate_hz)}
-    run = asyncio.run(run_demo_services(duration_s, environment=environment))
+    run = asyncio.run(run_demo_services(duration_s, acceleration_rate_hz=acceleration_rate_hz))
     leader, follower = run.leader, run.follower
     link, ticks = leader["link"], leader["ticks"]
     wrong = link["lost"] + link["out_of_order"]
@@ -127,7 +123,7 @@ def measure(duration_s: float, acceleration_rate_hz: int = 1000) -> Findings:
     modelling = texture["process"] or {}  # unknown if the process ended before the session
     for key, what in (("core_share", "share of a core"), ("memory_mb", "memory (MB)")):
         rows[f"modelling_{key}"] = (f"leader's modelling process, {what}", modelling.get(key))
-    rows |= _beside_modelling(duration_s, environment)
+    rows |= _beside_modelling(duration_s, acceleration_rate_hz)
     about = (
         f"Leader and follower as two processes, {duration_s:g} s, acceleration at "
         f"{acceleration_rate_hz / 1000:g} kHz: the demo's scene, and for ticks "
@@ -138,7 +134,7 @@ def measure(duration_s: float, acceleration_rate_hz: int = 1000) -> Findings:
     return single_figures("Services", about, rows)
 
 
-def _beside_modelling(duration_s: float, environment: Mapping[str, str]) -> dict[str, Figure]:
+def _beside_modelling(duration_s: float, acceleration_rate_hz: int) -> dict[str, Figure]:
     """Return how late the leader's ticks are while it models and while it does not."""
     rows: dict[str, Figure] = {}
     settings: list[tuple[str, str, AbstractContextManager[object], dict[str, float]]] = [
@@ -151,7 +147,9 @@ def _beside_modelling(duration_s: float, environment: Mapping[str, str]) -> dict
         settings.insert(1, ("awake_", ", no processor idle", awake, _MOST_LATE))
     for name, beside, others, targets in settings:
         with others:
-            rough = run_demo_services(duration_s, "rough-texture", environment=environment)
+            rough = run_demo_services(
+                duration_s, "rough-texture", acceleration_rate_hz=acceleration_rate_hz
+            )
             ticks = asyncio.run(rough).leader["ticks"]
         p99_ms, p99_otherwise_ms, share, share_otherwise = (
             ticks[f"late_{when}_{figure}"]

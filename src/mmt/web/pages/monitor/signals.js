@@ -26,7 +26,8 @@ export class Ring {
 }
 
 const SEGMENT = 256;
-const HANN = Float64Array.from({ length: SEGMENT }, (_, i) => 0.5 - 0.5 * Math.cos((2 * Math.PI * i) / SEGMENT));
+const COSINE = Float64Array.from({ length: SEGMENT }, (_, i) => Math.cos((2 * Math.PI * i) / SEGMENT));
+const HANN = COSINE.map((cosine) => 0.5 - 0.5 * cosine);
 const HANN_POWER = HANN.reduce((sum, w) => sum + w * w, 0);
 
 /** Frequencies in Hz of `spectrum`. */
@@ -49,37 +50,16 @@ export function spectrum(values, rateHz) {
   return Array.from(power, (p) => 10 * Math.log10(Math.max(p * scale, 1e-12)));
 }
 
+/** Add a piece's power at each frequency: a sum for each is quick enough for a few pieces a second. */
 function addPower(piece, power) {
   const mean = piece.reduce((sum, x) => sum + x, 0) / SEGMENT;
-  const re = Float64Array.from(piece, (x, i) => (x - mean) * HANN[i]);
-  const im = new Float64Array(SEGMENT);
-  transform(re, im);
-  for (let k = 0; k < power.length; k++) power[k] += re[k] * re[k] + im[k] * im[k];
-}
-
-/** Fast Fourier transform in place, of a length that is a power of two (Cooley and Tukey). */
-function transform(re, im) {
-  const n = re.length;
-  for (let i = 1, j = 0; i < n; i++) {
-    let bit = n >> 1;
-    for (; j & bit; bit >>= 1) j ^= bit;
-    j ^= bit;
-    if (i < j) {
-      [re[i], re[j]] = [re[j], re[i]];
-      [im[i], im[j]] = [im[j], im[i]];
+  const windowed = Float64Array.from(piece, (x, i) => (x - mean) * HANN[i]);
+  for (let k = 0; k < power.length; k++) {
+    let re = 0, im = 0;
+    for (let i = 0; i < SEGMENT; i++) {
+      re += windowed[i] * COSINE[(k * i) % SEGMENT];
+      im += windowed[i] * COSINE[(k * i + SEGMENT / 4) % SEGMENT];
     }
-  }
-  for (let size = 2; size <= n; size <<= 1) {
-    const half = size >> 1;
-    for (let k = 0; k < half; k++) {
-      const angle = (-2 * Math.PI * k) / size;
-      const c = Math.cos(angle), s = Math.sin(angle);
-      for (let a = k; a < n; a += size) {
-        const b = a + half;
-        const x = re[b] * c - im[b] * s, y = re[b] * s + im[b] * c;
-        re[b] = re[a] - x; im[b] = im[a] - y;
-        re[a] += x; im[a] += y;
-      }
-    }
+    power[k] += re * re + im * im;
   }
 }

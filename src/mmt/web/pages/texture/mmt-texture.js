@@ -279,12 +279,7 @@ function linear(model, work) {
     const row = links[2 * (dimensions + 1) * simplex + corner] * width + dimensions;
     for (let k = 0; k <= order; k++) values[k] += weights[corner] * rows[row + k];
   }
-  let before = 0, apart = true;
-  for (let k = 1; k <= order; k++) {
-    apart = apart && before < values[k] && values[k] < Math.PI;
-    before = values[k];
-  }
-  if (!apart) separate(values, order);
+  separate(values, order);
 }
 
 const bits = new DataView(new ArrayBuffer(8));
@@ -398,73 +393,7 @@ function tabulated({ level, levelShape }, x, y, force) {
 
 // ---- Filters: mmt.texture.autoregression
 
-/** Multiply out 1 - 2 cos(w) z^-1 + z^-2 over every second frequency, to the middle of the palindrome. */
-function halfProduct(values, first, count, half) {
-  half[0] = 1;
-  for (let done = 0; done < count; done++) {
-    const middle = -2 * Math.cos(values[1 + first + 2 * LEJA[count][done]]);
-    const beyond = done > 0 ? half[done - 1] : 0;
-    half[done + 1] = beyond + middle * half[done] + beyond;
-    for (let j = done; j > 1; j--) half[j] += middle * half[j - 1] + half[j - 2];
-    if (done > 0) half[1] += middle;
-  }
-}
-
-/** Numbers 0 ... n - 1 in the Leja order of n evenly spread angles: partial products keep their digits. */
-const LEJA = Array.from({ length: MOST_ORDER / 2 + 1 }, (_, count) => {
-  const x = Array.from({ length: count }, (_, i) => Math.cos(((i + 0.5) * Math.PI) / count));
-  const product = x.map(() => 1), order = count ? [0] : [];
-  while (order.length < count) {
-    for (let i = 0; i < count; i++) product[i] *= 2 * Math.abs(x[i] - x[order.at(-1)]);
-    const largest = Math.max(...product);
-    const rounded = product.map((value) => Math.round((value / largest) * 1e9));
-    order.push(rounded.indexOf(Math.max(...rounded)));
-  }
-  return order;
-});
-
-/** Write the coefficients of the filter with these frequencies. */
-function lsfToAr(values, order, ar, work) {
-  const even = (order + 1) >> 1, odd = order >> 1;
-  const symmetric = work.subarray(0, even + 1), anti = work.subarray(even + 1, even + odd + 2);
-  halfProduct(values, 0, even, symmetric);
-  halfProduct(values, 1, odd, anti);
-  if (order % 2 === 0) {
-    for (let j = 1; j <= even; j++) {
-      const p = symmetric[j] + symmetric[j - 1], q = anti[j] - anti[j - 1];
-      ar[j - 1] = 0.5 * (p + q);
-      ar[order - j] = 0.5 * (p - q);
-    }
-    return;
-  }
-  for (let j = 1; j < even; j++) {
-    const q = anti[j] - (j > 1 ? anti[j - 2] : 0);
-    ar[j - 1] = 0.5 * (symmetric[j] + q);
-    ar[order - j] = 0.5 * (symmetric[j] - q);
-  }
-  ar[even - 1] = 0.5 * symmetric[even];
-}
-
-/** Write reflection coefficients; return by how much roundings may have grown. */
-function arToReflection(ar, order, reflection) {
-  for (let j = 0; j < order; j++) reflection[j] = ar[j];
-  let loss = 1;
-  for (let stage = order - 1; stage >= 0; stage--) {
-    const k = reflection[stage], complement = (1 - k) * (1 + k);
-    if (!(complement > 0)) return Infinity;
-    loss *= (1 + Math.abs(k)) / (1 - Math.abs(k));
-    const scale = 1 / complement;
-    for (let j = 0; j < stage >> 1; j++) {
-      const left = reflection[j], right = reflection[stage - 1 - j];
-      reflection[j] = (left - k * right) * scale;
-      reflection[stage - 1 - j] = (right - k * left) * scale;
-    }
-    if (stage % 2 === 1) reflection[stage >> 1] /= 1 + k;
-  }
-  return loss;
-}
-
-// Where the polynomial loses too many digits: the split recurrences, see mmt.texture.autoregression.split.
+// By the split recurrences, see mmt.texture.autoregression.split; Python takes a faster way where the same digits come of it.
 
 function moveOrigin(q, e, size, distance) {
   let t = distance;
@@ -546,19 +475,14 @@ function lsfToReflection(values, order, reflection, work) {
   }
 }
 
-function lsfToLattice(values, order, reflection, complement, work) {
-  lsfToAr(values, order, complement, work);
-  if (!(arToReflection(complement, order, reflection) <= 1e10)) lsfToReflection(values, order, reflection, work);
-  for (let j = 0; j < order; j++) complement[j] = Math.sqrt((1 - reflection[j]) * (1 + reflection[j]));
-}
-
 /** Write a model's filter at one motion; return its amplitude (m/s2). Frequencies stay in work.values. */
 function filterInto(model, first, second, third, work, reflection, complement) {
   const { point } = work;
   normalise(model, first, second, third, point);
   if (model.network === null) linear(model, work);
   else networked(model, work);
-  lsfToLattice(work.values, model.order, reflection, complement, work.work);
+  lsfToReflection(work.values, model.order, reflection, work.work);
+  for (let j = 0; j < model.order; j++) complement[j] = Math.sqrt((1 - reflection[j]) * (1 + reflection[j]));
   if (model.level !== null) {
     const power = tabulated(model, point[0], model.dimensions === 3 ? point[1] : 0, point[model.dimensions - 1]);
     return Math.min(Math.sqrt(power), LARGEST_AMPLITUDE);
