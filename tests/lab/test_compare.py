@@ -23,7 +23,7 @@ from mmt_lab.compare.judging import (
     check_methods,
     judge,
 )
-from mmt_lab.compare.spoiling import LASTS_S, MOMENT_S, SPOILS, check_spoils, spoilt
+from mmt_lab.compare.spoiling import LASTS_S, MOMENT_S, SPOILS, chosen_spoils, spoilt
 from mmt_lab.compare.summary import RUN_TO_RUN_DB, MethodComparison
 from mmt_lab.compare.tables import (
     calibration_table,
@@ -254,7 +254,8 @@ def test_the_command_compares_on_named_textures(tmp_path):
     assert {row["moment"] for row in data["rows"]} >= set(TIMES)
     assert {fall["spoil"] for fall in data["falls"]} == {"knock", "lost-1"}
     with pytest.raises(InputError, match="soup not known, allowed are all, quiet-20"):
-        check_spoils(["knock", "soup"])
+        chosen_spoils("knock,soup")
+    assert chosen_spoils("all") == list(SPOILS)
 
 
 @pytest.fixture(scope="module")

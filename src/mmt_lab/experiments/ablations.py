@@ -17,8 +17,8 @@ from mmt.evaluation.reports.document import ReportTable
 from mmt_lab.compare.ablations import INGREDIENTS
 from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, simulated_cases
 from mmt_lab.compare.judging import SHARES, JudgedMethod, check_methods, judge
-from mmt_lab.compare.spoiling import check_spoils
-from mmt_lab.harness.experiment import Seeds, Textures, Workers, chosen_textures, hand_of
+from mmt_lab.compare.spoiling import chosen_spoils
+from mmt_lab.harness.experiment import Seeds, Textures, Workers, chosen_textures, hand_of, names_of
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import map_in_processes
 
@@ -118,11 +118,9 @@ def run(
     workers: Workers = None,
 ) -> Findings:
     """Measure what each ingredient of the field is worth, by leaving it out."""
-    names = [name.strip() for name in ingredients.split(",")]
-    spoils = [name.strip() for name in spoil.split(",")]
+    names, spoils = names_of(ingredients), chosen_spoils(spoil)
     methods = (WHOLE, *(f"{WHOLE}-{name}" for name in names))
     check_methods(methods)
-    check_spoils(spoils)
     chosen = sets(chosen_textures(textures), seeds, spoils)
     calls = [(case, methods, spoilt) for cases, spoilt in chosen.values() for case in cases]
     found = iter(map_in_processes(judge, calls, workers=workers, what="leaving out"))

@@ -173,7 +173,7 @@ def chosen_textures(textures: str | None) -> list[str]:
     if textures is None:
         return list(SURFACES)
     chosen: list[str] = []
-    for name in (name.strip() for name in textures.split(",")):
+    for name in names_of(textures):
         whole, plus, altered = (name, "", "") if Path(name).exists() else name.partition("+")
         if Path(whole).is_dir():
             found = sorted(Path(whole).glob("[!.]*"))
@@ -187,6 +187,11 @@ def chosen_textures(textures: str | None) -> list[str]:
             chosen.append(name)
     for name in chosen:
         get_surface(name)
+def names_of(listed: str | None) -> list[str]:
+    """Return the names between the commas of an option, none if it is absent."""
+    return [] if listed is None else [name.strip() for name in listed.split(",")]
+
+
     return chosen
 
 
