@@ -26,7 +26,7 @@ from mmt_lab.compare.generators import (
     generators_table,
     judge_generators,
 )
-from mmt_lab.compare.judging import METHODS, SHARES, TIMES_S, check_methods, judge
+from mmt_lab.compare.judging import METHODS, SHARES, TIMES_S, chosen_methods, judge
 from mmt_lab.compare.spoiling import SPOILS, chosen_spoils
 from mmt_lab.compare.summary import RUN_TO_RUN_DB, STANDARD_ERRORS, MethodComparison
 from mmt_lab.compare.tables import (
@@ -167,8 +167,7 @@ def run(
     workers: Workers = None,
 ) -> Findings:
     """Compare methods of texture modelling, each with the first one named."""
-    names, others, spoils = names_of(methods), names_of(generators), chosen_spoils(spoil)
-    check_methods(names)
+    names, others, spoils = chosen_methods(methods), names_of(generators), chosen_spoils(spoil)
     check_generators(others)
     chosen = chosen_textures(textures) + ([] if textures else list(INHOMOGENEOUS))
     made = simulated_cases(seeds, chosen, hand_of(hand).kind, noise=not noise_free)

@@ -18,7 +18,7 @@ adds ``--json`` and ``--report``.
 
 import ast
 import importlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, NamedTuple
 
@@ -190,6 +190,14 @@ def chosen_textures(textures: str | None) -> list[str]:
 def names_of(listed: str | None) -> list[str]:
     """Return the names between the commas of an option, none if it is absent."""
     return [] if listed is None else [name.strip() for name in listed.split(",")]
+
+
+def chosen_names(option: str, listed: str, known: Iterable[str]) -> list[str]:
+    """Return the names between the commas of an option; `InputError` unless all are known."""
+    names = names_of(listed)
+    if not set(names) <= set(known) or len(set(names)) != len(names):
+        raise InputError(f"{option} {listed}: name some of {', '.join(known)}, each once")
+    return names
 
 
 def rates_of(listed: str) -> list[int]:
