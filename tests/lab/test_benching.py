@@ -119,6 +119,11 @@ def test_the_duration_must_be_positive(duration_s):
         link.bench_link(duration_s)
 
 
+def test_a_duration_without_an_end_is_refused():
+    with pytest.raises(InputError, match="--duration inf: must be a finite number"):
+        command.run("link", duration=math.inf)
+
+
 def test_loss_stalls_what_is_sent_again(monkeypatch):
     monkeypatch.setattr(lossy_path, "LOSSES", (0.03,))
     found = lossy_path.measure_losses(1.5)

@@ -20,10 +20,10 @@ from mmt_lab.compare.judging import (
     Certainty,
     JudgedMethod,
     blocks_of,
-    check_methods,
+    chosen_methods,
     judge,
 )
-from mmt_lab.compare.spoiling import LASTS_S, MOMENT_S, SPOILS, check_spoils, spoilt
+from mmt_lab.compare.spoiling import LASTS_S, MOMENT_S, SPOILS, chosen_spoils, spoilt
 from mmt_lab.compare.summary import RUN_TO_RUN_DB, MethodComparison
 from mmt_lab.compare.tables import (
     calibration_table,
@@ -33,6 +33,7 @@ from mmt_lab.compare.tables import (
     rates_table,
     shares_table,
 )
+from mmt_lab.experiments import ablations
 from mmt_lab.experiments.compare import findings, method_blocks, targets
 from mmt_lab.harness.experiment import rates_of
 from mmt_lab.harness.report import write_report
@@ -85,10 +86,12 @@ def test_bands_of_every_rate_begin_with_the_nine_and_end_at_half_of_it(samples_p
 
 
 def test_an_unknown_method_is_refused_in_words():
-    for names in ([], ["field", "field"], ["published", "best"], ["field-soup"]):
+    for listed in ("", "field,field", "published,best", "field-soup"):
         with pytest.raises(InputError, match="name some of published, field, field-"):
-            check_methods(names)
-    check_methods(["published", "field", "field-trust"])
+            chosen_methods(listed)
+    assert chosen_methods("field, field-trust") == ["field", "field-trust"]
+    with pytest.raises(InputError, match="--ingredients soup: name some of rough, mixture"):
+        ablations.run("soup")
 
 
 def test_rates_stand_beside_each_other_with_what_the_lowest_leaves_out():
@@ -254,7 +257,8 @@ def test_the_command_compares_on_named_textures(tmp_path):
     assert {row["moment"] for row in data["rows"]} >= set(TIMES)
     assert {fall["spoil"] for fall in data["falls"]} == {"knock", "lost-1"}
     with pytest.raises(InputError, match="soup not known, allowed are all, quiet-20"):
-        check_spoils(["knock", "soup"])
+        chosen_spoils("knock,soup")
+    assert chosen_spoils("all") == list(SPOILS)
 
 
 @pytest.fixture(scope="module")

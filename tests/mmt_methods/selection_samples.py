@@ -3,8 +3,7 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from mmt.texture.autoregression.burg import burg_batch
-from mmt.texture.autoregression.forms import lsf_to_ar, reflection_to_lsf
+from mmt.texture.autoregression.forms import lsf_to_ar
 from mmt_methods.selection import ModelPoints
 
 ORDER = 8
@@ -35,6 +34,4 @@ def sampled_texture(n, dimensions, knocks, seed=0):
             knock[100:] = np.exp(-time_s / 0.015) * np.sin(2 * np.pi * 150.0 * time_s)
             segment = segment + knock * segment.std() / knock.std() * np.sqrt(0.4)
         segments.append(segment)
-    fits = burg_batch(segments, ORDER)
-    lsf = reflection_to_lsf(fits.reflection)
-    return ModelPoints(points, lsf, fits.variances[:, -1], segments), knocked
+    return ModelPoints.fitted(points, segments, ORDER, 1000.0), knocked

@@ -144,11 +144,3 @@ def test_a_builder_gets_the_segments_and_samples_of_our_own_modelling_and_what_i
     first = next(source for source in sources if source is not None)
     assert calls[-1][1] is first.generator
     assert sources[-1] is first
-
-
-def test_a_builder_that_raises_is_told_in_a_sentence():
-    def broken(observed, previous):
-        raise RuntimeError("loss is nan")
-
-    with pytest.raises(GeneratorFault, match="mine: the builder raised RuntimeError: loss is nan"):
-        GeneratorModeller("mine", broken).update(session(1.0)[0])

@@ -9,8 +9,7 @@ from scipy.signal import lfilter
 from selection_samples import ORDER, sampled_texture, true_lsf
 
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.burg import burg_batch
-from mmt.texture.autoregression.forms import lsf_spectrum, lsf_to_ar, reflection_to_lsf
+from mmt.texture.autoregression.forms import lsf_spectrum, lsf_to_ar
 from mmt_methods.selection import ModelPoints, SelectionSettings, select
 from mmt_methods.selection.outliers import find_outliers
 from mmt_methods.selection.points import amplitude_of, band, spectral_error
@@ -304,9 +303,7 @@ def test_knocks_are_told_at_4_khz_as_well():
         if index < 4:
             segment[400:] += 0.7 * segment.std() * np.sqrt(1200 / (ring @ ring)) * ring[:1200]
         segments.append(segment)
-    fits = burg_batch(segments, order)
-    lsf = reflection_to_lsf(fits.reflection)
-    data = ModelPoints(points, lsf, fits.variances[:, -1], segments, rate_hz)
+    data = ModelPoints.fitted(points, segments, order, rate_hz)
     assert data.frequencies == 384
     found = find_outliers(data)
     np.testing.assert_array_equal(np.flatnonzero(found.outlier), np.arange(4))

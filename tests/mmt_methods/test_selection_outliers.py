@@ -8,18 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
-from selection_samples import sampled_texture
+from selection_samples import ORDER, sampled_texture
 
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.burg import burg_batch
-from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.field.covariance import coordinates, prior_covariance, settings
 from mmt_methods.selection import ModelPoints
 from mmt_methods.selection.outliers import FALSE_ALARMS, MOST, find_outliers, limit_of, reasons
 from mmt_methods.selection.points import band
 from mmt_methods.selection.transients import whitening
-
-ORDER = 8
 
 
 def drawn_from_the_prior(n, dimensions, seed, *, gain_spread=0.0, knocks=0):
@@ -48,9 +44,7 @@ def drawn_from_the_prior(n, dimensions, seed, *, gain_spread=0.0, knocks=0):
             ring = np.exp(-np.arange(180) / 20.0) * np.sin(0.9 * np.arange(180))
             segment[120:] += ring * np.sqrt(0.4 / np.square(ring).sum() * 300) * segment.std()
         segments.append(segment)
-    fits = burg_batch(segments, ORDER)
-    lsf = reflection_to_lsf(fits.reflection)
-    return ModelPoints(points, lsf, fits.variances[:, -1], segments), knocked
+    return ModelPoints.fitted(points, segments, ORDER, 1000.0), knocked
 
 
 @pytest.mark.parametrize("with_segments", [True, False], ids=["segments", "model"])
@@ -118,9 +112,7 @@ def test_among_few_points_a_loud_knock_is_found_and_nothing_else(n):
     ring = np.exp(-np.arange(130) / 20.0) * np.sin(0.9 * np.arange(130))
     segments = list(data.segments)
     segments[2] = segments[2] + 20.0 * segments[2].std() * np.append(np.zeros(130), ring)
-    fits = burg_batch(segments, ORDER)
-    lsf = reflection_to_lsf(fits.reflection)
-    struck = ModelPoints(data.points, lsf, fits.variances[:, -1], segments)
+    struck = ModelPoints.fitted(data.points, segments, ORDER, 1000.0)
     np.testing.assert_array_equal(np.flatnonzero(find_outliers(struck).outlier), [2])
 
 

@@ -15,7 +15,6 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import BoolArray, RecordArray
-from mmt.core.errors import InputError
 from mmt.evaluation.model_errors import GridErrors, root_mean_square
 from mmt.evaluation.strokes_made import StrokesMade
 from mmt.evaluation.truth import KnownTexture, TruthAt
@@ -28,6 +27,7 @@ from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.compare.ablations import INGREDIENTS, without
 from mmt_lab.compare.cases import ComparisonCase
 from mmt_lab.compare.spoiling import spoilt
+from mmt_lab.harness.experiment import chosen_names
 
 METHODS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
     {"published": {"method": "published"}, "field": {"method": "field"}}
@@ -112,11 +112,9 @@ class Certainty:
     updates: tuple[tuple[float, float, float], ...]
 
 
-def check_methods(names: Sequence[str]) -> None:
-    """Raise `InputError` if a method is unknown or named twice, or none is named."""
-    known = [*METHODS, *(f"field-{name}" for name in INGREDIENTS)]
-    if not set(names) <= set(known) or len(set(names)) != len(names) or not names:
-        raise InputError(f"--methods {','.join(names)}: name some of {', '.join(known)}, each once")
+def chosen_methods(listed: str) -> list[str]:
+    """Return the methods between the commas of ``--methods``; errors as of `chosen_names`."""
+    return chosen_names("--methods", listed, [*METHODS, *(f"field-{n}" for n in INGREDIENTS)])
 
 
 def settings_of(case: ComparisonCase, method: str) -> ModellingSettings:

@@ -4,7 +4,7 @@ Each disturbance returns changed frames of a session. A disturbed moment begins 
 lasts 0.3 s if nothing else is said. Frames are lost throughout the session.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from types import MappingProxyType
 from typing import Final
@@ -16,6 +16,7 @@ from mmt.core.errors import InputError
 from mmt.core.frames import acceleration_samples, samples_per_frame
 from mmt.session.data import FRAME_PERIOD_S, sample_times
 from mmt.testing.simulation.instruments import ACCELERATION_RANGE_M_S2
+from mmt_lab.harness.experiment import names_of
 
 MOMENT_S: Final = 12.0
 LASTS_S: Final = 0.3
@@ -41,14 +42,22 @@ def spoilt(frames: RecordArray, name: str, seed: int) -> RecordArray:
     return SPOILS[name](frames, np.random.default_rng([seed, 28]))
 
 
-def check_spoils(names: Sequence[str]) -> None:
-    """Raise `InputError` if a name is none of `SPOILS`."""
+def chosen_spoils(listed: str | None) -> list[str]:
+    """Return the names between the commas of ``--spoil``, all of `SPOILS` for ``all``.
+
+    Raises
+    ------
+    InputError
+        A name is none of `SPOILS`.
+    """
+    names = list(SPOILS) if listed == "all" else names_of(listed)
     unknown = [name for name in names if name not in SPOILS]
     if unknown:
         raise InputError(
-            f"--spoil {','.join(names)}: {', '.join(unknown)} not known, allowed are all, "
+            f"--spoil {listed}: {', '.join(unknown)} not known, allowed are all, "
             f"{', '.join(SPOILS)}"
         )
+    return names
 
 
 def _changed(change: Change, frames: RecordArray, _: np.random.Generator) -> RecordArray:

@@ -107,6 +107,15 @@ class MethodComparison:
         """Names of the disturbances that spoil sessions, in their order."""
         return [spoil for spoil in dict.fromkeys(one.spoil for one in self.judged) if spoil]
 
+    @cached_property
+    def sure(self) -> dict[str, list[Certainty]]:
+        """What methods state of their own error in sessions that are not spoilt, by method."""
+        found: dict[str, list[Certainty]] = {one.method: [] for one in self.certainties}
+        for one in self.certainties:
+            if not one.spoil:
+                found[one.method].append(one)
+        return found
+
     @property
     def several_rates(self) -> bool:
         """Whether a session has another acceleration rate than 1 kHz."""

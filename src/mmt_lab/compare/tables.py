@@ -131,8 +131,7 @@ def falls_table(comparison: MethodComparison) -> ReportTable:
 def calibration_table(comparison: MethodComparison, method: str) -> ReportTable:
     """Return true shares by expected ones: over all updates, and when the criteria were met."""
     rows = []
-    certainties = [c for c in comparison.certainties if (c.method, c.spoil) == (method, "")]
-    expected, true = shares(certainties)
+    expected, true = shares(comparison.sure.get(method, []))
     for low, high in pairwise(TENTHS):
         last = high == TENTHS[-1]
         inside = (expected >= low) & ((expected < high) | last)

@@ -16,9 +16,9 @@ from mmt.evaluation.model_errors import WORST
 from mmt.evaluation.reports.document import ReportTable
 from mmt_lab.compare.ablations import INGREDIENTS
 from mmt_lab.compare.cases import INHOMOGENEOUS, ComparisonCase, simulated_cases
-from mmt_lab.compare.judging import SHARES, JudgedMethod, check_methods, judge
-from mmt_lab.compare.spoiling import check_spoils
-from mmt_lab.harness.experiment import Seeds, Textures, Workers, chosen_textures, hand_of
+from mmt_lab.compare.judging import SHARES, JudgedMethod, judge
+from mmt_lab.compare.spoiling import chosen_spoils
+from mmt_lab.harness.experiment import Seeds, Textures, Workers, chosen_names, chosen_textures
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import map_in_processes
 
@@ -46,14 +46,13 @@ def sets(
     textures: Sequence[str], seeds: int, spoils: Sequence[str]
 ) -> dict[str, tuple[list[ComparisonCase], Sequence[str]]]:
     """Return the sets of sessions by name, each with the disturbances that spoil it."""
-    hand = hand_of(HAND).kind
     drawn = chosen_textures("drawn")
     return {
-        "clean": (simulated_cases(seeds, textures, hand, noise=False), ()),
-        "noisy": (simulated_cases(seeds, textures, hand), ()),
-        "drawn": (simulated_cases(seeds, drawn, hand), ()),
-        "uneven": (simulated_cases(seeds, INHOMOGENEOUS, hand), ()),
-        "spoilt": (simulated_cases(seeds, textures, hand, noise=False), spoils),
+        "clean": (simulated_cases(seeds, textures, HAND, noise=False), ()),
+        "noisy": (simulated_cases(seeds, textures, HAND), ()),
+        "drawn": (simulated_cases(seeds, drawn, HAND), ()),
+        "uneven": (simulated_cases(seeds, INHOMOGENEOUS, HAND), ()),
+        "spoilt": (simulated_cases(seeds, textures, HAND, noise=False), spoils),
     }
 
 
@@ -118,11 +117,9 @@ def run(
     workers: Workers = None,
 ) -> Findings:
     """Measure what each ingredient of the field is worth, by leaving it out."""
-    names = [name.strip() for name in ingredients.split(",")]
-    spoils = [name.strip() for name in spoil.split(",")]
+    names = chosen_names("--ingredients", ingredients, INGREDIENTS)
+    spoils = chosen_spoils(spoil)
     methods = (WHOLE, *(f"{WHOLE}-{name}" for name in names))
-    check_methods(methods)
-    check_spoils(spoils)
     chosen = sets(chosen_textures(textures), seeds, spoils)
     calls = [(case, methods, spoilt) for cases, spoilt in chosen.values() for case in cases]
     found = iter(map_in_processes(judge, calls, workers=workers, what="leaving out"))

@@ -26,8 +26,8 @@ from mmt_lab.compare.generators import (
     generators_table,
     judge_generators,
 )
-from mmt_lab.compare.judging import METHODS, SHARES, TIMES_S, check_methods, judge
-from mmt_lab.compare.spoiling import SPOILS, check_spoils
+from mmt_lab.compare.judging import METHODS, SHARES, TIMES_S, chosen_methods, judge
+from mmt_lab.compare.spoiling import SPOILS, chosen_spoils
 from mmt_lab.compare.summary import RUN_TO_RUN_DB, STANDARD_ERRORS, MethodComparison
 from mmt_lab.compare.tables import (
     calibration_figure,
@@ -47,6 +47,7 @@ from mmt_lab.harness.experiment import (
     Workers,
     chosen_textures,
     hand_of,
+    names_of,
     rates_of,
 )
 from mmt_lab.harness.findings import Findings, Target
@@ -95,22 +96,16 @@ def method_tables(comparison: MethodComparison) -> list[ReportTable]:
         tables.append(falls_table(comparison))
     if comparison.several_rates:
         tables.append(rates_table(comparison))
-    return tables + [calibration_table(comparison, method) for method in certain(comparison)]
+    return tables + [calibration_table(comparison, method) for method in comparison.sure]
 
 
 def method_blocks(comparison: MethodComparison) -> list[Block]:
     """Return the tables, and pictures of expected against true shares, for a report."""
     blocks: list[Block] = [*method_tables(comparison)]
-    for method in certain(comparison):
-        sure = [c for c in comparison.certainties if (c.method, c.spoil) == (method, "")]
+    for method, sure in comparison.sure.items():
         caption = f"{method}: each update of each session; means of tenths; grey: where they agree."
         blocks.append(picture(f"calibration-{method}", caption, calibration_figure(sure)))
     return blocks
-
-
-def certain(comparison: MethodComparison) -> list[str]:
-    """Return the methods that state their own error."""
-    return list(dict.fromkeys(one.method for one in comparison.certainties))
 
 
 def targets(comparison: MethodComparison) -> list[Target]:
@@ -133,8 +128,7 @@ def targets(comparison: MethodComparison) -> list[Target]:
             what = f"{fall.method}, spoilt by {fall.spoil}: fall of the share, "
             bound = LARGEST_FALLS.get(fall.spoil.removesuffix("-in-threes"), LARGEST_FALL)
             found.append(Target(f"{what}mean", fall.mean, "at most", bound))
-    for method in certain(comparison):
-        sure = [c for c in comparison.certainties if (c.method, c.spoil) == (method, "")]
+    for method, sure in comparison.sure.items():
         off = largest_miscalibration(sure)
         what = f"{method}: expected less true share, largest in a tenth of the expected share"
         found.append(Target(what, off, "at most", 0.05))
@@ -173,10 +167,7 @@ def run(
     workers: Workers = None,
 ) -> Findings:
     """Compare methods of texture modelling, each with the first one named."""
-    names, others = _names(methods), _names(generators)
-    spoils = list(SPOILS) if spoil == "all" else _names(spoil)
-    check_methods(names)
-    check_spoils(spoils)
+    names, others, spoils = chosen_methods(methods), names_of(generators), chosen_spoils(spoil)
     check_generators(others)
     chosen = chosen_textures(textures) + ([] if textures else list(INHOMOGENEOUS))
     made = simulated_cases(seeds, chosen, hand_of(hand).kind, noise=not noise_free)
@@ -201,10 +192,6 @@ def _judged(
         tuple(one for by_method, _ in judged for one in by_method),
         tuple(one for _, sure in judged for one in sure),
     )
-
-
-def _names(listed: str | None) -> list[str]:
-    return [name.strip() for name in listed.split(",")] if listed is not None else []
 
 
 def findings(comparison: MethodComparison) -> Findings:

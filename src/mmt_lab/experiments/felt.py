@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from mmt.core.arrays import BoolArray, FloatArray
+from mmt.core.arrays import FloatArray
 from mmt.core.output.palette import SERIES
 from mmt.devices.haptuator.options import DATA_SHEET_LOW_HZ
 from mmt.evaluation.model_errors import root_mean_square
@@ -61,6 +61,8 @@ SHOWN: Final = (*METHODS, AT_ONCE)
 SPANS_S: Final = ((0.0, 5.0), (5.0, 10.0), (10.0, 1000.0))
 """Spans of session time over which errors are pooled."""
 
+_ERRORS: Final = ("level_db", "bands_db", "skin_db")
+
 
 @dataclass(frozen=True)
 class TrialResult:
@@ -103,9 +105,7 @@ def rows(outcomes: Sequence[TrialResult]) -> list[dict[str, Any]]:
             "method": method,
             "sessions": len(found),
             "start_s": median_of_known([one.start_s for one in found]),
-            "level_db": _by_span([(each, each.level_db) for each in courses]),
-            "bands_db": _by_span([(each, each.bands_db) for each in courses]),
-            "skin_db": _by_span([(each, each.skin_db) for each in courses]),
+            **{name: _medians(courses, name, SPANS_S) for name in _ERRORS},
             "onset_ms": median_of_known(np.concatenate([c.onset_ms for c in courses]).tolist()),
             "offset_ms": median_of_known(np.concatenate([c.offset_ms for c in courses]).tolist()),
         }
@@ -121,34 +121,26 @@ def by_second(outcomes: Sequence[TrialResult], network: str, method: str) -> Flo
 
     It is the median over sessions; NaN if no session has a moment in that second.
     """
-    found = _of(outcomes, network, method)
-    last = max((int(at_s) for one in found for at_s in one.course.time_s[-1:]), default=-1)
-    seconds = [
-        [_rms(one.course.level_db, _within(one.course, at, at + 1.0)) for one in found]
-        for at in range(last + 1)
-    ]
-    medians = [median_of_known(values) for values in seconds]
-    return np.array([np.nan if value is None else value for value in medians])
+    courses = [one.course for one in _of(outcomes, network, method)]
+    last = max((int(at_s) for each in courses for at_s in each.time_s[-1:]), default=-1)
+    medians = _medians(courses, "level_db", [(at, at + 1.0) for at in range(last + 1)])
+    return np.array(medians, dtype=np.float64)
 
 
 def _of(outcomes: Sequence[TrialResult], network: str, method: str) -> list[TrialResult]:
     return [one for one in outcomes if (one.network, one.method) == (network, method)]
 
 
-def _by_span(errors: Sequence[tuple[FeltErrors, FloatArray]]) -> list[float | None]:
-    """Return the median of the sessions' errors in each of `SPANS_S`."""
-    return [
-        median_of_known([_rms(error_db, _within(of, *span)) for of, error_db in errors])
-        for span in SPANS_S
-    ]
+def _medians(
+    courses: Sequence[FeltErrors], name: str, spans_s: Sequence[tuple[float, float]]
+) -> list[float | None]:
+    """Return the median of the sessions' errors of a name in each span of session time."""
+    return [median_of_known(_rms(each, name, *span_s) for each in courses) for span_s in spans_s]
 
 
-def _within(course: FeltErrors, first_s: float, stop_s: float) -> BoolArray:
-    return np.asarray((course.time_s >= first_s) & (course.time_s < stop_s))
-
-
-def _rms(errors_db: FloatArray, chosen: BoolArray) -> float | None:
-    return root_mean_square(errors_db[chosen]) if chosen.any() else None
+def _rms(course: FeltErrors, name: str, first_s: float, stop_s: float) -> float | None:
+    chosen = (course.time_s >= first_s) & (course.time_s < stop_s)
+    return root_mean_square(getattr(course, name)[chosen]) if chosen.any() else None
 
 
 DEFINITIONS: Final = {

@@ -1,6 +1,7 @@
 """``mmt lab``: experiments as commands, made from the parameters of their ``run``."""
 
 import inspect
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from typer.core import TyperGroup
 
 from mmt.cli.common import json_option, messages, output, print_error, report_option, write_json
 from mmt.cli.options import simplify_help
+from mmt.core.errors import InputError
 from mmt.core.output.tables import plain_table
 from mmt_lab.harness.experiment import listed, load
 from mmt_lab.harness.findings import Findings
@@ -88,6 +90,9 @@ def run(name: str, **options: Any) -> Findings:
     ImportError
         The experiment needs a package that is not installed.
     """
+    for key, value in options.items():
+        if isinstance(value, float) and not math.isfinite(value):
+            raise InputError(f"--{key.replace('_', '-')} {value}: must be a finite number")
     experiment = load(name)
     known = inspect.signature(experiment).parameters
     found = experiment(**{key: value for key, value in options.items() if key in known})

@@ -18,7 +18,7 @@ adds ``--json`` and ``--report``.
 
 import ast
 import importlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, NamedTuple
 
@@ -120,8 +120,8 @@ def listed(group: Group | None = None) -> Iterator[Experiment]:
 
     The modules are read, not imported: numerics take seconds to load.
     """
-    for file in sorted(_files().values(), key=lambda each: each.stem):
-        one = _read(file)
+    for name, (_, file) in _found().items():
+        one = _read(name, file)
         if group in {None, one.group}:
             yield one
 
@@ -136,25 +136,22 @@ def load(name: str) -> Callable[..., Findings]:
     ImportError
         The experiment needs a package that is not installed.
     """
-    modules = {_name_of(file): module for module, file in _files().items()}
-    if name not in modules:
-        raise InputError(f"lab {name}: allowed are {', '.join(sorted(modules))}")
-    run: Callable[..., Findings] = importlib.import_module(modules[name]).run
+    found = _found()
+    if name not in found:
+        raise InputError(f"lab {name}: allowed are {', '.join(found)}")
+    run: Callable[..., Findings] = importlib.import_module(found[name][0]).run
     return run
 
 
-def _files() -> dict[str, Path]:
-    """Return the file of each experiment by its module's name."""
-    folders = map(Path, experiments.__path__)
-    files = ((folder, file) for folder in folders for file in folder.rglob("[!_]*.py"))
-    return {
-        ".".join((experiments.__name__, *file.relative_to(folder).with_suffix("").parts)): file
-        for folder, file in files
-    }
-
-
-def _name_of(file: Path) -> str:
-    return file.stem.replace("_", "-")
+def _found() -> dict[str, tuple[str, Path]]:
+    """Return module and file of each experiment by its name, in alphabetical order."""
+    found = {}
+    for folder in map(Path, experiments.__path__):
+        for file in folder.rglob("[!_]*.py"):
+            place = file.relative_to(folder).with_suffix("").parts
+            module = ".".join((experiments.__name__, *place))
+            found[file.stem.replace("_", "-")] = module, file
+    return dict(sorted(found.items()))
 
 
 def chosen_textures(textures: str | None) -> list[str]:
@@ -173,7 +170,7 @@ def chosen_textures(textures: str | None) -> list[str]:
     if textures is None:
         return list(SURFACES)
     chosen: list[str] = []
-    for name in (name.strip() for name in textures.split(",")):
+    for name in names_of(textures):
         whole, plus, altered = (name, "", "") if Path(name).exists() else name.partition("+")
         if Path(whole).is_dir():
             found = sorted(Path(whole).glob("[!.]*"))
@@ -188,6 +185,19 @@ def chosen_textures(textures: str | None) -> list[str]:
     for name in chosen:
         get_surface(name)
     return chosen
+
+
+def names_of(listed: str | None) -> list[str]:
+    """Return the names between the commas of an option, none if it is absent."""
+    return [] if listed is None else [name.strip() for name in listed.split(",")]
+
+
+def chosen_names(option: str, listed: str, known: Iterable[str]) -> list[str]:
+    """Return the names between the commas of an option; `InputError` unless all are known."""
+    names = names_of(listed)
+    if not set(names) <= set(known) or len(set(names)) != len(names):
+        raise InputError(f"{option} {listed}: name some of {', '.join(known)}, each once")
+    return names
 
 
 def rates_of(listed: str) -> list[int]:
@@ -225,17 +235,17 @@ DRAWN: Final = 20
 _MODELS: Final = (".npz", ".xml")
 
 
-def _read(path: Path) -> Experiment:
+def _read(name: str, path: Path) -> Experiment:
     """Return the list's entry of an experiment, read from the source of its module."""
     said: dict[str, Any] = {"GROUP": "lab"}
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         match node:
             case (
-                ast.Assign(targets=[ast.Name(name)], value=ast.Constant(value))
-                | ast.AnnAssign(target=ast.Name(name), value=ast.Constant(value))
+                ast.Assign(targets=[ast.Name(key)], value=ast.Constant(value))
+                | ast.AnnAssign(target=ast.Name(key), value=ast.Constant(value))
             ):
-                said[name] = value
+                said[key] = value
     try:
-        return Experiment(_name_of(path), said["SHOWS"], said["TAKES"], said["GROUP"])
+        return Experiment(name, said["SHOWS"], said["TAKES"], said["GROUP"])
     except KeyError as error:
         raise TypeError(f"{path}: an experiment needs SHOWS and TAKES, plain texts") from error

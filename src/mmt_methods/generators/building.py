@@ -8,7 +8,7 @@ from mmt.texture.online.updates import NewSamples
 from mmt.texture.segmentation.segmenter import SampleRange, Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt_methods.generators.guarded import GuardedGenerator, raised
+from mmt_methods.generators.guarded import GuardedGenerator, told_as_fault
 from mmt_methods.generators.protocol import Builder, Observed
 
 
@@ -68,10 +68,8 @@ class GeneratorModeller:
         """Add samples that were segmented elsewhere; return the same as `update`."""
         observed = self._observe(news)
         previous = None if self.generator is None else self.generator.generator
-        try:
+        with told_as_fault(self._name, "the builder"):
             made = self._builder(observed, previous)
-        except Exception as error:
-            raise raised(self._name, "the builder", error) from error
         if made is None:
             self.generator = None
         elif made is not previous:

@@ -1,5 +1,7 @@
 """A generator whose output is checked; a sentence says what is wrong with it."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -65,10 +67,8 @@ class GuardedGenerator:
         GeneratorFault
             The generator has raised an exception.
         """
-        try:
+        with told_as_fault(self.name, "reset"):
             self.generator.reset(seed)
-        except Exception as error:
-            raise raised(self.name, "reset", error) from error
 
     def render(self, *inputs: FloatArray) -> FloatArray:
         """Return the next n samples of vibration in m/s2.
@@ -84,10 +84,8 @@ class GuardedGenerator:
         GeneratorFault
             The generator has raised an exception, or has not given n finite numbers.
         """
-        try:
+        with told_as_fault(self.name, "generate"):
             given = self.generator.generate(*(np.array(each) for each in inputs))
-        except Exception as error:
-            raise raised(self.name, "generate", error) from error
         values = self._checked(given, len(inputs[0]))
         bounded = np.clip(values, -self.limit_m_s2, self.limit_m_s2)
         self.samples += len(values)
@@ -109,6 +107,10 @@ class GuardedGenerator:
         raise GeneratorFault(f"generator {self.name}: generate gave {fault}")
 
 
-def raised(name: str, what: str, error: Exception) -> GeneratorFault:
-    """Return the fault of a generator that has raised an exception."""
-    return GeneratorFault(f"generator {name}: {what} raised {located(error)}")
+@contextmanager
+def told_as_fault(name: str, what: str) -> Iterator[None]:
+    """Raise the exceptions of a generator's own code as a `GeneratorFault`."""
+    try:
+        yield
+    except Exception as error:
+        raise GeneratorFault(f"generator {name}: {what} raised {located(error)}") from error

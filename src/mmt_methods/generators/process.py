@@ -26,7 +26,7 @@ from mmt.core.errors import MmtError
 from mmt.core.running.process import SWITCH_INTERVAL_S
 from mmt.core.running.programs import handle_end_signals
 from mmt.leader.output.model_crossfade import ModelCrossfade
-from mmt_methods.generators.guarded import GeneratorFault, GuardedGenerator, raised
+from mmt_methods.generators.guarded import GeneratorFault, GuardedGenerator, told_as_fault
 from mmt_methods.generators.registry import load
 from mmt_methods.generators.vibration import RenderedBlock
 
@@ -38,7 +38,6 @@ RESET: Final = "reset"
 
 _NICENESS: Final = 10
 """Low priority: fits use the processor time that is left over."""
-
 
 _GRACE_S: Final = 2.0
 """Time by which a process outlives the other, so that the leader sees which ended first."""
@@ -98,7 +97,8 @@ def fit(leader: Connection, renderer: Connection) -> None:
         started, seconds = perf_counter(), 0.0
         if waiting:
             last, made = copy, modeller.add(waiting)
-            copy = None if made is None else _copy(name, made.generator)
+            with told_as_fault(name, "copying it to the process that renders (pickle)"):
+                copy = None if made is None else pickle.dumps(made.generator)
             if copy != last:
                 renderer.send((epoch, copy))
             seconds = perf_counter() - started
@@ -146,24 +146,17 @@ def _read(connection: Connection, use: Callable[[Any], object]) -> None:
     Thread(target=run, daemon=True).start()
 
 
-def _copy(name: str, generator: object) -> bytes:
-    try:
-        return pickle.dumps(generator)
-    except Exception as error:
-        raise raised(name, "copying it to the process that renders (pickle)", error) from error
-
-
 def _restored(
     name: str, copy: bytes | None, limit_m_s2: float
 ) -> GuardedGenerator | GeneratorFault | None:
     if copy is None:
         return None
     try:
-        return GuardedGenerator(name, pickle.loads(copy), limit_m_s2=limit_m_s2)  # noqa: S301
+        with told_as_fault(name, "reading its copy in the process that renders (pickle)"):
+            generator = pickle.loads(copy)  # noqa: S301
+        return GuardedGenerator(name, generator, limit_m_s2=limit_m_s2)
     except GeneratorFault as fault:
         return fault
-    except Exception as error:  # noqa: BLE001 - it is told
-        return raised(name, "reading its copy in the process that renders (pickle)", error)
 
 
 def main(role: str, leader: Connection, other: Connection) -> None:

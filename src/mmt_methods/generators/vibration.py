@@ -158,21 +158,14 @@ class GeneratedVibration:
                     arrived = np.frombuffer(block.samples)
             self._number += 1
             if self.fault is None and self._under_way < _MOST_UNDER_WAY:
-                channel.send((self._number, self._motion.tobytes()))
-                self._under_way += 1
+                with suppress(OSError):  # it has ended; what it said last is read after this block
+                    channel.send((self._number, self._motion.tobytes()))
+                    self._under_way += 1
         except (OSError, EOFError):
-            self.fault = self._last_words(channel)
+            self.fault = f"generator {self._name}: the process that renders has ended"
         if self.ready:
             self._count(late=arrived is None)
         self._play(arrived)
-
-    def _last_words(self, channel: Connection) -> str:
-        """Return why the process has ended: its last message, if there is one."""
-        with suppress(OSError, EOFError):
-            while channel.poll():
-                if isinstance(answer := channel.recv(), str):
-                    return answer
-        return f"generator {self._name}: the process that renders has ended"
 
     def _note(self, block: RenderedBlock) -> None:
         self._under_way -= 1

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -116,9 +116,6 @@ def pool_models(models: Sequence[TextureModel], names: Sequence[str]) -> Pool:
     return Pool(samples, data, tuple(origin), settings)
 
 
-_KEYS: Final = ("spectral_error", "gfc", "power_error_db")
-
-
 def left_out_errors(
     data: ModelPoints, outlier: BoolArray, kept: BoolArray
 ) -> dict[str, dict[str, float] | int]:
@@ -146,12 +143,11 @@ def left_out_errors(
     for name, predicted in (("before", before[places]), ("after", after[places])):
         estimate = amplitude_of(predicted[:, :-1], predicted[:, -1], count)
         power_db = 10.0 * np.log10((estimate**2).mean(axis=1) / (truth**2).mean(axis=1))
-        figures = (
-            spectral_error(estimate, truth).mean(),
-            gfc_of_rows(estimate, truth).mean(),
-            np.sqrt(np.mean(power_db**2)),
-        )
-        result[name] = dict(zip(_KEYS, map(float, figures), strict=True))
+        result[name] = {
+            "spectral_error": float(spectral_error(estimate, truth).mean()),
+            "gfc": float(gfc_of_rows(estimate, truth).mean()),
+            "power_error_db": float(np.sqrt(np.mean(power_db**2))),
+        }
     return result
 
 
