@@ -29,10 +29,13 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "core/sequence_numbers": ("test_sequence_numbers.py", "link/test_link_reading.py"),
     "core/units": ("test_units.py",),
     "devices/adxl335/gravity": ("devices/test_adxl335_gravity.py",),
-    "devices/adxl335/framing": ("devices/test_adxl335_framing.py",),
+    "devices/adxl335/framing": (
+        "devices/test_adxl335_framing.py",
+        "devices/test_board_framing.py",
+    ),
     "devices/ati/digital_wire": ("devices/test_digital_ft_codecs.py",),
     "devices/ati/gauges": ("devices/test_gauges.py",),
-    "devices/haptuator/framing": ("devices/test_haptuator_framing.py",),
+    "devices/haptuator/framing": ("devices/test_board_framing.py",),
     "devices/haptuator/driver": (
         "devices/test_haptuator_level.py",
         "devices/test_haptuator_signal.py",

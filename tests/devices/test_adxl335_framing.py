@@ -1,103 +1,24 @@
-"""The accelerometer's frames: there and back, spoilt ones, the time axis, and the sketch in C++."""
+"""The accelerometer's frames: their time axis, and the sketch in C++ that sends them."""
 
-import pickle
-import subprocess
-from binascii import crc_hqx
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from sensor_reading import read_some
-from sketches import FIRMWARE, check_whole, compiled, needs_compiler, running
+from sketches import FIRMWARE, answers_of, check_whole, compiled, needs_compiler, running
 
 from mmt.devices.adxl335.framing import (
     MOST_SAMPLES,
-    VERSION,
-    BoardDecoder,
     BoardFrame,
     Timeline,
     encode_frame,
 )
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.adxl335.serial_driver import SerialAdxl335
-from mmt.devices.serial_ports import cobs_decode, cobs_encode
 
 SKETCH = FIRMWARE / "adxl335" / "adxl335.ino"
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "accelerometer-framing.md"
-
-u16 = st.integers(0, 2**16 - 1)
-u32 = st.integers(0, 2**32 - 1)
-frames = st.builds(
-    BoardFrame,
-    u32,
-    u32,
-    st.lists(st.tuples(u16, u16, u16), min_size=1, max_size=MOST_SAMPLES).map(tuple),
-)
-
-
-def decoder():
-    """One that has seen the end of an earlier frame."""
-    made = BoardDecoder()
-    made.feed(b"\0")
-    return made
-
-
-@given(st.lists(frames, max_size=5), st.integers(1, 50))
-def test_frames_come_back_however_the_bytes_are_cut(sent, size):
-    wire = b"".join(encode_frame(frame) for frame in sent)
-    reader, got = decoder(), []
-    for at in range(0, len(wire), size):
-        got.extend(reader.feed(wire[at : at + size]))
-    assert got == sent
-    assert not reader.faults
-
-
-@given(st.binary(max_size=253))
-def test_stuffed_bytes_hold_no_zero(plain):
-    stuffed = cobs_encode(plain)
-    assert 0 not in stuffed
-    assert len(stuffed) == len(plain) + 1
-    assert cobs_decode(stuffed) == plain
-
-
-@given(frames, st.data())
-def test_a_flipped_bit_never_passes(frame, data):
-    wire = bytearray(encode_frame(frame))
-    wire[data.draw(st.integers(0, len(wire) - 1))] ^= 1 << data.draw(st.integers(0, 7))
-    reader = decoder()
-    got = list(reader.feed(bytes(wire)))
-    after = BoardFrame(1, 2, ((3, 4, 5),))
-    got += reader.feed(b"\0" + encode_frame(after))
-    assert got == [after]
-    assert 1 <= reader.faults.total() <= 2  # a bit that made a zero cuts the frame in two
-
-
-@settings(max_examples=50)
-@given(st.binary(max_size=2000), frames)
-def test_after_any_garbage_the_next_frame_is_read(garbage, frame):
-    reader = BoardDecoder()
-    reader.feed(garbage)
-    assert list(reader.feed(b"\0" + encode_frame(frame)))[-1:] == [frame]
-    assert len(pickle.dumps(reader)) < 600
-
-
-def test_what_is_no_whole_frame_of_this_version_is_told_from_a_fault():
-    frame = BoardFrame(1000, 2_000_000, ((2048, 2050, 2458),))
-    wire = encode_frame(frame)
-    assert wire.hex(" ") in PAGE.read_text(encoding="utf-8")
-    reader = BoardDecoder()
-    assert list(reader.feed(wire[5:] + wire)) == [frame]  # the first half is none
-    assert not reader.faults
-    plain = bytes((VERSION + 1,)) + cobs_decode(wire[:-1])[1:-2]
-    checked = plain + crc_hqx(plain, 0xFFFF).to_bytes(2, "little")
-    assert not reader.feed(cobs_encode(checked) + b"\0")
-    assert reader.faults == {"other versions": 1}
-    for number in (0, MOST_SAMPLES + 1):
-        with pytest.raises(ValueError, match="1 to 32"):
-            encode_frame(frame._replace(samples=((1, 2, 3),) * number))
 
 
 def one(sequence, time_us, n=1):
@@ -178,15 +99,7 @@ def test_the_sketch_sends_what_python_reads(tmp_path):
         + " ".join(str(value) for sample in f.samples for value in sample)
         for f in sent
     ]
-    done = subprocess.run(
-        [program],
-        input="\n".join(lines),
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=150,
-    )
-    wires = [bytes.fromhex(line) for line in done.stdout.split()]
+    wires = [bytes.fromhex(line) for line in answers_of(program, lines)]
     assert wires == [encode_frame(frame) for frame in sent]
 
 

@@ -2,7 +2,6 @@
 
 import math
 import random
-import subprocess
 import time
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 
 pytest.importorskip("pty", reason="the sketch runs on a pseudo-terminal")
 
-from sketches import FIRMWARE, check_whole, compiled, needs_compiler, running
+from sketches import FIRMWARE, answers_of, check_whole, compiled, needs_compiler, running
 
 from mmt.core.errors import DeviceLost
 from mmt.devices.drivers import load_device
@@ -53,16 +52,8 @@ int main() {
 def played(program, turns):
     """Give the sketch bytes and have it play, turn by turn; return samples and reports."""
     lines = [f"{len(received)} {play} {received.hex(' ')}" for received, play in turns]
-    done = subprocess.run(
-        [program],
-        input="\n".join(lines),
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=150,
-    )
     answers = []
-    for line, (_, play) in zip(done.stdout.splitlines(), turns, strict=True):
+    for line, (_, play) in zip(answers_of(program, lines), turns, strict=True):
         words = line.split()
         answers.append(([int(word) for word in words[:play]], bytes.fromhex("".join(words[play:]))))
     return answers
