@@ -5,6 +5,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import socketio
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import COMMAND_DTYPE, FIELD_OF_CHANNEL, channels_of, frame_dtype
@@ -18,6 +19,12 @@ from mmt.link.server import LeaderServer
 from mmt.scene import Link, Network
 
 CHANNELS = ("position", "force")
+WEBSOCKET = b"GET /socket.io/?EIO=4&transport=websocket HTTP/1.1\r\n"
+UPGRADE = WEBSOCKET + (
+    b"Host: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: MTIzNDU2Nzg5MDEyMzQ1Ng==\r\n\r\n"
+)
+"""What a client asks a leader for: its first line, and all of it."""
 
 
 def frames(first, count=1, time_ns=1):
@@ -116,6 +123,18 @@ async def follower(port, notes=None, access=None, **changes):
     client = FollowerClient(url, hello(**changes), events, access=access)
     try:
         await client.connect(30.0)
+        yield client
+    finally:
+        await client.disconnect()
+
+
+@asynccontextmanager
+async def stock_client(port, token=None, **changes):
+    """python-socketio's own client in the follower's place."""
+    client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
+    auth = {**hello(**changes).to_auth(), "token": token}
+    await client.connect(f"http://127.0.0.1:{port}", auth=auth, transports=["websocket"])
+    try:
         yield client
     finally:
         await client.disconnect()

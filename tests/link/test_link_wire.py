@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 import socketio
 from aiohttp import web
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from link_samples import (
     CHANNELS,
     FollowerNotes,
@@ -22,11 +20,9 @@ from link_samples import (
     leader,
     until,
 )
-from socketio.msgpack_packet import MsgPackPacket
 
 from mmt.core.frames import CHANNELS as ALL_CHANNELS
 from mmt.core.frames import COMMAND_DTYPE, frame_dtype
-from mmt.link.protocol import encode_event
 from mmt.link.server import LeaderServer
 from mmt.scene import Link
 
@@ -41,13 +37,6 @@ AUTH = {
     "clock_id": "",
     "annotations": b"",
 }
-
-
-@given(st.text(min_size=1, max_size=10), st.binary(max_size=300))
-@settings(max_examples=50)
-def test_events_are_encoded_as_python_socketio_does(event, payload):
-    packet = MsgPackPacket(socketio.packet.EVENT, data=[event, payload], namespace="/")
-    assert encode_event(event, payload) == packet.encode()
 
 
 def test_the_layouts_are_those_of_the_page():
