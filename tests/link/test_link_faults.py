@@ -178,17 +178,6 @@ async def test_a_message_that_is_too_long_closes_that_link_alone():
             await until(lambda: notes.sequences == [0])
 
 
-async def test_events_after_the_end_are_not_of_the_session():
-    notes = LeaderNotes()
-    async with leader(notes) as server, stock_client(server.port) as client:
-        await client.emit("frames", frames(0).tobytes())
-        await client.call("end", {"reason": "x" * 1000, "frames": 1})
-        await client.emit("frames", frames(1).tobytes())
-        await client.call("end", {"reason": "again", "frames": 2})
-    assert notes.sequences == [0]
-    assert notes.ends == ["x" * 256]
-
-
 async def refused_in_time(port, said):
     client = FollowerClient(f"http://127.0.0.1:{port}", hello(), FollowerNotes().events())
     with pytest.raises(MmtError, match=said):
