@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.devices.adxl335 import framing as adxl335
@@ -77,7 +77,6 @@ def test_a_flipped_bit_never_passes(board, data):
 
 
 @for_each_board
-@settings(max_examples=60)
 @given(st.binary(max_size=2000), st.data())
 def test_after_any_garbage_the_next_frame_is_read(board, garbage, data):
     reader, frame = board.decoder(), data.draw(board.frames)

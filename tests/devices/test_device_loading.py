@@ -116,6 +116,7 @@ def test_the_line_of_another_packages_code_is_told(package, *, told):
     assert ("(arm.py, line 2)" in located(error)) == told
 
 
+VOLTS = {"volts_per_m_s2": 0.1, "full_scale_v": 6}
 REFUSED = [
     ("adxl335-board", {"board": "labjack-u6", "port": "a"}, "port is not a key; allowed .*board"),
     *((name, {"port": ""}, "port is ''") for name in ("adxl335-serial", "bota-serial")),
@@ -131,7 +132,20 @@ REFUSED = [
     ("franka", {"host": "arm", "stiffness_n_mm": 5.0}, "stiffness_n_mm is 5"),
     ("franka", {"host": "arm", "force_limit_n": 30.0}, "lower the first, or raise the second"),
     ("franka", {"host": "arm", "speed": 1.0}, "not a key; allowed are axes, host, realtime"),
+    ("haptuator-sound", {"volts_per_m_s2": 0.1}, "full_scale_v"),
+    ("haptuator-sound", {"full_scale_v": 6}, "serial"),
+    ("haptuator-sound", {**VOLTS, "low_hz": 300, "high_hz": 200}, "above low_hz"),
+    ("haptuator-sound", {**VOLTS, "limit_v": -1}, "limit_v"),
+    ("haptuator-sound", {**VOLTS, "volume": 3}, "volume"),
     ("iio-accelerometer", {"stamps": "own"}, "stamps"),
+    ("labjack-u6", {"inputs": []}, "inputs is .*at least 1"),
+    ("labjack-u6", {"inputs": [*range(14), 0]}, "inputs is .*at most 14"),
+    ("labjack-u6", {"inputs": [14]}, "input 14"),
+    ("labjack-u6", {"gain": 5}, "gain is 5"),
+    ("labjack-u6", {"inputs": [1], "differential": True}, "even half"),
+    ("labjack-u6", {"rate_hz": 50.0}, "rate_hz is 50.0"),
+    ("labjack-u6", {"rate_hz": math.nan}, "rate_hz is nan"),
+    ("labjack-u6", {"inputs": range(14), "rate_hz": 4e3}, "50000 samples .*, which is 3571 Hz"),
     ("openhaptics", {"stiffness_n_mm": 2.0, "damping_n_s_m": 1.0}, "oscillates at 1 kHz below 3"),
     ("openhaptics", {"axes": "x,y,y"}, "name x, y and z once each"),
     ("openhaptics", {"axes": "x,y,-z"}, "mirrors"),

@@ -2,13 +2,13 @@
 
 import logging
 import math
-import subprocess
 import sys
 import threading
 import time
 
 import pytest
 from emulated_arm import emulated_arm
+from python_programs import printed_by
 from scipy.spatial.transform import Rotation
 from sensor_reading import until_turned
 from waiting import until, until_lost
@@ -281,11 +281,7 @@ for library in sys.argv[1:]:
 
 def run_alone(*libraries):
     """Connect with these libraries in a process of its own; return the lines that it says."""
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, *libraries],
-        capture_output=True, text=True, check=True, timeout=60,
-    )  # fmt: skip
-    return done.stdout.splitlines()
+    return printed_by("-c", PROGRAM, *libraries).splitlines()
 
 
 def test_a_library_that_cannot_be_loaded_says_what_to_do(tmp_path, monkeypatch):

@@ -68,7 +68,6 @@ def test_nothing_is_known_of_a_sensor_that_has_sent_nothing():
         SensorClock().sensor_time(0)
 
 
-@settings(max_examples=50)
 @given(
     st.lists(st.integers(0, 20 * MS), min_size=1, max_size=400),
     st.floats(-200e-6, 200e-6),
@@ -102,7 +101,6 @@ def test_a_drift_is_found_below_random_delays(drift, seed, zero_ns):
     assert clock.drift == pytest.approx(drift, abs=10e-6)
 
 
-@settings(max_examples=50)
 @given(st.lists(st.integers(0, MS), min_size=6, max_size=25))
 def test_the_drift_is_that_of_the_line_below_every_block_within_its_doubt(delays_ns):
     """One reading in each block; the oracle tries every pair of them."""
