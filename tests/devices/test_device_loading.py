@@ -4,6 +4,7 @@ import math
 
 import pytest
 from plugin_samples import install_package
+from pydantic import BaseModel, ConfigDict
 
 from mmt.core.errors import InputError, located
 from mmt.core.plugins import is_own
@@ -12,35 +13,27 @@ from mmt.devices.drivers import load_device
 from mmt.scene import Scene
 from mmt.scene.files import environment_overrides, scene_from_tables
 
-MODULE = """
-from pydantic import BaseModel, ConfigDict
 
 class Options(BaseModel):
     model_config = ConfigDict(extra="forbid")
     host: str
     rate_hz: int = 1000
 
+
 class Sensor:
     def __init__(self, **options):
         self.options = Options(**options)
 
+
 class Plain:
     def __init__(self, port="/dev/null"):
         self.port = port
-"""
 
 
 @pytest.fixture
-def module(tmp_path, monkeypatch):
-    (tmp_path / "optional_drivers.py").write_text(MODULE)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    return "optional_drivers"
-
-
-@pytest.fixture
-def names(module, tmp_path, monkeypatch):
+def names(tmp_path, monkeypatch):
     """A driver whose role is named, and one that tells it itself: what is no role is its name."""
-    names = {"inside.force_sensor": f"{module}:Sensor", "outside.one": f"{module}:Plain"}
+    names = {"inside.force_sensor": f"{__name__}:Sensor", "outside.one": f"{__name__}:Plain"}
     install_package(tmp_path, monkeypatch, "lab-devices", {drivers.GROUP: names})
 
 
@@ -65,8 +58,8 @@ def test_every_driver_of_mmt_has_a_role_and_a_factory():
             assert callable(drivers.load_factory(driver, role))
 
 
-def test_a_name_of_mmt_cannot_be_taken(module, tmp_path, monkeypatch):
-    names = {"ati-net-ft.force_sensor": f"{module}:Plain"}
+def test_a_name_of_mmt_cannot_be_taken(tmp_path, monkeypatch):
+    names = {"ati-net-ft.force_sensor": f"{__name__}:Plain"}
     install_package(tmp_path, monkeypatch, "lab-devices", {drivers.GROUP: names})
     assert drivers.locate("ati-net-ft") == "mmt.devices.ati.net_ft:net_ft"
 
