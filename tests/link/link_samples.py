@@ -103,13 +103,10 @@ class FollowerNotes(Notes):
 
 
 @asynccontextmanager
-async def leader(notes=None, events=None, channels=CHANNELS, samples_per_frame=1, **link):
-    server = LeaderServer(
-        Link(**{"port": 0, **link}),
-        channels,
-        events or (notes or LeaderNotes()).events(),
-        samples_per_frame=samples_per_frame,
-    )
+async def leader(notes=None, events=None, channels=CHANNELS, *, made=(), **link):
+    """A leader; `made` is what its server is made of besides."""
+    events = events or (notes or LeaderNotes()).events()
+    server = LeaderServer(Link(**{"port": 0, **link}), channels, events, **dict(made))
     await server.start()
     try:
         yield server
@@ -118,9 +115,10 @@ async def leader(notes=None, events=None, channels=CHANNELS, samples_per_frame=1
 
 
 @asynccontextmanager
-async def follower(port, notes=None, access=None, **changes):
-    url, events = f"http://127.0.0.1:{port}", (notes or FollowerNotes()).events()
-    client = FollowerClient(url, hello(**changes), events, access=access)
+async def follower(port, notes=None, access=None, *, events=None, made=(), **changes):
+    """A connected follower; `made` is what its client is made of besides."""
+    url, events = f"http://127.0.0.1:{port}", events or (notes or FollowerNotes()).events()
+    client = FollowerClient(url, hello(**changes), events, access=access, **dict(made))
     try:
         await client.connect(30.0)
         yield client
@@ -161,27 +159,17 @@ async def linked(clock_hz=0.0, other=None, **network):
     leads, follows = (
         EmulatedNetwork(Network(**network), way, 1, said.append) for way in ("down", "up")
     )
-    server = LeaderServer(
-        Link(port=0),
-        CHANNELS,
-        replace(up.events(), on_jump=lambda jump: jumps.append(("leader", jump))),
-        network=leads,
+    above, below = (
+        replace(notes.events(), on_jump=lambda jump, side=side: jumps.append((side, jump)))
+        for notes, side in ((up, "leader"), (down, "follower"))
     )
-    await server.start()
-    client = FollowerClient(
-        f"http://127.0.0.1:{server.port}",
-        hello(clock_id=other or clock_id()),
-        replace(down.events(), on_jump=lambda jump: jumps.append(("follower", jump))),
-        network=follows,
-        clock_hz=clock_hz,
-    )
-    try:
-        await client.connect(10.0)
+    made = {"network": follows, "clock_hz": clock_hz}
+    async with (
+        leader(events=above, made={"network": leads}) as server,
+        follower(server.port, events=below, made=made, clock_id=other or clock_id()) as client,
+    ):
         await until(lambda: server.can_send)
         yield Linked(server, client, leads, follows, up, down, said, jumps)
-    finally:
-        await client.disconnect()
-        await server.stop()
 
 
 async def until(condition, timeout_s=30.0):

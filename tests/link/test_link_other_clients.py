@@ -43,16 +43,13 @@ async def test_a_client_that_is_not_understood_is_told_why_and_its_clock_is_miss
 
 async def test_pages_of_named_sites_may_connect_with_a_token(monkeypatch):
     site = "https://lab.example"
-    settings = Link(allow_origins=(site,))
     with pytest.raises(InputError, match="only with a token"):
-        LeaderServer(settings, CHANNELS, LeaderNotes().events())
+        LeaderServer(Link(allow_origins=(site,)), CHANNELS, LeaderNotes().events())
     with pytest.raises(ValueError, match="is no origin"):
         Link(allow_origins=("*",))
     monkeypatch.setenv("MMT_LINK_TOKEN", TOKEN)
-    server = LeaderServer(settings, CHANNELS, LeaderNotes().events())
-    await server.start()
-    url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
-    try:
+    async with leader(allow_origins=(site,)) as server:
+        url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
         async with aiohttp.ClientSession() as session, asyncio.timeout(20):
             for token, answer in (("wrong", 4), (TOKEN, 0)):
                 async with session.ws_connect(url, origin=site) as socket:
@@ -63,5 +60,3 @@ async def test_pages_of_named_sites_may_connect_with_a_token(monkeypatch):
             with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
                 await session.ws_connect(url, origin="https://other.example")
             assert refused.value.status == 403
-    finally:
-        await server.stop()
