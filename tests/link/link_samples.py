@@ -115,12 +115,15 @@ async def leader(notes=None, events=None, channels=CHANNELS, *, made=(), **link)
 
 
 @asynccontextmanager
-async def follower(port, notes=None, access=None, *, events=None, made=(), **changes):
-    """A connected follower; `made` is what its client is made of besides."""
-    url, events = f"http://127.0.0.1:{port}", events or (notes or FollowerNotes()).events()
+async def follower(
+    where, notes=None, access=None, *, events=None, made=(), timeout_s=30.0, **changes
+):
+    """A follower at a port or URL; `made` is what its client is made of besides."""
+    url = where if isinstance(where, str) else f"http://127.0.0.1:{where}"
+    events = events or (notes or FollowerNotes()).events()
     client = FollowerClient(url, hello(**changes), events, access=access, **dict(made))
     try:
-        await client.connect(30.0)
+        await client.connect(timeout_s)
         yield client
     finally:
         await client.disconnect()

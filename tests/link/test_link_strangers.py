@@ -22,7 +22,6 @@ from link_samples import (
     LeaderNotes,
     follower,
     frames,
-    hello,
     leader,
     stock_client,
     until,
@@ -33,7 +32,6 @@ import mmt.link.serving.accepting
 import mmt.link.serving.sockets
 from mmt.core.errors import MmtError
 from mmt.link.access import Access
-from mmt.link.client import FollowerClient
 from mmt.link.protocol import MAX_ANNOTATIONS_BYTES, encode_event
 from mmt.link.serving.gate import BYTES as GATE_BYTES
 from mmt.link.serving.gate import Gate
@@ -78,19 +76,10 @@ async def is_open(stream):
 
 
 async def connects_within(port, timeout_s, **access):
-    started_s = time.monotonic()
-    scheme = "https" if "authority" in access else "http"
-    client = FollowerClient(
-        f"{scheme}://127.0.0.1:{port}",
-        hello(run_id="the follower's"),
-        FollowerNotes().events(),
-        access=Access(TOKEN, **access),
-    )
-    try:
-        await client.connect(timeout_s)
+    started_s, known = time.monotonic(), Access(TOKEN, **access)
+    url = f"{'https' if access else 'http'}://127.0.0.1:{port}"
+    async with follower(url, access=known, timeout_s=timeout_s, run_id="the follower's"):
         assert time.monotonic() - started_s < timeout_s
-    finally:
-        await client.disconnect()
 
 
 @pytest.mark.parametrize("says", [b"", WEBSOCKET, UPGRADE], ids=["nothing", "half", "no hello"])
