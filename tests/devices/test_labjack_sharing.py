@@ -46,13 +46,11 @@ def test_two_readers_have_one_stream_and_each_its_own_inputs(closing):
             assert volts == pytest.approx([0.1 * n for n in numbers], abs=0.0025)
 
 
-def test_a_reader_comes_and_goes_without_disturbing_the_other(closing):
+def test_a_reader_comes_and_goes_without_disturbing_the_other(connected):
     box = EmulatedU6(level)
-    first = closing(inputs(1, backend=box))
-    first.connect()
+    first = connected(inputs(1, backend=box))
     read_some(first, 10)
-    second = closing(inputs(2, backend=box))  # made when the stream runs already
-    second.connect()
+    second = connected(inputs(2, backend=box))  # made when the stream runs already
     assert read_some(second, 10)[0].volts == pytest.approx([0.2], abs=0.0025)
     assert read_some(first, 10)[-1].volts == pytest.approx([0.1], abs=0.0025)
     first.close()
@@ -88,11 +86,9 @@ def test_what_one_stream_cannot_do_is_refused_and_the_other_goes_on(connected):
         inputs(*range(9, 14), backend=box, rate_hz=4000.0).connect()
 
 
-def test_faults_of_the_board_are_told_to_both(closing):
+def test_faults_of_the_board_are_told_to_both(connected):
     box = EmulatedU6(level)
-    first, second = closing(inputs(1, backend=box)), closing(inputs(2, backend=box))
-    first.connect()
-    second.connect()
+    first, second = (connected(inputs(number, backend=box)) for number in (1, 2))
     read_some(first, 5)
     read_some(second, 5)
     box.flip(2)
@@ -117,12 +113,10 @@ def test_faults_of_the_board_are_told_to_both(closing):
     assert read_some(second, 5)
 
 
-def test_a_driver_that_lets_its_readings_lie_holds_up_nobody(closing, monkeypatch):
+def test_a_driver_that_lets_its_readings_lie_holds_up_nobody(connected, monkeypatch):
     monkeypatch.setattr(board_sharing, "_MOST_WAITING", 50)
     box = EmulatedU6(level)
-    first, lazy = closing(inputs(0, backend=box)), closing(inputs(1, backend=box))
-    first.connect()
-    lazy.connect()
+    first, lazy = (connected(inputs(number, backend=box)) for number in (0, 1))
     read_some(first, 120)
     assert len(lazy.read()) <= 51
     assert lazy.faults["lost scans"] >= 60

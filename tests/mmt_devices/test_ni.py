@@ -44,12 +44,10 @@ def inputs(*numbers, backend, **options):
     return load_device("ni-daqmx", {"inputs": numbers, "backend": backend, **options})
 
 
-def test_inputs_are_measured_against_ground_or_their_partners_at_the_boards_rate(closing):
+def test_inputs_are_measured_against_ground_or_their_partners_at_the_boards_rate(connected):
     box = EmulatedNi(level)
-    reader = closing(inputs(3, 0, backend=box, rate_hz=3000.0))
-    single = closing(inputs(14, 6, backend=box, terminals="rse", rate_hz=3000.0))
-    reader.connect()
-    single.connect()
+    reader = connected(inputs(3, 0, backend=box, rate_hz=3000.0))
+    single = connected(inputs(14, 6, backend=box, terminals="rse", rate_hz=3000.0))
     assert box.channels == 4  # in one task
     assert reader.serial == single.serial == "ni-1A2B3C"
     readings, others = read_some(reader, 300), read_some(single, 300)
@@ -91,11 +89,9 @@ def test_a_board_that_is_read_too_late_says_so_and_goes_on(connected, caplog):
     assert sum(steps) == 500_000 * (len(steps) + lost)
 
 
-def test_an_unplugged_board_is_lost_and_comes_back(closing):
+def test_an_unplugged_board_is_lost_and_comes_back(connected):
     box = EmulatedNi(level)
-    reader, other = closing(inputs(0, backend=box)), closing(inputs(1, backend=box))
-    reader.connect()
-    other.connect()
+    reader, other = (connected(inputs(number, backend=box)) for number in (0, 1))
     box.plugged = False
     for each in (reader, other):
         read_until_lost(each, r"NI Dev1 is gone: Device cannot be .*-201003")
