@@ -8,6 +8,7 @@ import pytest
 import usb.core
 from driver_fixtures import own_calibrations  # noqa: F401 - a fixture
 from sensor_reading import read_some
+from waiting import check_refused
 
 from mmt.core.errors import InputError, MmtError
 from mmt.devices.drivers import load_device
@@ -86,8 +87,7 @@ def test_a_stream_that_a_program_left_behind_is_ended(closing):
     left.send(packets.stream_config(plan([AnalogInput(0)], 1000.0)), packets.STREAM_CONFIG)
     left.start()
     source = closing(U6Voltages([AnalogInput(5)], backend=box))
-    with pytest.raises(MmtError, match="another program has the LabJack U6 open"):
-        source.connect()
+    check_refused(source.connect, "another program has the LabJack U6 open")
     left._ending.set()
     box.kill_program()  # nothing stops the stream
     source.connect()
@@ -110,19 +110,16 @@ def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch):
     with pytest.raises(MmtError, match="with serial number 7 on USB: plug it in; there is 36000"):
         U6Voltages([AnalogInput(0)], box=7, backend=box).connect()
     box.forbid()
-    with pytest.raises(MmtError, match="udev rule"):
-        U6Voltages([AnalogInput(0)], backend=box).connect()
+    check_refused(U6Voltages([AnalogInput(0)], backend=box).connect, "udev rule")
     box.forbid(forbidden=False)
     box.erase()
-    with pytest.raises(MmtError, match="is not calibrated"):
-        U6Voltages([AnalogInput(0)], backend=box).connect()
+    check_refused(U6Voltages([AnalogInput(0)], backend=box).connect, "is not calibrated")
 
     def absent(**_):
         raise usb.core.NoBackendError("none")
 
     monkeypatch.setattr(usb_link.usb, "core", SimpleNamespace(**vars(usb.core) | {"find": absent}))
-    with pytest.raises(MmtError, match=r"libusb 1\.0 is not there: install it"):
-        U6Voltages([AnalogInput(0)]).connect()
+    check_refused(U6Voltages([AnalogInput(0)]).connect, r"libusb 1\.0 is not there: install it")
 
 
 def test_the_name_of_an_earlier_driver_is_told_by_its_new_one():

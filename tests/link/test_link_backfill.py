@@ -100,6 +100,7 @@ async def test_frames_go_out_as_many_at_once_as_the_hello_says(keep_frames):
         sender.put(np.zeros(1))
     for first in range(5):
         sender.put(frames(first))
+        sender.put(frames(0, 0))  # of which nothing is sent
     await outbox.flush(10.0)
     assert link.messages == [encode_event(FRAMES, frames(0, 3).tobytes())]
     assert sender.sent == 3

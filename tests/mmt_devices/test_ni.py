@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from nano17_files import write_calibration
 from running_source import RunningSource
 from sensor_reading import read_some, read_until_fault, read_until_lost
+from waiting import check_refused
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.frames import acceleration_samples
@@ -95,8 +96,7 @@ def test_an_unplugged_board_is_lost_and_comes_back(connected):
     box.plugged = False
     for each in (reader, other):
         read_until_lost(each, r"NI Dev1 is gone: Device cannot be .*-201003")
-        with pytest.raises(MmtError, match="there is no board by NI: plug it in; there is none"):
-            each.connect()
+        check_refused(each.connect, "there is no board by NI: plug it in; there is none")
     box.plugged = True
     for each in (reader, other):
         each.connect()
@@ -109,8 +109,7 @@ def test_an_unplugged_board_is_lost_and_comes_back(connected):
     reader.connect()
     assert read_some(reader, 5)
     reader.close()
-    with pytest.raises(DeviceLost, match="is not open"):
-        reader.read()
+    check_refused(reader.read, "is not open", DeviceLost)
 
 
 def test_what_one_task_cannot_do_is_refused_and_the_other_goes_on(connected):
@@ -121,8 +120,7 @@ def test_what_one_task_cannot_do_is_refused_and_the_other_goes_on(connected):
         (inputs(2, backend=box, rate_hz=1000.0), "1000 scans a second, another for 2000"),
         (inputs(2, 40, backend=box), "Dev1 has no ai40, but 16 inputs from ai0 on"),
     ):
-        with pytest.raises(InputError, match=words):
-            wrong.connect()
+        check_refused(wrong.connect, words, InputError)
     with pytest.raises(MmtError, match="AI_TermCfg Possible Values: DAQmx_Val_RSE"):
         (refused := inputs(9, backend=box)).connect()
     first.close()
@@ -153,8 +151,7 @@ def test_which_board_is_told_where_there_are_several_or_another_program_has_it(c
     taken = EmulatedNi(level)
     task = taken.task()
     task.start()
-    with pytest.raises(MmtError, match="another program has it: close that one"):
-        inputs(0, backend=taken).connect()
+    check_refused(inputs(0, backend=taken).connect, "another program has it: close that one")
     task.close()
 
 
@@ -163,8 +160,7 @@ def test_boards_are_listed_and_a_missing_driver_is_told(monkeypatch):
     monkeypatch.setattr("nidaqmx._library_interpreter.lib_importer", nidaqmx._lib.DaqLibImporter())
     monkeypatch.setattr("nidaqmx._lib.find_library", lambda _name: None)
     assert re.search(r"NI-DAQmx, which is not installed; .* -m nidaqmx inst", driver.missing())
-    with pytest.raises(MmtError, match="NI-DAQmx, which is not installed"):
-        load_device("ni-daqmx").connect()
+    check_refused(load_device("ni-daqmx").connect, "NI-DAQmx, which is not installed")
 
 
 ANYTHING = st.one_of(
