@@ -29,10 +29,13 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "core/sequence_numbers": ("test_sequence_numbers.py", "link/test_link_reading.py"),
     "core/units": ("test_units.py",),
     "devices/adxl335/gravity": ("devices/test_adxl335_gravity.py",),
-    "devices/adxl335/framing": ("devices/test_adxl335_framing.py",),
+    "devices/adxl335/framing": (
+        "devices/test_adxl335_framing.py",
+        "devices/test_board_framing.py",
+    ),
     "devices/ati/digital_wire": ("devices/test_digital_ft_codecs.py",),
     "devices/ati/gauges": ("devices/test_gauges.py",),
-    "devices/haptuator/framing": ("devices/test_haptuator_framing.py",),
+    "devices/haptuator/framing": ("devices/test_board_framing.py",),
     "devices/haptuator/driver": (
         "devices/test_haptuator_level.py",
         "devices/test_haptuator_signal.py",
@@ -48,7 +51,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "follower/guarded_source": ("follower/test_guarded_source.py", "follower/test_motion_limit.py"),
     "follower/round_trips": ("follower/test_round_trips.py", "follower/test_command_guard.py"),
     "leader/backfill": ("leader/test_leader_backfill.py", "leader/test_missing_frames.py"),
-    "leader/motion/feedback": ("leader/test_streamed_force.py",),
+    "leader/motion/feedback": ("leader/test_streamed_force.py", "leader/test_handle_loss.py"),
     "leader/motion/hand_contact": ("leader/test_follower_contact.py",),
     "leader/numbering": ("leader/test_numbering.py",),
     "leader/output/concealment": ("leader/test_concealment.py",),
@@ -61,7 +64,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "link/frame_sender": ("link/test_link_backfill.py",),
     "link/handshake": ("link/test_link_handshake.py",),
     "link/incoming": ("link/test_rate_limit.py", "link/test_link_reading.py"),
-    "link/protocol": ("link/test_link_protocol.py",),
+    "link/protocol": ("link/test_link_protocol.py", "link/test_link_receiving.py"),
     "link/queue": ("link/test_link_outbox.py", "link/test_link_backlog.py"),
     "link/websocket": (
         "link/test_link_websocket.py",

@@ -5,7 +5,7 @@ import time
 import psutil
 import pytest
 
-from mmt.core.errors import DeviceLost
+from mmt.core.errors import DeviceLost, MmtError
 
 PATIENCE_S = 30.0
 
@@ -23,6 +23,12 @@ def until_lost(act, words):
     """Act every millisecond until the device is lost, and says these words."""
     with pytest.raises(DeviceLost, match=words):
         until(lambda: False, act)
+
+
+def check_refused(act, words, kind=MmtError):
+    """See that what is tried, as to connect, is refused in these words."""
+    with pytest.raises(kind, match=words):
+        act()
 
 
 def children(word, parent=None):

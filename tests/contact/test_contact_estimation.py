@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.contact.estimation import ContactEstimator, ContactModel, EstimationSettings
@@ -249,7 +249,6 @@ def test_what_moves_teaches_and_what_rests_only_if_the_model_is_wrong():
 @given(
     st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-100.0, 100.0)), min_size=1, max_size=200)
 )
-@settings(max_examples=60)
 def test_any_data_give_a_finite_model_that_never_pulls(data):
     estimator = ContactEstimator()
     for depth, force in data:

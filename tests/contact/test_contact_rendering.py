@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.contact.estimation import ContactModel
@@ -85,7 +85,6 @@ def test_without_a_model_and_without_a_place_there_is_no_force():
     st.lists(st.tuples(st.none() | models, st.floats(-1.0, 1.0)), min_size=1, max_size=150),
     st.floats(1e2, 1e5),
 )
-@settings(max_examples=80)
 def test_no_sequence_of_updates_gives_energy_to_the_hand(ticks, stiffest):
     """Random models at random ticks; exact work on a hand within its reach of acceleration."""
     limits = PassivitySettings()

@@ -109,7 +109,6 @@ def test_hunt_crossley_restitution():
     assert velocity / 0.2 == pytest.approx(1 - 2 / 3 * 0.3 * 0.2, abs=2e-3)
 
 
-@settings(max_examples=100)
 @given(
     STIFFNESS,
     st.floats(0.0, 100.0),
@@ -158,7 +157,6 @@ def test_bad_parameters_are_refused(value):
             ContactLaw(1.0, 0.0, value)
 
 
-@settings(max_examples=100)
 @given(st.floats(0.0, 1.0), st.floats(0.0, 20.0), VELOCITY, st.floats(1e-5, 5e-3))
 def test_friction_takes_energy_out(coefficient, normal_n, velocity, step_s):
     drive, position = Drive(0.08, 700.0, 0.0), 0.01

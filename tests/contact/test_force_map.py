@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.contact.force_map import ForceMap, SmoothSpeed
@@ -69,7 +69,6 @@ def test_newer_samples_replace_older_ones():
     st.floats(),
     st.floats(),
 )
-@settings(max_examples=100)
 def test_any_data_give_a_force_within_what_was_met(data, depth_m, speed_m_s):
     memory = ForceMap()
     for sample in data:

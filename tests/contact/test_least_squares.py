@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.contact.least_squares import LARGEST_RISE, RecursiveLeastSquares
@@ -41,7 +41,6 @@ def test_forgetting_follows_a_change_and_weighs_as_exponentials_do():
 
 
 @given(samples, st.floats(0.5, 1.0))
-@settings(max_examples=60)
 def test_variances_stay_positive_and_bounded_whatever_comes(rows, forgetting):
     initial = (100.0, 4.0, 0.5)
     estimate = RecursiveLeastSquares(initial, noise_variance=1e-2, forgetting=forgetting)

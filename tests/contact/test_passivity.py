@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mmt.contact.passivity import REACH_M_S2, ForcePort, MotionPort, PassivitySettings
@@ -34,7 +34,6 @@ class Account:
 
 
 @given(st.lists(st.tuples(forces, st.floats(-1.0, 1.0)), max_size=120))
-@settings(max_examples=60)
 def test_a_hand_within_reach_never_gets_more_than_the_reserve(ticks):
     """Any forces, any motion whose acceleration is below what is expected of a hand."""
     port, account = ForcePort(SETTINGS), Account()
@@ -49,7 +48,6 @@ def test_a_hand_within_reach_never_gets_more_than_the_reserve(ticks):
 
 
 @given(st.lists(st.tuples(forces, st.floats(-0.5, 0.5)), max_size=120))
-@settings(max_examples=60)
 @example([(50.0, 0.0), (50.0, 0.5), (50.0, -0.5)] * 20)
 def test_any_jump_overdraws_at_most_its_own_work_and_that_is_told(ticks):
     """Positions that no hand takes, half a metre from tick to tick."""
@@ -69,7 +67,6 @@ def test_any_jump_overdraws_at_most_its_own_work_and_that_is_told(ticks):
         st.tuples(forces, st.floats(-1.0, 1.0), st.floats(0.0, 1e-3), st.booleans()), max_size=120
     )
 )
-@settings(max_examples=60)
 def test_it_gives_no_more_than_the_other_side_gave_however_late_its_counts_come(ticks):
     port, account = ForcePort(SETTINGS), Account()
     position = travel = given_j = heard_j = 0.0
@@ -149,7 +146,6 @@ def test_after_a_rest_it_begins_at_a_new_position():
     st.lists(st.tuples(st.floats(-2e-4, 2e-4), st.floats(0.0, 20.0)), min_size=1, max_size=120),
     st.floats(0.0, 1e-2),
 )
-@settings(max_examples=60)
 def test_a_surface_gets_what_was_sent_and_the_reserve_while_there_is_drift_left(ticks, given_j):
     """A force that only pushes; overdrawn by no more than the work of a tick at each touch."""
     settings = PassivitySettings(drift_m=1e9)

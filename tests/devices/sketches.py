@@ -105,6 +105,15 @@ def compiled(source, directory, *words):
     return program
 
 
+def answers_of(program, lines):
+    """Give a program these lines; return those that it answers."""
+    text = "\n".join(lines)
+    done = subprocess.run(
+        [program], input=text, capture_output=True, text=True, check=True, timeout=150
+    )
+    return done.stdout.splitlines()
+
+
 def check_whole(sketch, directory, *macros):
     """Compile a sketch as for the board of these macros, without a program."""
     (directory / "Arduino.h").write_text(ARDUINO)

@@ -1,47 +1,24 @@
-"""The accelerometer's frames: those of another version, the time axis, and the sketch in C++."""
+"""The accelerometer's frames: their time axis, and the sketch in C++ that sends them."""
 
-import subprocess
-from binascii import crc_hqx
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from sensor_reading import read_some
-from sketches import FIRMWARE, check_whole, compiled, needs_compiler, running
+from sketches import FIRMWARE, answers_of, check_whole, compiled, needs_compiler, running
 
 from mmt.devices.adxl335.framing import (
     MOST_SAMPLES,
-    VERSION,
-    BoardDecoder,
     BoardFrame,
     Timeline,
     encode_frame,
 )
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.adxl335.serial_driver import SerialAdxl335
-from mmt.devices.serial_ports import cobs_decode, cobs_encode
 
 SKETCH = FIRMWARE / "adxl335" / "adxl335.ino"
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "accelerometer-framing.md"
-
-
-def test_what_is_no_whole_frame_of_this_version_is_told_from_a_fault():
-    frame = BoardFrame(1000, 2_000_000, ((2048, 2050, 2458),))
-    wire = encode_frame(frame)
-    assert wire.hex(" ") in PAGE.read_text(encoding="utf-8")
-    reader = BoardDecoder()
-    assert list(reader.feed(wire[5:] + wire)) == [frame]  # the first half is none
-    assert not reader.faults
-    plain = bytes((VERSION + 1,)) + cobs_decode(wire[:-1])[1:-2]
-    checked = plain + crc_hqx(plain, 0xFFFF).to_bytes(2, "little")
-    assert not reader.feed(cobs_encode(checked) + b"\0")
-    assert reader.faults == {"other versions": 1}
-    for number in (0, MOST_SAMPLES + 1):
-        with pytest.raises(ValueError, match="1 to 32"):
-            encode_frame(frame._replace(samples=((1, 2, 3),) * number))
 
 
 def one(sequence, time_us, n=1):
@@ -122,15 +99,7 @@ def test_the_sketch_sends_what_python_reads(tmp_path):
         + " ".join(str(value) for sample in f.samples for value in sample)
         for f in sent
     ]
-    done = subprocess.run(
-        [program],
-        input="\n".join(lines),
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=150,
-    )
-    wires = [bytes.fromhex(line) for line in done.stdout.split()]
+    wires = [bytes.fromhex(line) for line in answers_of(program, lines)]
     assert wires == [encode_frame(frame) for frame in sent]
 
 

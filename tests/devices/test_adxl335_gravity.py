@@ -39,8 +39,8 @@ zeros = st.tuples(*[st.floats(1.4, 1.9)] * 3)
 gains = st.tuples(*[st.floats(0.0285, 0.0385)] * 3)
 
 
-@given(zeros, gains, st.permutations(UPS), st.integers(4, 6))
-def test_what_was_put_in_comes_out(zero, gain, ups, number):
+@given(zeros, gains, st.permutations(UPS), st.integers(3, 6))
+def test_what_was_put_in_comes_out_of_three_orientations_and_more(zero, gain, ups, number):
     true = GravityCalibration(zero, gain)
     if {up[1] for up in ups[:number]} != set("xyz"):
         number = 6
@@ -48,11 +48,6 @@ def test_what_was_put_in_comes_out(zero, gain, ups, number):
     assert found.zero_v == pytest.approx(zero, abs=1e-9)
     assert found.gain_v_per_m_s2 == pytest.approx(gain, rel=1e-9)
     assert found.residual_m_s2 < 1e-6
-
-
-def test_three_orientations_are_enough():
-    found = calibrate([rest(up) for up in ("+x", "-y", "+z")], 3.3)
-    assert found.gain_v_per_m_s2 == pytest.approx(TRUE.gain_v_per_m_s2)
 
 
 def test_noise_is_averaged_as_least_squares_does():

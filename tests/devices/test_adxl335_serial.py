@@ -7,6 +7,7 @@ import sys
 import pytest
 from driver_fixtures import own_calibrations  # noqa: F401 - a fixture
 from sensor_reading import read_some, read_until, read_until_fault
+from waiting import check_refused
 
 from mmt.core.errors import MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, GravityCalibration
@@ -88,8 +89,7 @@ def test_a_board_that_is_silent_or_sends_text_is_told(boards, drivers, monkeypat
         drivers(board, start_s=0.2).connect()
     board = boards()
     monkeypatch.setattr(board, "_spoil", lambda wire: b"x: 512, y: 510\r\n")
-    with pytest.raises(MmtError, match="sends text: another sketch"):
-        drivers(board, start_s=0.2).connect()
+    check_refused(drivers(board, start_s=0.2).connect, "sends text: another sketch")
 
 
 def test_an_overload_is_cut_off_counted_and_told_once(boards, drivers, connected, caplog):

@@ -58,17 +58,12 @@ def test_overload_is_counted_by_force_and_by_torque():
     assert tested.force((0.0, 0.0, 0.0, 0.0, -121.0, 0.0)) == (0.0, 0.0, 0.0)
     assert tested.force((12.0, -12.0, 17.0, 120.0, 120.0, -120.0)) is not None
     assert tested.faults["overload"] == 2
-    tested = converter(matrix_of([[0.5, 0.5, 0.0, 0.0, 0.0, 0.0], *[[0.0] * 6] * 5]))
-    assert tested.force((20.0, 4.0, 0.0, 0.0, 0.0, 0.0)) == (12.0, 0.0, 0.0)
-    assert tested.faults["overload"] == 0
-    assert tested.force((80.0, 16.0, 0.0, 0.0, 0.0, 0.0)) == (48.0, 0.0, 0.0)
-    assert +tested.faults == {"overload": 1}
 
 
 @given(
     st.lists(st.lists(SOME, min_size=6, max_size=6), min_size=6, max_size=6),
     st.lists(SOME, min_size=6, max_size=6),
-    st.sampled_from([0.0, 0.5, 0.99, 1.01, 1.5, 3.0, 3.99, 4.01, 6.0, 1e200, math.inf]),
+    st.sampled_from([0.0, 0.5, 0.99, 1.01, 1.5, 3.0, 3.99, 4.01, 6.0, 1e200, math.inf, math.nan]),
     st.booleans(),
 )
 def test_what_is_beyond_the_range_is_found_for_every_matrix(matrix, direction, share, diagonally):
@@ -85,14 +80,6 @@ def test_what_is_beyond_the_range_is_found_for_every_matrix(matrix, direction, s
     assert (tested.force(raw) is None) == (not largest <= 4.0)
     assert tested.faults["impossible value"] == (not largest <= 4.0)
     assert tested.faults["overload"] == (1.0 < largest <= 4.0)
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300, 49.0])
-def test_an_impossible_value_is_left_out(value):
-    tested = converter()
-    for count in (1, 2):
-        assert tested.force((value, 0.0, 0.0, 0.0, 0.0, 0.0)) is None
-        assert tested.faults == {"impossible value": count}
 
 
 @given(st.integers(0, 2), st.floats(0.0, 0.1))

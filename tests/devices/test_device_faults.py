@@ -10,9 +10,10 @@ import pytest
 from driver_fixtures import own_calibrations  # noqa: F401 - a fixture
 from running_source import RunningSource
 from sensor_reading import read_some, read_until_lost
+from waiting import check_refused
 
 from mmt.core.arrays import Vector
-from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.errors import DeviceLost
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.drivers import load_device
 from mmt.testing.emulated.net_ft import EmulatedNetFt
@@ -152,10 +153,8 @@ def test_what_is_unplugged_is_explained_and_goes_on_in_time(bench):
     sensor.calibrate()
     bench.device.unplug()
     read_until_lost(sensor, gone)
-    with pytest.raises(MmtError, match=absent):
-        sensor.connect()
-    with pytest.raises(DeviceLost, match="is closed"):
-        sensor.read()
+    check_refused(sensor.connect, absent)
+    check_refused(sensor.read, "is closed", DeviceLost)
     bench.device.plug()
     sensor.connect()
     after = read_some(sensor)
@@ -167,8 +166,7 @@ def test_what_is_unplugged_is_explained_and_goes_on_in_time(bench):
 @pytest.mark.parametrize("bench", [digital_ft, adxl335, bota], indirect=True)
 def test_a_port_that_is_in_use_or_not_permitted_is_explained(bench, monkeypatch):
     bench.sensor.connect()
-    with pytest.raises(MmtError, match="another program has it open"):
-        bench.load().connect()
+    check_refused(bench.load().connect, "another program has it open")
     bench.sensor.close()
 
     def refuse(*_):
@@ -176,8 +174,7 @@ def test_a_port_that_is_in_use_or_not_permitted_is_explained(bench, monkeypatch)
 
     with monkeypatch.context() as patch:
         patch.setattr("os.open", refuse)
-        with pytest.raises(MmtError, match=r"no permission\. On Linux add yourself to the group"):
-            bench.sensor.connect()
+        check_refused(bench.sensor.connect, r"no permission\. On Linux add yourself to the group")
 
 
 USELESS = {
@@ -230,8 +227,7 @@ def test_a_device_that_gives_nothing_usable_is_refused_until_it_does(bench, conn
     faulty(bench, bad=True)
     patience = {} if bench.driver.startswith("ati") else {"start_s": 0.3}
     sensor = bench.load(**patience)
-    with pytest.raises(MmtError, match=USELESS[bench.driver][1]):
-        sensor.connect()
+    check_refused(sensor.connect, USELESS[bench.driver][1])
     faulty(bench, bad=False)
     assert read_some(connected(sensor))
 
@@ -244,8 +240,7 @@ def test_a_stuck_device_is_refused(bench, connected):
     read_some(sensor, 20)
     bench.device.stuck = True
     read_until_lost(sensor, STUCK)
-    with pytest.raises(MmtError, match=STUCK):
-        sensor.connect()
+    check_refused(sensor.connect, STUCK)
 
 
 def test_a_stuck_device_stays_lost_until_its_value_changes(bench, running):

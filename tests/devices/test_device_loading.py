@@ -4,6 +4,7 @@ import math
 
 import pytest
 from plugin_samples import install_package
+from pydantic import BaseModel, ConfigDict
 
 from mmt.core.errors import InputError, located
 from mmt.core.plugins import is_own
@@ -12,35 +13,27 @@ from mmt.devices.drivers import load_device
 from mmt.scene import Scene
 from mmt.scene.files import environment_overrides, scene_from_tables
 
-MODULE = """
-from pydantic import BaseModel, ConfigDict
 
 class Options(BaseModel):
     model_config = ConfigDict(extra="forbid")
     host: str
     rate_hz: int = 1000
 
+
 class Sensor:
     def __init__(self, **options):
         self.options = Options(**options)
 
+
 class Plain:
     def __init__(self, port="/dev/null"):
         self.port = port
-"""
 
 
 @pytest.fixture
-def module(tmp_path, monkeypatch):
-    (tmp_path / "optional_drivers.py").write_text(MODULE)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    return "optional_drivers"
-
-
-@pytest.fixture
-def names(module, tmp_path, monkeypatch):
+def names(tmp_path, monkeypatch):
     """A driver whose role is named, and one that tells it itself: what is no role is its name."""
-    names = {"inside.force_sensor": f"{module}:Sensor", "outside.one": f"{module}:Plain"}
+    names = {"inside.force_sensor": f"{__name__}:Sensor", "outside.one": f"{__name__}:Plain"}
     install_package(tmp_path, monkeypatch, "lab-devices", {drivers.GROUP: names})
 
 
@@ -65,8 +58,8 @@ def test_every_driver_of_mmt_has_a_role_and_a_factory():
             assert callable(drivers.load_factory(driver, role))
 
 
-def test_a_name_of_mmt_cannot_be_taken(module, tmp_path, monkeypatch):
-    names = {"ati-net-ft.force_sensor": f"{module}:Plain"}
+def test_a_name_of_mmt_cannot_be_taken(tmp_path, monkeypatch):
+    names = {"ati-net-ft.force_sensor": f"{__name__}:Plain"}
     install_package(tmp_path, monkeypatch, "lab-devices", {drivers.GROUP: names})
     assert drivers.locate("ati-net-ft") == "mmt.devices.ati.net_ft:net_ft"
 
@@ -116,6 +109,7 @@ def test_the_line_of_another_packages_code_is_told(package, *, told):
     assert ("(arm.py, line 2)" in located(error)) == told
 
 
+VOLTS = {"volts_per_m_s2": 0.1, "full_scale_v": 6}
 REFUSED = [
     ("adxl335-board", {"board": "labjack-u6", "port": "a"}, "port is not a key; allowed .*board"),
     *((name, {"port": ""}, "port is ''") for name in ("adxl335-serial", "bota-serial")),
@@ -131,7 +125,20 @@ REFUSED = [
     ("franka", {"host": "arm", "stiffness_n_mm": 5.0}, "stiffness_n_mm is 5"),
     ("franka", {"host": "arm", "force_limit_n": 30.0}, "lower the first, or raise the second"),
     ("franka", {"host": "arm", "speed": 1.0}, "not a key; allowed are axes, host, realtime"),
+    ("haptuator-sound", {"volts_per_m_s2": 0.1}, "full_scale_v"),
+    ("haptuator-sound", {"full_scale_v": 6}, "serial"),
+    ("haptuator-sound", {**VOLTS, "low_hz": 300, "high_hz": 200}, "above low_hz"),
+    ("haptuator-sound", {**VOLTS, "limit_v": -1}, "limit_v"),
+    ("haptuator-sound", {**VOLTS, "volume": 3}, "volume"),
     ("iio-accelerometer", {"stamps": "own"}, "stamps"),
+    ("labjack-u6", {"inputs": []}, "inputs is .*at least 1"),
+    ("labjack-u6", {"inputs": [*range(14), 0]}, "inputs is .*at most 14"),
+    ("labjack-u6", {"inputs": [14]}, "input 14"),
+    ("labjack-u6", {"gain": 5}, "gain is 5"),
+    ("labjack-u6", {"inputs": [1], "differential": True}, "even half"),
+    ("labjack-u6", {"rate_hz": 50.0}, "rate_hz is 50.0"),
+    ("labjack-u6", {"rate_hz": math.nan}, "rate_hz is nan"),
+    ("labjack-u6", {"inputs": range(14), "rate_hz": 4e3}, "50000 samples .*, which is 3571 Hz"),
     ("openhaptics", {"stiffness_n_mm": 2.0, "damping_n_s_m": 1.0}, "oscillates at 1 kHz below 3"),
     ("openhaptics", {"axes": "x,y,y"}, "name x, y and z once each"),
     ("openhaptics", {"axes": "x,y,-z"}, "mirrors"),

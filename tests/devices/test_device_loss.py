@@ -4,6 +4,7 @@ import time as real_time
 
 import numpy as np
 import pytest
+from instruments import Instrument
 from synthetic_sensors import MS, SteppedSource, SyntheticSensor, simulated_time
 from waiting import until
 
@@ -14,32 +15,20 @@ from mmt.devices.streaming.slots import SampledSlot
 from mmt.devices.streaming.source import DeviceSource
 
 
-class Arm:
+class Arm(Instrument):
     """A robot that can be unplugged."""
 
-    def __init__(self):
-        self.calls = []
-        self.written = []
-        self.lost = False
+    lost = False
 
     def connect(self):
-        self.calls.append("connect")
+        super().connect()
         if self.lost:
             raise MmtError("still unplugged")
-
-    def calibrate(self):
-        self.calls.append("calibrate")
-
-    def close(self):
-        """Nothing is held."""
 
     def read(self):
         if self.lost:
             raise DeviceLost("the arm does not answer")
-        return (1.0, 2.0, 3.0)
-
-    def write(self, position_mm):
-        self.written.append(position_mm)
+        return super().read()
 
 
 @pytest.fixture
@@ -283,21 +272,17 @@ def test_a_device_that_cannot_be_closed_is_connected_all_the_same():
     assert (device.tries, reconnection.reason) == (2, "not yet")
 
 
-class Mute:
+class Mute(Instrument):
     """Can always be connected, and answers so many times after that."""
 
     def __init__(self, answers=0):
+        super().__init__()
         self._answers = answers
         self.connected_s = []
 
     def connect(self):
         self.connected_s.append(real_time.monotonic())
         self._left = self._answers
-
-    def calibrate(self):
-        """Need none."""
-
-    close = calibrate
 
     def read(self, elapsed_ticks=1):
         self._left -= 1

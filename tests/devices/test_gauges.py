@@ -13,8 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from sensor_reading import read_some, read_until_fault, read_until_lost
+from waiting import check_refused
 
-from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import DeviceLost, InputError
 from mmt.devices.ati.gauges import (
     Gauges,
     GaugesOptions,
@@ -244,8 +245,7 @@ def test_the_calibration_is_checked(file, board):
     with pytest.raises(InputError, match="its serial number is FT00019, expected is FT1"):
         make(file, board, serial="FT1")
     board.inputs = 4
-    with pytest.raises(InputError, match="set to 4 inputs, the gauges need six"):
-        make(file, board)
+    check_refused(lambda: make(file, board), "set to 4 inputs, the gauges need six", InputError)
 
 
 def test_overload_saturation_and_broken_voltages_are_counted(board, sensor):
@@ -268,8 +268,7 @@ def test_each_gauge_saturates_at_either_end(board, sensor, gauge, volts, saturat
     sensor.read()
     assert sensor.faults.get("saturation", 0) == saturated
     sensor.close()
-    with pytest.raises(DeviceLost, match=r"gauges by FT00019.cal is closed: connect it again"):
-        sensor.read()
+    check_refused(sensor.read, r"gauges by FT00019.cal is closed: connect it again", DeviceLost)
 
 
 def test_silence_stuck_voltages_and_the_boards_own_faults_are_told(board, sensor):
@@ -279,8 +278,7 @@ def test_silence_stuck_voltages_and_the_boards_own_faults_are_told(board, sensor
     read_until_lost(sensor, "the very same values")
     board.silent = True
     read_until_lost(sensor, "no record for")
-    with pytest.raises(MmtError, match="the board gives no voltages"):
-        sensor.connect()
+    check_refused(sensor.connect, "the board gives no voltages")
 
 
 def board_of_a_lab(*, amplified):

@@ -2,7 +2,6 @@
 
 import math
 import random
-import subprocess
 import time
 
 import numpy as np
@@ -10,7 +9,8 @@ import pytest
 
 pytest.importorskip("pty", reason="the sketch runs on a pseudo-terminal")
 
-from sketches import FIRMWARE, check_whole, compiled, needs_compiler, running
+from sketches import FIRMWARE, answers_of, check_whole, compiled, needs_compiler, running
+from test_haptuator_serial import play as play_tone
 
 from mmt.core.errors import DeviceLost
 from mmt.devices.drivers import load_device
@@ -53,16 +53,8 @@ int main() {
 def played(program, turns):
     """Give the sketch bytes and have it play, turn by turn; return samples and reports."""
     lines = [f"{len(received)} {play} {received.hex(' ')}" for received, play in turns]
-    done = subprocess.run(
-        [program],
-        input="\n".join(lines),
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=150,
-    )
     answers = []
-    for line, (_, play) in zip(done.stdout.splitlines(), turns, strict=True):
+    for line, (_, play) in zip(answers_of(program, lines), turns, strict=True):
         words = line.split()
         answers.append(([int(word) for word in words[:play]], bytes.fromhex("".join(words[play:]))))
     return answers
@@ -164,14 +156,7 @@ def test_the_driver_plays_a_tone_on_the_sketch(tmp_path):
         options = {"volts_per_m_s2": 0.1, "full_scale_v": 6.0, "buffer_ms": 50.0}
         device = load_device("haptuator-serial", {**options, "port": sketch.path})
         device.connect()
-        begin, written = time.monotonic(), 0
-        while written < 1000:
-            due = int(1000.0 * (time.monotonic() - begin)) - written
-            tone = [10.0 * math.sin(0.4 * math.pi * (written + k) + 0.3) for k in range(due)]
-            if due > 0:
-                device.write(tone)
-                written += due
-            time.sleep(0.001)
+        play_tone(device, lambda: device.statistics.samples >= 1000)
         statistics = device.statistics
         assert statistics.bad_messages == 0
         assert statistics.lost_frames < 50  # of a thousand: on a busy machine the sketch is late

@@ -1,15 +1,13 @@
 """A sweep that is played and felt: how loud, along which direction, and when it is ended."""
 
-import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_runs import refusal, run_json
 from synthetic_sensors import Time
-from typer.testing import CliRunner
 
-from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
 from mmt.devices.drivers import load_device
 from mmt.devices.haptuator import sweep as sweeping
@@ -189,25 +187,21 @@ def test_voltages_are_cut_at_the_limit_and_played_as_they_are(started, connected
     assert device.largest_v == 1.5
 
 
-def equalise(*arguments):
-    return CliRunner().invoke(app, ["device", "equalise", *map(str, arguments)])
+EQUALISE = ("device", "equalise")
 
 
 def test_one_command_equalises_the_emulated_handle(tmp_path, monkeypatch):
     pytest.importorskip("pty", reason="there are no pseudo-terminals")
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     drivers = ["--actuator", "virtual-haptuator", "--accelerometer", "virtual-handle-adxl335"]
-    files = ["--json", tmp_path / "e.json", "--keep", tmp_path / "sweep.npz"]
-    result = equalise(*drivers, *files, "--serial", "T1", "--duration", 2, "--level-v", 0.3)
-    assert result.exit_code == 0, (result.output, result.exception)
-    figures = json.loads((tmp_path / "e.json").read_text())
+    serial, kept = ("--serial", "T1"), tmp_path / "sweep.npz"
+    options = ["--keep", kept, "--duration", 2, "--level-v", 0.3]
+    figures, _ = run_json(tmp_path, *EQUALISE, *drivers, *options, *serial)
     assert figures["coherence"] > 0.8
     assert figures["remaining_db"] < figures["unevenness_db"]
     assert Path(figures["file"]).is_relative_to(tmp_path)
-    again = equalise(tmp_path / "sweep.npz", "--serial", "T1", "--json", tmp_path / "a.json")
-    assert again.exit_code == 0, again.output
-    kept = json.loads((tmp_path / "a.json").read_text())
-    assert kept["volts_per_m_s2"] == pytest.approx(figures["volts_per_m_s2"])
+    again, _ = run_json(tmp_path, *EQUALISE, kept, *serial)
+    assert again["volts_per_m_s2"] == pytest.approx(figures["volts_per_m_s2"])
     device = load_device("virtual-haptuator", {"serial": "T1"})
     device.connect()
     device.close()
@@ -229,6 +223,4 @@ def test_one_command_equalises_the_emulated_handle(tmp_path, monkeypatch):
     ],
 )
 def test_what_cannot_be_equalised_is_bad_input(arguments, sentence):
-    result = equalise(*arguments.split())
-    assert isinstance(result.exception, InputError)
-    assert sentence in str(result.exception)
+    assert sentence in refusal(*EQUALISE, *arguments.split())

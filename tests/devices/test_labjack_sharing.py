@@ -10,7 +10,7 @@ from nano17_files import write_calibration
 from running_source import RunningSource
 from sensor_reading import read_some, read_until, read_until_fault, read_until_lost
 from test_labjack import level
-from waiting import until
+from waiting import check_refused, until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices import board_sharing
@@ -46,18 +46,15 @@ def test_two_readers_have_one_stream_and_each_its_own_inputs(closing):
             assert volts == pytest.approx([0.1 * n for n in numbers], abs=0.0025)
 
 
-def test_a_reader_comes_and_goes_without_disturbing_the_other(closing):
+def test_a_reader_comes_and_goes_without_disturbing_the_other(connected):
     box = EmulatedU6(level)
-    first = closing(inputs(1, backend=box))
-    first.connect()
+    first = connected(inputs(1, backend=box))
     read_some(first, 10)
-    second = closing(inputs(2, backend=box))  # made when the stream runs already
-    second.connect()
+    second = connected(inputs(2, backend=box))  # made when the stream runs already
     assert read_some(second, 10)[0].volts == pytest.approx([0.2], abs=0.0025)
     assert read_some(first, 10)[-1].volts == pytest.approx([0.1], abs=0.0025)
     first.close()
-    with pytest.raises(DeviceLost, match="is not open"):
-        first.read()
+    check_refused(first.read, "is not open", DeviceLost)
     readings = read_some(second, 30)
     assert all(b.time_ns - a.time_ns == 1_000_000 for a, b in pairwise(readings))
     first.connect()
@@ -78,8 +75,7 @@ def test_what_one_stream_cannot_do_is_refused_and_the_other_goes_on(connected):
         (inputs(11, backend=box), "input 11 belongs to another driver already: choose from 12, 13"),
         (inputs(12, backend=box, rate_hz=2000.0), "2000 scans a second, another for 1000"),
     ):
-        with pytest.raises(InputError, match=f"shared by 2 drivers: .*{words}"):
-            wrong.connect()
+        check_refused(wrong.connect, f"shared by 2 drivers: .*{words}", InputError)
         wrong.close()
     read_some(gauges, 20)
     gauges.close()
@@ -88,11 +84,9 @@ def test_what_one_stream_cannot_do_is_refused_and_the_other_goes_on(connected):
         inputs(*range(9, 14), backend=box, rate_hz=4000.0).connect()
 
 
-def test_faults_of_the_board_are_told_to_both(closing):
+def test_faults_of_the_board_are_told_to_both(connected):
     box = EmulatedU6(level)
-    first, second = closing(inputs(1, backend=box)), closing(inputs(2, backend=box))
-    first.connect()
-    second.connect()
+    first, second = (connected(inputs(number, backend=box)) for number in (1, 2))
     read_some(first, 5)
     read_some(second, 5)
     box.flip(2)
@@ -102,8 +96,7 @@ def test_faults_of_the_board_are_told_to_both(closing):
     box.unplug()
     for reader in (first, second):
         read_until_lost(reader, "plug it in again")
-        with pytest.raises(MmtError, match="there is no LabJack U6 on USB"):
-            reader.connect()
+        check_refused(reader.connect, "there is no LabJack U6 on USB")
     box.plug()
     first.connect()
     assert read_some(first, 5)[0].time_ns == 0
@@ -117,12 +110,10 @@ def test_faults_of_the_board_are_told_to_both(closing):
     assert read_some(second, 5)
 
 
-def test_a_driver_that_lets_its_readings_lie_holds_up_nobody(closing, monkeypatch):
+def test_a_driver_that_lets_its_readings_lie_holds_up_nobody(connected, monkeypatch):
     monkeypatch.setattr(board_sharing, "_MOST_WAITING", 50)
     box = EmulatedU6(level)
-    first, lazy = closing(inputs(0, backend=box)), closing(inputs(1, backend=box))
-    first.connect()
-    lazy.connect()
+    first, lazy = (connected(inputs(number, backend=box)) for number in (0, 1))
     read_some(first, 120)
     assert len(lazy.read()) <= 51
     assert lazy.faults["lost scans"] >= 60
@@ -150,16 +141,14 @@ class TwoBoxes:
 
 def test_two_boxes_are_told_apart_by_their_numbers(connected):
     bus = TwoBoxes(EmulatedU6(level, serial=7), EmulatedU6(lambda _: [3.0] * 14, serial=8))
-    with pytest.raises(MmtError, match="there are 2 LabJack U6: say which one"):
-        inputs(0, backend=bus).connect()
+    check_refused(inputs(0, backend=bus).connect, "there are 2 LabJack U6: say which one")
     with pytest.raises(MmtError, match=r"serial number 9 on USB: .*there is 7; there is 8"):
         inputs(0, backend=bus, box=9).connect()
     first = connected(inputs(1, backend=bus, box=7))
     second = connected(inputs(1, backend=bus, box=8, rate_hz=2000.0))
     assert read_some(first, 10)[-1].volts == pytest.approx([0.1], abs=0.0025)
     assert read_some(second, 10)[-1].volts == pytest.approx([3.0], abs=0.0025)
-    with pytest.raises(MmtError, match="say which one by the option 'box'"):
-        inputs(3, backend=bus).connect()
+    check_refused(inputs(3, backend=bus).connect, "say which one by the option 'box'")
     assert read_some(first, 10)
 
 

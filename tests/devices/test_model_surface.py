@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
+from command_runs import output_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from known_surface_samples import odd_model
 from scipy.signal import lfilter
-from typer.testing import CliRunner
 
 import mmt
-from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.evaluation.truth import known_texture
 from mmt.testing.simulation.surfaces.model_surface import (
@@ -51,9 +50,7 @@ def test_a_file_is_a_surface_whose_truth_travels_with_the_session(tmp_path, suff
     model, path = odd_model(), tmp_path / f"stone{suffix}"
     path.write_bytes(model.to_bytes() if suffix == ".npz" else export_hatt(model, "stone", 0.45))
     out = tmp_path / "a.mcap"
-    arguments = ["session", "simulate", str(out), "--surface", str(path), "--duration", "12"]
-    done = CliRunner().invoke(app, arguments)
-    assert done.exit_code == 0, done.output
+    output_of("session", "simulate", out, "--surface", path, "--duration", 12)
     session = mmt.read_session(out)
     surface = surface_from_annotations(session.annotations)
     assert surface.name == "stone"

@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 from sensor_reading import check_times_rise, read_some, read_until_fault, read_until_lost
+from waiting import check_refused
 
 from mmt.core.errors import InputError, MmtError
 from mmt.devices import sensor_drivers as sensor_module
@@ -206,8 +207,7 @@ def test_what_keeps_it_from_being_used_is_explained(box, make):
     with pytest.raises(MmtError, match=r"web page http://127.0.0.1:1/netftapi2.xml does not ans"):
         net_ft(host="127.0.0.1", http_port=1).connect()
     box.stall()
-    with pytest.raises(MmtError, match="its web page answers, but no record comes to UDP port"):
-        make()
+    check_refused(make, "its web page answers, but no record comes to UDP port")
     sensor = net_ft()
     assert isinstance(sensor, NetFt)
     sensor.close()

@@ -2,16 +2,16 @@
 
 import logging
 import math
-import subprocess
 import sys
 import threading
 import time
 
 import pytest
 from emulated_arm import emulated_arm
+from python_programs import printed_by
 from scipy.spatial.transform import Rotation
 from sensor_reading import until_turned
-from waiting import until, until_lost
+from waiting import check_refused, until, until_lost
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.quaternions import unit_quaternion
@@ -148,8 +148,7 @@ def test_a_device_that_does_not_answer_is_lost_and_comes_back(robot, emulated):
     until(lambda: robot.read()[0] > 1.0, lambda: robot.write((2.0, 0.0, 0.0)))
     emulated.unplug()
     until_lost(robot.read, r"does not answer.*check cable")
-    with pytest.raises(MmtError, match="COMM_ERROR"):
-        robot.connect()
+    check_refused(robot.connect, "COMM_ERROR")
     emulated.plug()
     robot.connect()
     until(lambda: robot.read()[0] > 1.0, lambda: robot.write((2.0, 0.0, 0.0)))
@@ -197,8 +196,7 @@ def test_an_arm_whose_position_is_stuck_is_lost_without_force(make, emulated):
 
 def test_a_device_that_cannot_be_used_says_why(make, emulated, monkeypatch):
     emulated.fail("unlicensed")
-    with pytest.raises(MmtError, match="licence is missing"):
-        make()
+    check_refused(make, "licence is missing")
     emulated.fail("unlicensed", on=False)
     for force_n, stiffness_n_mm, kind, words in (
         (8.5, 0.4, InputError, r"at most 0\.4"),
@@ -210,23 +208,20 @@ def test_a_device_that_cannot_be_used_says_why(make, emulated, monkeypatch):
             make()
     emulated.fail("absent")
     monkeypatch.setitem(sys.modules, "serial", None)  # which this driver does not need
-    with pytest.raises(MmtError, match=r"is not there.*its power, its cable"):
-        make()
+    check_refused(make, r"is not there.*its power, its cable")
     found = [
         FoundPort("/dev/ttyACM7", "Touch", "", "no permission for /dev/ttyACM7: ask"),
         FoundPort("/dev/ttyS0", "", "", ""),
     ]
     monkeypatch.setattr(discovery, "find_serial_ports", lambda: found)
-    with pytest.raises(MmtError, match=r"then connect again; no permission for /dev/ttyACM7: ask$"):
-        make()
+    check_refused(make, r"then connect again; no permission for /dev/ttyACM7: ask$")
 
 
 def test_two_devices_share_the_stack_and_one_name_is_used_once(make, emulated):
     first, second = make(device="Left"), make(device="Right")
     emulated.place((3.0, 0.0, 0.0), device=1)
     until(lambda: second.read()[0] == pytest.approx(3.0))
-    with pytest.raises(MmtError, match="in use already"):
-        make(device="Left")
+    check_refused(lambda: make(device="Left"), "in use already")
     first.close()
     until(lambda: second.read()[0] > 4.0, lambda: second.write((5.0, 0.0, 0.0)))
 
@@ -242,8 +237,7 @@ def test_two_devices_share_the_stack_and_one_name_is_used_once(make, emulated):
 def test_a_calibration_that_needs_hands_says_what_to_do(make, emulated, styles, sentence):
     robot = make(calibration_s=0.0)
     emulated.uncalibrate(styles, NEEDS_HANDS)
-    with pytest.raises(MmtError, match=sentence):
-        robot.calibrate()
+    check_refused(robot.calibrate, sentence)
 
 
 def test_a_calibration_that_is_due_is_updated(make, robot, emulated):
@@ -255,8 +249,7 @@ def test_a_calibration_that_is_due_is_updated(make, robot, emulated):
     def come_back_uncalibrated(device):
         emulated.uncalibrate(ENCODER_RESET, NEEDS_HANDS)  # where it stands now is no zero
         device.close()
-        with pytest.raises(MmtError, match="reset position"):
-            device.connect()
+        check_refused(device.connect, "reset position")
 
     come_back_uncalibrated(robot)
     reset = make(reset_encoders=True)
@@ -281,11 +274,7 @@ for library in sys.argv[1:]:
 
 def run_alone(*libraries):
     """Connect with these libraries in a process of its own; return the lines that it says."""
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, *libraries],
-        capture_output=True, text=True, check=True, timeout=60,
-    )  # fmt: skip
-    return done.stdout.splitlines()
+    return printed_by("-c", PROGRAM, *libraries).splitlines()
 
 
 def test_a_library_that_cannot_be_loaded_says_what_to_do(tmp_path, monkeypatch):
@@ -371,5 +360,4 @@ def test_the_displayed_force_is_cut_to_the_limits(
     with pytest.raises(DeviceLost):
         handle.write((0.0, 0.0, 1.0))
     handle.close()
-    with pytest.raises(DeviceLost, match="not connected"):
-        handle.read(1)
+    check_refused(lambda: handle.read(1), "not connected", DeviceLost)

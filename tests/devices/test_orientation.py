@@ -20,7 +20,6 @@ from mmt.core.quaternions import (
 )
 from mmt.core.rotations import rotation_matrices, turn_into_scene, without_flips
 from mmt.devices.axes import Axes
-from mmt.devices.streaming.frame_assembly import FrameAssembler
 from mmt.devices.streaming.lanes import OrientationLane, Waiting
 from mmt.devices.streaming.source import DeviceSource
 from mmt.scene import Scene
@@ -123,24 +122,6 @@ def test_an_orientation_that_is_none_makes_a_gap_and_no_force():
     assert frames["force_n"].tolist() == [[20, 21, 22], [-20, -21, 22]]
     assert frames["acceleration_m_s2"][1].tolist() == [-30, -31, 32]
     assert source.summary["robot"]["faults"]["invalid_orientations"] == 2
-
-
-def test_merged_frames_wait_for_no_orientation_and_leave_out_those_without():
-    lane, dtype = OrientationLane(), empty_frames(0, ["orientation"]).dtype
-    merger = FrameAssembler({"orientation": lane}, dtype, MS)
-    blocks = []
-    for tick in range(60):
-        now_ns = START_NS + tick * MS
-        turn = NO_NUMBER if tick == 30 else quaternion_of_vector((0.0, 0.0, 0.01 * tick))
-        lane.record(turn, now_ns)
-        merger.tick(1, now_ns)
-        blocks.append(merger.frames())
-    frames = np.concatenate(blocks)
-    late_ms = (frames["time_ns"] - START_NS) / MS
-    angles = 2.0 * np.arctan2(frames["orientation"][:, 3], frames["orientation"][:, 0])
-    np.testing.assert_allclose(angles, 0.01 * late_ms, atol=1e-4)
-    lacking = set(range(int(frames["sequence"][-1]))) - set(frames["sequence"].tolist())
-    assert lacking == {0, 1, 31, 32}
 
 
 @pytest.mark.parametrize("samples", [1, 10])

@@ -32,16 +32,9 @@ def test_a_busy_machine_is_not_taken_for_a_jump_of_the_clock():
     assert clock.sensor_time(START_NS) == 0
 
 
-def test_growing_load_is_not_taken_for_a_drift():
-    clock = SensorClock()
-    for k in range(6000):
-        delay_ns = k * 700  # 4 ms after six seconds, as of 700 ppm
-        clock.add(START_NS + k * MS + delay_ns, k * MS)
-    assert clock.drift == pytest.approx(200e-6)
-
-
 @pytest.mark.parametrize(("seconds", "drift"), [(6.0, 200e-6), (7.0, 1000e-6)])
 def test_a_drift_beyond_quartz_is_believed_once_it_exceeds_any_load(seconds, drift):
+    """Until then, it is taken for a load that grows, and bounded."""
     clock = SensorClock()
     for k in range(round(1000 * seconds)):
         clock.add(START_NS + k * MS + 1000 * k, k * MS)
@@ -68,7 +61,6 @@ def test_nothing_is_known_of_a_sensor_that_has_sent_nothing():
         SensorClock().sensor_time(0)
 
 
-@settings(max_examples=50)
 @given(
     st.lists(st.integers(0, 20 * MS), min_size=1, max_size=400),
     st.floats(-200e-6, 200e-6),
@@ -102,7 +94,6 @@ def test_a_drift_is_found_below_random_delays(drift, seed, zero_ns):
     assert clock.drift == pytest.approx(drift, abs=10e-6)
 
 
-@settings(max_examples=50)
 @given(st.lists(st.integers(0, MS), min_size=6, max_size=25))
 def test_the_drift_is_that_of_the_line_below_every_block_within_its_doubt(delays_ns):
     """One reading in each block; the oracle tries every pair of them."""

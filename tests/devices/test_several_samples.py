@@ -57,7 +57,6 @@ def frames_of(samples_per_frame, rate_hz, frequency_hz, phase=0.3, count=40):
     return x + 1j * y, np.array(expected)
 
 
-@settings(max_examples=60)
 @given(SAMPLES, st.floats(0.5, 4.0), st.floats(0.01, 0.3), st.floats(0.0, 6.0))
 def test_a_known_sine_comes_back_at_the_times_of_the_samples(
     samples_per_frame, faster, share, phase
@@ -70,7 +69,6 @@ def test_a_known_sine_comes_back_at_the_times_of_the_samples(
     assert np.abs(found - expected).max() <= (0.03 if filtered else 0.13)
 
 
-@settings(max_examples=60)
 @given(st.integers(2, 10), st.floats(1.15, 4.0), st.floats(0.0, 1.0))
 def test_a_tone_above_half_the_rate_of_the_samples_is_40_db_down(samples_per_frame, faster, place):
     half_hz = 500.0 * samples_per_frame

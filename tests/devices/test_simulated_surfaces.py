@@ -137,7 +137,6 @@ def test_lines_follow_speed_over_period_and_fade_before_half_the_rate():
     assert beyond < 1e-5
 
 
-@settings(max_examples=100)
 @given(st.sampled_from(NAMES), st.floats(0.0, 2000.0), st.floats(0.0, 50.0))
 def test_maps_stay_within_bounds(name, speed, force):
     for mode in SURFACES[name].modes:
@@ -193,7 +192,6 @@ def test_foreign_annotations_are_refused(annotations):
         surface_from_annotations(annotations)
 
 
-@settings(max_examples=60)
 @given(
     st.floats(0.0, 360.0),
     st.floats(0.05, 1.0),

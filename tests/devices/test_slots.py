@@ -68,7 +68,7 @@ class Bench(SteppedSource):
     axis=st.integers(0, 2),
     lasting=st.integers(1, 12),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_no_frame_has_a_reading_that_is_no_measurement(role, sampled, several, bad, axis, lasting):
     samples = 4 if several and "acceleration" in sampled else 1
     values = [1.0, 2.0, 3.0, 0.0]
@@ -103,7 +103,7 @@ def test_no_frame_has_a_reading_that_is_no_measurement(role, sampled, several, b
     stamp=st.sampled_from([math.nan, math.inf, -math.inf, 0]),
     lasting=st.integers(1, 12),
 )
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_reading_without_a_time_of_its_own_is_left_out(sensor, several, stamp, lasting):
     with pytest.MonkeyPatch.context() as patch:
         bench = Bench(patch, {sensor}, 4 if several and sensor == "acceleration" else 1)

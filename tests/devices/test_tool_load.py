@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from instruments import Instrument
 from scipy.spatial.transform import Rotation
 
 from mmt.cli.device import calibrating
@@ -62,18 +63,13 @@ class Tool:
         return found
 
 
-class Sensor:
+class Sensor(Instrument):
     """A polled sensor of a tool, without or with its bias taken."""
 
     def __init__(self, read, *, takes_bias=False):
+        super().__init__()
         self._read, self._takes_bias = read, takes_bias
         self._bias = np.zeros(3)
-
-    def connect(self):
-        """It is always there."""
-
-    def close(self):
-        """It stays."""
 
     def calibrate(self):
         if self._takes_bias:
@@ -81,9 +77,6 @@ class Sensor:
 
     def read(self):
         return vector(np.array(self._read()) - self._bias)
-
-    def write(self, position_mm):
-        """The robot moves by itself."""
 
 
 @given(

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.devices.protocols import SensorReading
@@ -66,7 +66,6 @@ def test_a_sine_comes_out_with_the_stated_gain_and_error(rate_hz, frequency_hz, 
     assert abs(gains - 1).max() <= error
 
 
-@settings(max_examples=60)
 @given(
     rate_hz=st.floats(500.0, 8000.0),
     start=st.floats(-50.0, 50.0),
@@ -84,7 +83,6 @@ def test_what_stands_or_moves_evenly_comes_out_as_it_is(rate_hz, start, slope, i
     assert y == pytest.approx(start + slope * time_ns * 1e-9, abs=1e-6 + 0.51 * step / PHASES)
 
 
-@settings(max_examples=60)
 @given(
     st.lists(st.integers(100_000, 4_000_000), min_size=1, max_size=40),
     st.lists(st.integers(0, 2_000_000), min_size=1, max_size=30),
@@ -132,7 +130,6 @@ def test_a_sensor_that_comes_back_at_another_rate_has_other_weights():
     assert math.dist((x, y), (math.cos(angle), math.sin(angle))) < 0.02
 
 
-@settings(max_examples=60)
 @given(
     rate_hz=st.floats(500.0, 8000.0),
     later_hz=st.floats(500.0, 8000.0),

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from sensor_reading import read_some, read_until
-from waiting import until_lost
+from waiting import check_refused, until_lost
 
-from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import DeviceLost, InputError
 from mmt.core.frames import empty_frames
 from mmt.devices.drivers import load_device
 from mmt.testing.emulated import drivers as drivers_module
@@ -74,8 +74,7 @@ def test_the_devices_share_a_lab_which_ends_with_the_last_of_them(force_sensor, 
     force, shaken = load_device(*force_sensor), load_device(*accelerometer)
     devices = (robot, force, shaken)
     for device in devices:
-        with pytest.raises(DeviceLost, match="not connected"):
-            device.read()
+        check_refused(device.read, "not connected", DeviceLost)
     try:
         for device in devices:
             device.connect()
@@ -106,8 +105,7 @@ def test_the_devices_share_a_lab_which_ends_with_the_last_of_them(force_sensor, 
 
 
 def test_a_lab_that_dies_is_a_lost_robot_and_comes_back(connected):
-    with pytest.raises(MmtError, match=r"does not start: .*velcro"):
-        VirtualRobot(surface="velcro").connect()
+    check_refused(VirtualRobot(surface="velcro").connect, r"does not start: .*velcro")
     robot = connected(VirtualRobot())
     process = drivers_module.LAB.process
     process.kill()

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.arrays import Vector
@@ -311,7 +311,6 @@ def test_a_fast_stroke_along_the_surface_does_not_hasten_the_way_to_it():
 coordinates = st.floats(-1e6, 1e6)
 
 
-@settings(max_examples=80)
 @given(
     st.sampled_from(["hold", "retract"]),
     st.lists(

@@ -41,7 +41,6 @@ rates = st.sampled_from([100.0, 333.0, 1000.0, 5000.0])
     speed=speeds,
     rate_hz=rates,
 )
-@settings(max_examples=100)
 def test_no_command_leaves_the_workspace_or_exceeds_a_limit(
     first, stretches, missed, acceleration, speed, rate_hz
 ):

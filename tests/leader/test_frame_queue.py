@@ -2,13 +2,12 @@
 
 import numpy as np
 from frame_samples import made_frames
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.leader.modelling.segmenting import FrameQueue
 
 
-@settings(max_examples=60)
 @given(st.lists(st.integers(0, 60), unique=True, max_size=60), st.integers(1, 20), st.data())
 def test_however_frames_come_the_queue_gives_them_out_in_order_and_once(numbers, period, data):
     in_time = data.draw(st.sets(st.sampled_from(numbers))) if numbers else set()

@@ -31,12 +31,10 @@ class Handle:
         self.place = (0.0, 0.0, 0.0)
         self.unplugged = None
         self.shown = (0.0, 0.0, 0.0)
-        self.connections = 0
 
     def connect(self):
         if self.unplugged is not None:
             raise MmtError(self.unplugged)
-        self.connections += 1
 
     def calibrate(self):
         pass

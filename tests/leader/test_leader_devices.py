@@ -1,69 +1,47 @@
 """A real handle and a real actuator in the leader: made by their drivers, named when they fail."""
 
 import pytest
+from instruments import Instrument
 
 from mmt.core.errors import InputError, MmtError
+from mmt.devices.protocols import InterfaceState
 from mmt.leader.part import Session
 from mmt.leader.parts import build_parts
 from mmt.scene.files import load_scene, scene_from_tables
 
-DRIVERS = """
-from mmt.devices.protocols import InterfaceState
 
-class Device:
+class Device(Instrument):
+    """A device that keeps its options; it cannot be connected if one says that it is absent."""
+
     def __init__(self, **options):
+        super().__init__(**{"connect": OSError("no such port")} if "absent" in options else {})
         self.options = options
-        self.calls = []
 
-    def connect(self):
-        self.calls.append("connect")
-        if self.options.get("absent"):
-            raise OSError("no such port")
-
-    def calibrate(self):
-        self.calls.append("calibrate")
-
-    def close(self):
-        self.calls.append("close")
 
 class Handle(Device):
     def read(self, elapsed_ticks):
         return InterfaceState((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0, False)
 
-    def write(self, force_n):
-        pass
 
-class Actuator(Device):
-    def write(self, samples_m_s2):
-        pass
-
-class FastActuator(Actuator):
+class FastActuator(Device):
     def set_rate(self, rate_hz):
         self.calls.append(rate_hz)
-"""
 
 
-@pytest.fixture
-def drivers(tmp_path, monkeypatch):
-    (tmp_path / "leader_drivers.py").write_text(DRIVERS)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    return "leader_drivers"
-
-
-def scene(drivers, **handle):
+def scene(**handle):
     return scene_from_tables(
         {
             "link": {},
             "devices": {"robot": "lab:Robot", "accelerometer": "lab:A"},
-            "handle": {"driver": f"{drivers}:Handle", **handle},
+            "handle": {"driver": f"{__name__}:Handle", **handle},
             "playout": {},
-            "actuator": {"driver": f"{drivers}:Actuator", "volts": 2.0, "limit_m_s2": 30.0},
+            "actuator": {"driver": f"{__name__}:Device", "volts": 2.0, "limit_m_s2": 30.0},
         }
     )
 
 
-def test_handle_and_actuator_are_made_by_their_drivers_with_their_options(drivers):
-    parts = build_parts(Session(scene(drivers, arm="left")))
+def test_handle_and_actuator_are_made_by_their_drivers_with_their_options():
+    parts = build_parts(Session(scene(arm="left")))
     hand, vibration = parts.hand, parts.vibration
     assert hand.handle is hand.device is not None
     assert hand.handle.device.options == {"arm": "left"}
@@ -75,28 +53,28 @@ def test_handle_and_actuator_are_made_by_their_drivers_with_their_options(driver
 
 
 @pytest.mark.parametrize("rate_hz", [1000, 5000])
-def test_an_actuator_learns_the_rate_before_it_is_connected(drivers, rate_hz):
-    tables = scene(drivers).dump()
+def test_an_actuator_learns_the_rate_before_it_is_connected(rate_hz):
+    tables = scene().dump()
     tables["session"]["acceleration_rate_hz"] = rate_hz
-    tables["actuator"]["driver"] = f"{drivers}:FastActuator"
+    tables["actuator"]["driver"] = f"{__name__}:FastActuator"
     parts = build_parts(Session(scene_from_tables(tables)))
     parts.connect()
     assert parts.close() == []
     calls = parts.vibration.reconnecting.device.calls
     assert calls == [float(rate_hz), "connect", "calibrate", "close"]
-    tables["actuator"]["driver"] = f"{drivers}:Actuator"  # of 1 kHz alone
+    tables["actuator"]["driver"] = f"{__name__}:Device"  # of 1 kHz alone
     if rate_hz > 1000:
         with pytest.raises(InputError, match=r"plays 1000 samples a second.*_hz is 5000"):
             build_parts(Session(scene_from_tables(tables)))
 
 
-def test_a_handle_that_does_not_answer_is_named(drivers):
-    parts = build_parts(Session(scene(drivers, absent=True)))
+def test_a_handle_that_does_not_answer_is_named():
+    parts = build_parts(Session(scene(absent=True)))
     with pytest.raises(MmtError, match="Handle cannot be connected: no such port"):
         parts.connect()
 
 
-def test_a_replay_leaves_the_handle_out(drivers, tmp_path):
+def test_a_replay_leaves_the_handle_out(tmp_path):
     file = tmp_path / "handle.toml"
     file.write_text(
         '[link]\n[devices]\nrobot = "a:B"\n[handle]\ndriver = "a:C"\n'

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from frame_samples import made_frames
+from model_updates import made_update
 from modelling_beside import InThread
 
 from mmt.leader.modelling.pipeline import Modelling
@@ -17,10 +18,9 @@ from mmt.leader.part import Session
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.offline import simulate_session
-from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.modeller_factory import ModellerFactory
 from mmt.texture.online import modeller as online_modeller
-from mmt.texture.online.updates import ModelUpdate, ReadyModel, UpdateWork
+from mmt.texture.online.updates import ReadyModel, UpdateWork
 from mmt.texture.segmentation.segmenter import SampleRange
 from mmt.texture.settings import ModellingSettings
 
@@ -49,19 +49,7 @@ class SlowModeller:
     def build(self, work): ...
 
     def judge(self, work):
-        work.update = ModelUpdate(
-            time_s=work.time_s,
-            samples=len(self.updates),
-            added=0,
-            removed=0,
-            distance=9.0,
-            progress=CompletionMonitor(ModellingSettings(method="published")).progress,
-            order=16,
-            started=False,
-            stopped=self.stops,
-            source=ReadyModel(),
-            durations_s={},
-        )
+        work.update = made_update(work.time_s, samples=len(self.updates), stopped=self.stops)
 
 
 class Modelled:

@@ -3,23 +3,13 @@
 import numpy as np
 import pytest
 from frame_samples import PERIOD_NS, made_frames
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mmt.core.sequence_numbers import SEQUENCES, largest_advance, shortest_period_ns
 from mmt.leader.numbering import FrameRateWatch, SessionNumbering
 
 SECOND = 1_000_000_000
-
-
-def test_the_frames_of_one_follower_pass_as_they_are():
-    numbering = SessionNumbering(PERIOD_NS)
-    for first in (7, 10, 40):  # with a gap
-        frames = made_frames(first, 3)
-        taken, left_out = numbering.number(frames, first)
-        assert taken is frames
-        assert left_out == 0
-    assert numbering.frames == 43 - 7
 
 
 def test_a_follower_that_is_started_anew_is_put_behind_the_silence():
@@ -169,7 +159,6 @@ def test_times_that_are_a_second_off_come_from_another_clock(behind_ns, shifted)
     assert numbering.follower_time_ns == due_ns - behind_ns, "an echo is by its own clock"
 
 
-@settings(max_examples=60)
 @given(
     st.lists(
         st.tuples(st.booleans(), st.integers(0, 50), st.integers(1, 5), st.integers(0, 10**10)),
@@ -201,7 +190,6 @@ def wrapped(first, count, at):
     return frames
 
 
-@settings(max_examples=60)
 @example(2**31, [(3, 0)])
 @example(2**31 - 1, [(3, 0)])
 @given(

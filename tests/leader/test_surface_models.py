@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from model_updates import made_update
 
 from mmt.core.errors import InputError
 from mmt.core.files.existing import replacing
@@ -15,9 +16,7 @@ from mmt.leader.part import Part, Session
 from mmt.leader.recording import RecordingPart
 from mmt.leader.surface_log import write_surface_models
 from mmt.scene import Scene
-from mmt.texture.completion.distance import CompletionMonitor
-from mmt.texture.online.updates import ModelUpdate, ReadyModel, SurfaceChange
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.online.updates import SurfaceChange
 
 FADE = 50
 
@@ -103,31 +102,13 @@ class Leader:
         if level is not None:
             self.known[surface] = model
         more = {"started": started, "stopped": stopped, "changes": changes, "left": left}
-        self.use.update(state(time_s, surface, model, **more), 0.01)
+        self.use.update(made_update(time_s, surface=surface, model=model, **more), 0.01)
 
     def recall(self):
         """Let the tool come from surface 2 back onto surface 1, whose model is complete."""
         changes = (change("recalled", 2, 1, 15_000),)
-        left = (state(15.0, 2, Model(22.0), started=True),)
+        left = (made_update(15.0, surface=2, model=Model(22.0), started=True),)
         self.update(15.3, 1, 12.0, started=True, stopped=True, changes=changes, left=left)
-
-
-def state(time_s, surface, model, *, started=False, stopped=False, **more):
-    return ModelUpdate(
-        time_s=time_s,
-        samples=0 if model is None else 9,
-        added=0,
-        removed=0,
-        distance=5.0,
-        progress=CompletionMonitor(ModellingSettings(method="published")).progress,
-        order=10,
-        started=started,
-        stopped=stopped,
-        source=ReadyModel(model),
-        durations_s={},
-        surface=surface,
-        **more,
-    )
 
 
 def change(kind, before, surface, from_sample):
@@ -143,7 +124,7 @@ def leader():
     made.update(4.0, 1, 11.0, started=True)
     assert made.heard() == 11.0
     made.update(8.0, 1, 12.0, started=True, stopped=True)
-    left = (state(9.0, 1, made.known[1], started=True, stopped=True),)
+    left = (made_update(9.0, surface=1, model=made.known[1], started=True, stopped=True),)
     made.update(9.3, 2, None, changes=(change("new", 1, 2, 9000),), left=left)
     assert made.heard() == -1.0
     return made
@@ -209,9 +190,19 @@ def test_a_criterion_that_is_taken_back_is_met_again_later(leader):
     made = Leader()
     made.update(4.0, 1, 11.0, started=True)
     made.update(
-        4.4, 2, None, changes=(change("new", 1, 2, 3500),), left=(state(3.5, 1, Model(9.0)),)
+        4.4,
+        2,
+        None,
+        changes=(change("new", 1, 2, 3500),),
+        left=(made_update(3.5, surface=1, model=Model(9.0)),),
     )
-    made.update(6.4, 1, 9.0, changes=(change("recalled", 2, 1, 6000),), left=(state(6.0, 2, None),))
+    made.update(
+        6.4,
+        1,
+        9.0,
+        changes=(change("recalled", 2, 1, 6000),),
+        left=(made_update(6.0, surface=2, model=None),),
+    )
     assert made.heard() == -1.0
     made.update(8.4, 1, 12.0, started=True)
     assert made.log.start_s == 8.4
@@ -220,7 +211,7 @@ def test_a_criterion_that_is_taken_back_is_met_again_later(leader):
 
 def test_held_vibration_stays_held_over_a_change_to_a_known_surface(leader):
     leader.use.force("streamed")
-    changes, left = (change("identified", 2, 1, 9000),), (state(12.0, 2, None),)
+    changes, left = (change("identified", 2, 1, 9000),), (made_update(12.0, surface=2, model=None),)
     leader.update(12.3, 1, 12.0, started=True, changes=changes, left=left)
     assert leader.heard() == -1.0
     leader.use.force(None)

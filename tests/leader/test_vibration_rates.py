@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
+from test_concealment import DELAY, MS, WAYS, textured
 
 from mmt.core.frames import frame_dtype
 from mmt.core.guards import VibrationSlew
@@ -16,19 +17,7 @@ from mmt.leader.part import Session, Tick
 from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.actuator import SimulatedActuator
 
-MS = 1_000_000
-DELAY = 4
 SEVERAL = st.sampled_from([1, 2, 5, 10])
-WAYS = ("model", "repetition", "silence")
-
-
-def textured(frames, k, seed=0):
-    """Return noise (frames k,) with two resonances, at 80 and 225 Hz."""
-    generator = np.random.default_rng(seed)
-    poles = [0.95 ** (1 / k) * np.exp(0.5j / k), 0.9 ** (1 / k) * np.exp(1.4j / k)]
-    ar = np.poly([*poles, *np.conj(poles)]).real
-    values = signal.lfilter([1.0], ar, generator.standard_normal(frames * k))
-    return np.asarray(values / values.std())
 
 
 def streamed(values, k, way, lost=(), axis="z"):
@@ -60,7 +49,7 @@ def high_passed(values, k):
 @given(k=SEVERAL, way=st.sampled_from(WAYS), seed=st.integers(0, 99))
 @settings(max_examples=30)
 def test_a_stream_is_played_as_it_is_a_delay_later(k, way, seed):
-    values = textured(300, k, seed)
+    values = textured(300, seed, k)
     played, fade = streamed(values, k, way), 5
     wanted = high_passed(values, k)
     np.testing.assert_allclose(
@@ -71,7 +60,7 @@ def test_a_stream_is_played_as_it_is_a_delay_later(k, way, seed):
 @given(k=SEVERAL, way=st.sampled_from(WAYS), length=st.integers(1, 200))
 @settings(max_examples=40)
 def test_nothing_is_invented_for_longer_than_a_tenth_of_a_second(k, way, length):
-    values = textured(500, k)
+    values = textured(500, k=k)
     played = streamed(values, k, way, range(200, 200 + length))
     begin, end = 200 + DELAY, 200 + DELAY + length
     silent = played[(begin + LONGEST_FRAMES + 20) * k : end * k]
@@ -79,6 +68,15 @@ def test_nothing_is_invented_for_longer_than_a_tenth_of_a_second(k, way, length)
     full = played[begin * k : min(end, begin + 50) * k]
     if way != "silence" and length > 20:
         assert 0.3 < full.std() / played[100 * k : begin * k].std() < 2.0
+
+
+@pytest.mark.parametrize("length", [3, 30, 90])
+def test_after_a_gap_the_stream_comes_back_without_an_offset(length):
+    """A high-pass that restarts at every gap would give 9.81 m/s2 and half the vibration."""
+    lost, values = range(1500, 1500 + length), textured(3000)
+    whole, holed = streamed(values, 1, "model"), streamed(values, 1, "model", lost)
+    error = (holed - whole)[lost.stop + DELAY + 5 : lost.stop + DELAY + 25]
+    assert np.sqrt(np.mean(error**2)) < 0.35 * np.std(whole)
 
 
 class Heard:

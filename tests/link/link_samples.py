@@ -5,6 +5,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import socketio
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import COMMAND_DTYPE, FIELD_OF_CHANNEL, channels_of, frame_dtype
@@ -18,6 +19,12 @@ from mmt.link.server import LeaderServer
 from mmt.scene import Link, Network
 
 CHANNELS = ("position", "force")
+WEBSOCKET = b"GET /socket.io/?EIO=4&transport=websocket HTTP/1.1\r\n"
+UPGRADE = WEBSOCKET + (
+    b"Host: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: MTIzNDU2Nzg5MDEyMzQ1Ng==\r\n\r\n"
+)
+"""What a client asks a leader for: its first line, and all of it."""
 
 
 def frames(first, count=1, time_ns=1):
@@ -96,13 +103,10 @@ class FollowerNotes(Notes):
 
 
 @asynccontextmanager
-async def leader(notes=None, events=None, channels=CHANNELS, samples_per_frame=1, **link):
-    server = LeaderServer(
-        Link(**{"port": 0, **link}),
-        channels,
-        events or (notes or LeaderNotes()).events(),
-        samples_per_frame=samples_per_frame,
-    )
+async def leader(notes=None, events=None, channels=CHANNELS, *, made=(), **link):
+    """A leader; `made` is what its server is made of besides."""
+    events = events or (notes or LeaderNotes()).events()
+    server = LeaderServer(Link(**{"port": 0, **link}), channels, events, **dict(made))
     await server.start()
     try:
         yield server
@@ -111,11 +115,27 @@ async def leader(notes=None, events=None, channels=CHANNELS, samples_per_frame=1
 
 
 @asynccontextmanager
-async def follower(port, notes=None, access=None, **changes):
-    url, events = f"http://127.0.0.1:{port}", (notes or FollowerNotes()).events()
-    client = FollowerClient(url, hello(**changes), events, access=access)
+async def follower(
+    where, notes=None, access=None, *, events=None, made=(), timeout_s=30.0, **changes
+):
+    """A follower at a port or URL; `made` is what its client is made of besides."""
+    url = where if isinstance(where, str) else f"http://127.0.0.1:{where}"
+    events = events or (notes or FollowerNotes()).events()
+    client = FollowerClient(url, hello(**changes), events, access=access, **dict(made))
     try:
-        await client.connect(30.0)
+        await client.connect(timeout_s)
+        yield client
+    finally:
+        await client.disconnect()
+
+
+@asynccontextmanager
+async def stock_client(port, token=None, **changes):
+    """python-socketio's own client in the follower's place."""
+    client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
+    auth = {**hello(**changes).to_auth(), "token": token}
+    await client.connect(f"http://127.0.0.1:{port}", auth=auth, transports=["websocket"])
+    try:
         yield client
     finally:
         await client.disconnect()
@@ -142,27 +162,17 @@ async def linked(clock_hz=0.0, other=None, **network):
     leads, follows = (
         EmulatedNetwork(Network(**network), way, 1, said.append) for way in ("down", "up")
     )
-    server = LeaderServer(
-        Link(port=0),
-        CHANNELS,
-        replace(up.events(), on_jump=lambda jump: jumps.append(("leader", jump))),
-        network=leads,
+    above, below = (
+        replace(notes.events(), on_jump=lambda jump, side=side: jumps.append((side, jump)))
+        for notes, side in ((up, "leader"), (down, "follower"))
     )
-    await server.start()
-    client = FollowerClient(
-        f"http://127.0.0.1:{server.port}",
-        hello(clock_id=other or clock_id()),
-        replace(down.events(), on_jump=lambda jump: jumps.append(("follower", jump))),
-        network=follows,
-        clock_hz=clock_hz,
-    )
-    try:
-        await client.connect(10.0)
+    made = {"network": follows, "clock_hz": clock_hz}
+    async with (
+        leader(events=above, made={"network": leads}) as server,
+        follower(server.port, events=below, made=made, clock_id=other or clock_id()) as client,
+    ):
         await until(lambda: server.can_send)
         yield Linked(server, client, leads, follows, up, down, said, jumps)
-    finally:
-        await client.disconnect()
-        await server.stop()
 
 
 async def until(condition, timeout_s=30.0):

@@ -10,12 +10,11 @@ import aiohttp
 import pytest
 import trustme
 import yarl
-from link_samples import CHANNELS, FollowerNotes, LeaderNotes, frames, hello, until
+from link_samples import CHANNELS, LeaderNotes, follower, frames, leader, until
 from wire_relay import Wire
 
 from mmt.core.errors import InputError, MmtError
 from mmt.link.access import FOLLOWERS, TOKEN_VARIABLE, Access, check_listening, check_scheme
-from mmt.link.client import FollowerClient
 from mmt.link.server import LeaderServer
 from mmt.scene import Link
 from mmt_share.client import ListenerClient
@@ -48,25 +47,17 @@ def side(pem, name, **changes):
 
 
 @asynccontextmanager
-async def listening(settings, notes=None):
+async def listening(notes=None, **link):
     """A leader; yields its URL."""
-    server = LeaderServer(settings, CHANNELS, (notes or LeaderNotes()).events())
-    await server.start()
-    try:
-        yield settings.url(server.port)
-    finally:
-        await server.stop()
+    async with leader(notes, **link) as server:
+        yield Link(**link).url(server.port)
 
 
 async def stream_one(url, access, notes, timeout_s=5.0):
     """Connect, send a frame, and end."""
-    client = FollowerClient(url, hello(), FollowerNotes().events(), access=access)
-    try:
-        await client.connect(timeout_s)
+    async with follower(url, access=access, timeout_s=timeout_s) as client:
         client.send_frames(frames(0))
         await client.end("done")
-    finally:
-        await client.disconnect()
     await until(lambda: notes.ends)
 
 
@@ -85,23 +76,21 @@ def token_file(tmp_path):
 
 async def test_without_the_token_nobody_is_served_nor_told_anything(token_file, caplog):
     notes = LeaderNotes()
-    async with listening(Link(port=0, token_file=token_file), notes) as url:
+    async with listening(notes, token_file=token_file) as url:
         for offered in (None, "another token, as long", TOKEN[:-1], TOKEN + "x", "ü"):
             sentence = await refusal(url, Access(offered))
             assert "the token is missing or wrong: give the follower the leader's" in sentence
-        other = FollowerClient(url, hello(channels=("force",)), FollowerNotes().events())
         with pytest.raises(MmtError, match="the token is missing"):  # before any other reason
-            await other.connect(5.0)
-        await other.disconnect()
+            async with follower(url, channels=("force",)):
+                pass
         assert notes.hellos == []
-        async with Wire(int(url.rpartition(":")[2])) as wire:  # asked for after a break as well
-            wired = f"http://127.0.0.1:{wire.port}"
-            client = FollowerClient(wired, hello(), FollowerNotes().events(), access=Access(TOKEN))
-            await client.connect(5.0)
+        async with (  # asked for after a break as well
+            Wire(int(url.rpartition(":")[2])) as wire,
+            follower(wire.port, access=Access(TOKEN)) as client,
+        ):
             wire.cut()
             await until(lambda: not client.connected)
             await until(lambda: client.connected)
-            await client.disconnect()
     assert len(notes.hellos) == 2
     assert TOKEN not in caplog.text
     assert TOKEN not in repr(Access(TOKEN))
@@ -168,7 +157,7 @@ def test_a_token_is_a_text_and_in_a_header_a_bearers(token_file):
 @pytest.mark.parametrize("path", ["/network", "/nothing", "/socket.io", "/socket.io/../network"])
 async def test_every_page_asks_for_the_token(token_file, path):
     async with (
-        listening(Link(port=0, token_file=token_file)) as url,
+        listening(token_file=token_file) as url,
         aiohttp.ClientSession() as session,
     ):
         for header in ({}, {"Authorization": "Bearer wrong"}):
@@ -180,7 +169,6 @@ async def test_every_page_asks_for_the_token(token_file, path):
             assert answer.status == 404
 
 
-OWN = Link(port=0)
 FOREIGN = {"Host": "evil.example:80", "Origin": "http://evil.example:80"}
 """As a page sends whose name was pointed here (DNS rebinding)."""
 HANDSHAKE = "/socket.io/?EIO=4&transport=websocket"
@@ -208,13 +196,13 @@ async def status(url, path, headers, method="GET"):
     ],
 )
 async def test_pages_of_other_sites_reach_no_route(path, headers):
-    async with listening(OWN) as url:
+    async with listening() as url:
         for method in ("GET", "PUT"):
             assert await status(url, path, headers, method) == 403
 
 
 async def test_the_own_machine_and_programs_where_everyone_may_connect_reach_the_routes(token_file):
-    async with listening(OWN) as url:
+    async with listening() as url:
         port = url.rpartition(":")[2]
         for host in ("localhost", f"localhost:{port}", f"127.0.0.1:{port}", "[::1]"):
             for headers in ({"Host": host}, {"Host": host, "Origin": f"http://{host}"}):
@@ -222,12 +210,12 @@ async def test_the_own_machine_and_programs_where_everyone_may_connect_reach_the
             assert await status(url, "/network", {"Host": host}) == 404  # without the table
     named = {"Host": "leader.lab"}
     page = {**named, "Origin": "http://leader.lab"}
-    async with listening(Link(host="0.0.0.0", port=0, open=True)) as everywhere:
+    async with listening(host="0.0.0.0", open=True) as everywhere:
         url = everywhere.replace("0.0.0.0", "127.0.0.1")
         assert await status(url, "/nothing", named) == 404
         assert await status(url, "/nothing", page) == 403
     good = {"Authorization": f"Bearer {TOKEN}"}
-    async with listening(Link(port=0, token_file=token_file)) as url:
+    async with listening(token_file=token_file) as url:
         assert await status(url, "/nothing", {**page, **good}) == 404
 
 
@@ -252,7 +240,7 @@ async def test_listening_for_strangers_must_be_allowed(host, pem):
 async def test_both_sides_check_the_others_certificate(pem, token_file, caplog):
     ours, leads = side(pem, "our-follower"), side(pem, "our-leader")
     notes = LeaderNotes()
-    async with listening(Link(port=0, **leads), notes) as url, aiohttp.ClientSession() as session:
+    async with listening(notes, **leads) as url, aiohttp.ClientSession() as session:
         assert url.startswith("https://127.0.0.1:")
         for wrong in ({**ours, "certificate": None, "key": None}, side(pem, "their-follower")):
             said = await refusal(url, Access(**wrong))
@@ -263,12 +251,12 @@ async def test_both_sides_check_the_others_certificate(pem, token_file, caplog):
         await stream_one(url, Access(**ours), notes)
     assert notes.sequences == [0]
     assert "Traceback" not in caplog.text
-    async with listening(Link(port=0, **side(pem, "their-leader", authority=None))) as url:
+    async with listening(**side(pem, "their-leader", authority=None)) as url:
         sentence = await refusal(url, Access(**ours))
         assert "do not trust each other" in sentence
         assert "check certificate, key and authority of [link] on both" in sentence
-    by_token = Link(port=0, **{**leads, "authority": None}, token_file=token_file)
-    async with listening(by_token, notes) as url:
+    by_token = {**leads, "authority": None, "token_file": token_file}
+    async with listening(notes, **by_token) as url:
         await stream_one(url, Access(TOKEN, authority=pem("our-authority")), notes)
         assert "token is missing" in await refusal(url, Access(authority=pem("our-authority")))
 

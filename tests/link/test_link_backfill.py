@@ -1,11 +1,12 @@
 """Frames that did not arrive are kept, asked for, and sent again behind the live ones."""
 
 import asyncio
+from dataclasses import replace
 from itertools import accumulate
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from link_samples import (
     CHANNELS,
@@ -20,7 +21,6 @@ from link_samples import (
 
 from mmt.core.frames import frame_dtype
 from mmt.core.sequence_numbers import SEQUENCES
-from mmt.link.endpoint import LeaderEvents
 from mmt.link.frame_sender import FRAMES_PER_MESSAGE, BackfillSender, FrameBuffer, FrameSender
 from mmt.link.protocol import BACKFILL, FRAMES, GONE, MAX_RANGES, encode_event
 from mmt.link.queue import SendQueue
@@ -28,7 +28,6 @@ from mmt.link.queue import SendQueue
 DTYPE = frame_dtype(CHANNELS)
 
 
-@settings(max_examples=100)
 @given(
     st.integers(1, 40),
     st.lists(st.tuples(st.integers(1, 30), st.integers(0, 5)), max_size=12),
@@ -78,6 +77,19 @@ class Sent:
         self.messages.append(message)
 
 
+class Backfilling:
+    """What sends frames 0 to 999 again, over a link that takes nothing until it is let."""
+
+    def __init__(self):
+        self.kept, self.outbox, self.link = FrameBuffer(DTYPE, 1000), SendQueue(50), Sent()
+        self.kept.put(frames(0, 1000).tobytes())
+        self.sender = BackfillSender(self.kept, self.outbox)
+        self.outbox.open(self.link)
+        self.sender.open()
+        self.link.takes.clear()
+        self.outbox.put(1, b"live")
+
+
 @pytest.mark.parametrize("keep_frames", [0, 10])
 async def test_frames_go_out_as_many_at_once_as_the_hello_says(keep_frames):
     outbox, link = SendQueue(50), Sent()
@@ -88,6 +100,7 @@ async def test_frames_go_out_as_many_at_once_as_the_hello_says(keep_frames):
         sender.put(np.zeros(1))
     for first in range(5):
         sender.put(frames(first))
+        sender.put(frames(0, 0))  # of which nothing is sent
     await outbox.flush(10.0)
     assert link.messages == [encode_event(FRAMES, frames(0, 3).tobytes())]
     assert sender.sent == 3
@@ -101,25 +114,20 @@ async def test_frames_go_out_as_many_at_once_as_the_hello_says(keep_frames):
 
 
 async def test_back_fill_goes_out_in_pieces_and_lets_live_frames_pass():
-    kept, outbox, link = FrameBuffer(DTYPE, 1000), SendQueue(50), Sent()
-    kept.put(frames(0, 1000).tobytes())
-    backfiller = BackfillSender(kept, outbox)
-    outbox.open(link)
-    backfiller.open()
-    link.takes.clear()
-    outbox.put(1, b"live")
+    made = Backfilling()
+    outbox, backfiller = made.outbox, made.sender
     backfiller.request([[100, 150], [990, 1010]])
     await asyncio.sleep(0.03)
     gone = encode_event(GONE, [(1000, 1010)])
-    link.takes.set()
+    made.link.takes.set()
     await until(lambda: backfiller.sent == 60)
     await outbox.flush(1.0)
     expected = [b"live", gone]
     numbers = [*range(100, 150), *range(990, 1000)]
     for start in range(0, 60, FRAMES_PER_MESSAGE):
-        block = kept.select([(n, n + 1) for n in numbers[start : start + FRAMES_PER_MESSAGE]])
+        block = made.kept.select([(n, n + 1) for n in numbers[start : start + FRAMES_PER_MESSAGE]])
         expected.append(encode_event(BACKFILL, block.tobytes()))
-    assert link.messages == expected
+    assert made.link.messages == expected
     assert (backfiller.asked, backfiller.gone) == (70, 10)
     assert outbox.records == 1
     backfiller.close()
@@ -127,20 +135,15 @@ async def test_back_fill_goes_out_in_pieces_and_lets_live_frames_pass():
 
 
 async def test_what_is_promised_is_not_sent_twice_and_a_flood_of_requests_is_refused():
-    kept, outbox, link = FrameBuffer(DTYPE, 1000), SendQueue(50), Sent()
-    kept.put(frames(0, 1000).tobytes())
-    backfiller = BackfillSender(kept, outbox)
-    outbox.open(link)
-    backfiller.open()
-    link.takes.clear()
-    outbox.put(1, b"live")
+    made = Backfilling()
+    backfiller = made.sender
     for _ in range(20):
         backfiller.request([[0, 100]])
         await asyncio.sleep(0.001)
-    kept.put(frames(1000, 1000).tobytes())
+    made.kept.put(frames(1000, 1000).tobytes())
     backfiller.request([[1000, 2000]])
     await until(lambda: backfiller.gone == 100)  # no more wait than are buffered
-    link.takes.set()
+    made.link.takes.set()
     await backfiller.finish(5.0)
     assert backfiller.sent == 1000
     backfiller.request("nonsense")
@@ -150,46 +153,18 @@ async def test_what_is_promised_is_not_sent_twice_and_a_flood_of_requests_is_ref
     backfiller.close()
     backfiller.request([[0, 100]])
     await asyncio.wait_for(backfiller.finish(30.0), 5.0)  # nothing is sent any more
-    outbox.close()
+    made.outbox.close()
 
 
-async def test_the_end_of_a_session_fills_in_what_is_missing_to_its_last_frame():
-    notes = LeaderNotes()
-    filled = []
-    settled = []
+async def test_the_leader_asks_while_frames_stream_and_at_the_end_for_all_that_is_missing():
+    notes, filled, gone, settled = LeaderNotes(), [], [], []
 
     def settle(sent):
         settled.append(sent)
-        return [[(2, 5), (8, 11)], [(8, 9)], []][len(settled) - 1]  # frame 8 is lost again
+        return [[(62, 65), (98, 101)], [(98, 99)], []][len(settled) - 1]  # one is lost again
 
-    events = LeaderEvents(
-        on_frames=lambda block, arrival_ns: notes.blocks.append(block),
-        on_backfill=lambda block: filled.extend(block["sequence"].tolist()),
-        on_gone=lambda ranges: filled.extend(-first for first, _ in ranges),
-        on_settle=settle,
-        on_end=notes.ends.append,
-    )
-    async with (
-        leader(events=events) as server,
-        follower(server.port, FollowerNotes(), keep_frames=100) as client,
-    ):
-        client.send_frames(frames(0, 10))
-        await until(lambda: len(notes.sequences) == 10)
-        await client.end("done")
-        assert client.frames.backfill == {"kept": 10, "asked": 7, "sent": 6, "gone": 1}
-    assert settled == [10, 10, 10]
-    assert sorted(filled) == [-10, 2, 3, 4, 8, 8, 9]
-    assert notes.ends == ["done"]
-
-
-async def test_the_leader_asks_and_is_answered_while_frames_stream():
-    filled = []
-    gone = []
-    notes = LeaderNotes()
-    events = LeaderEvents(
-        on_frames=lambda block, arrival_ns: notes.blocks.append(block),
-        on_backfill=filled.append,
-        on_gone=gone.append,
+    events = replace(
+        notes.events(), on_backfill=filled.append, on_gone=gone.append, on_settle=settle
     )
     async with (
         leader(events=events) as server,
@@ -202,3 +177,10 @@ async def test_the_leader_asks_and_is_answered_while_frames_stream():
         assert gone == [[(0, 3)]]
         np.testing.assert_array_equal(np.concatenate(filled), frames(60, 20))
         assert notes.sequences == list(range(100))
+        filled.clear()
+        await client.end("done")
+        assert client.frames.backfill == {"kept": 50, "asked": 30, "sent": 26, "gone": 4}
+    assert settled == [100, 100, 100]
+    assert np.sort(np.concatenate(filled)["sequence"]).tolist() == [62, 63, 64, 98, 98, 99]
+    assert gone[1:] == [[(100, 101)]]
+    assert notes.ends == ["done"]

@@ -5,7 +5,7 @@ import struct
 import time
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from link_samples import frames, linked, until
 
@@ -142,7 +142,7 @@ NUMBERS = st.integers(0, 3)
 ODD = st.one_of(st.none(), st.integers(), st.text(), st.binary(max_size=40), st.lists(st.none()))
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60)
 @given(
     st.lists(ODD | st.builds(QUESTION.pack, NUMBERS, STAMPS, NUMBERS, STAMPS), max_size=40),
     st.lists(ODD | st.builds(ANSWER.pack, NUMBERS, STAMPS, STAMPS, STAMPS), max_size=40),

@@ -210,7 +210,6 @@ def test_there_is_no_estimate_before_eight_exchanges():
     assert clock.exchanges == 8
 
 
-@settings(max_examples=60)
 @given(
     st.lists(
         st.tuples(

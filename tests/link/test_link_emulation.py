@@ -6,22 +6,18 @@ import aiohttp
 import numpy as np
 import pytest
 from link_samples import (
-    CHANNELS,
-    FollowerNotes,
-    LeaderNotes,
     commands,
+    follower,
     frames,
-    hello,
+    leader,
     linked,
     until,
 )
 
 import mmt.core.running.ticking
-from mmt.link.client import FollowerClient
 from mmt.link.emulated.network import EmulatedNetwork, EmulatedSendQueue
 from mmt.link.protocol import encode_event
-from mmt.link.server import LeaderServer
-from mmt.scene import Link, Network
+from mmt.scene import Network
 
 
 class Sent:
@@ -188,11 +184,8 @@ async def test_a_follower_that_comes_later_hears_of_the_change():
     async with linked() as link:
         await link.client.disconnect()
         link.leads.change({"profile": "lan"})
-        url = f"http://127.0.0.1:{link.server.port}"
-        later = FollowerClient(url, hello(), FollowerNotes().events(), network=link.follows)
-        await later.connect(10.0)
-        await until(lambda: link.follows.settings == Network(profile="lan"))
-        await later.disconnect()
+        async with follower(link.server.port, made={"network": link.follows}):
+            await until(lambda: link.follows.settings == Network(profile="lan"))
 
 
 async def test_a_malformed_event_changes_nothing_and_is_counted():
@@ -215,9 +208,7 @@ async def test_back_fill_waits_while_the_emulated_bandwidth_is_taken():
 async def test_settings_that_arrive_in_two_segments_are_taken_and_late_ones_refused(monkeypatch):
     monkeypatch.setattr(mmt.link.emulated.network, "HANDSHAKE_S", 0.5)
     network = EmulatedNetwork(Network(), "down", 1, lambda _: None)
-    server = LeaderServer(Link(port=0), CHANNELS, LeaderNotes().events(), network=network)
-    await server.start()
-    try:
+    async with leader(made={"network": network}) as server:
         for rest, status in ((b"15}", b"200"), (b"", b"400")):
             reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
             writer.write(
@@ -229,6 +220,4 @@ async def test_settings_that_arrive_in_two_segments_are_taken_and_late_ones_refu
             async with asyncio.timeout(5):
                 assert (await reader.readline()).split()[1] == status
             writer.close()
-    finally:
-        await server.stop()
     assert network.settings.delay_ms == 15

@@ -6,8 +6,8 @@ import socket
 import struct
 
 import pytest
-import socketio
 from link_samples import (
+    UPGRADE,
     FollowerNotes,
     LeaderNotes,
     commands,
@@ -15,6 +15,7 @@ from link_samples import (
     frames,
     hello,
     leader,
+    stock_client,
     until,
 )
 from wire_relay import Wire
@@ -29,11 +30,11 @@ from mmt.link.client import FollowerClient
 
 async def test_a_follower_that_dies_frees_its_place_at_once():
     notes = LeaderNotes()
-    async with leader(notes) as server, Wire(server.port) as wire:
-        dying = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
-        await dying.connect(
-            f"http://127.0.0.1:{wire.port}", auth=hello().to_auth(), transports=["websocket"]
-        )
+    async with (
+        leader(notes) as server,
+        Wire(server.port) as wire,
+        stock_client(wire.port) as dying,
+    ):
         await dying.emit("frames", frames(0).tobytes())
         await until(lambda: notes.sequences == [0])
         wire.cut()
@@ -44,7 +45,6 @@ async def test_a_follower_that_dies_frees_its_place_at_once():
         async with follower(server.port) as successor:
             successor.send_frames(frames(0))  # a new session begins
             await until(lambda: notes.sequences == [0, 0])
-        await dying.eio.wait()  # it closes its HTTP session last
 
 
 async def test_a_cut_link_is_taken_up_again_and_shows_as_a_gap():
@@ -120,15 +120,10 @@ async def test_a_silent_wire_is_noticed_on_both_sides_and_the_link_is_taken_up_a
 
 async def test_a_client_that_leaves_before_it_is_answered_is_no_error(monkeypatch, caplog):
     monkeypatch.setattr(mmt.link.serving.sockets, "HANDSHAKE_S", 0.1)
-    request = (
-        b"GET /socket.io/?EIO=4&transport=websocket HTTP/1.1\r\nHost: 127.0.0.1\r\n"
-        b"Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
-        b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
-    )
     async with leader() as server:
         for _ in range(5):
             with socket.create_connection(("127.0.0.1", server.port)) as leaving:
-                leaving.sendall(request)
+                leaving.sendall(UPGRADE)
                 leaving.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             await asyncio.sleep(0.05)
         await asyncio.sleep(0.3)
@@ -143,13 +138,8 @@ async def test_the_end_does_not_wait_for_ever_on_a_silent_wire(monkeypatch):
         await asyncio.wait_for(client.end("unheard"), 5.0)
 
 
-GOOD = hello().to_auth()
-
-
 async def test_malformed_events_do_no_harm():
-    notes = LeaderNotes()
-    client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
-    broken = frames(0)
+    notes, broken = LeaderNotes(), frames(0)
     broken["force_n"] = float("nan")
     malformed = {
         "frames": ["text", None, b"", bytes(37), frames(0, 101).tobytes(), broken.tobytes()],
@@ -157,8 +147,7 @@ async def test_malformed_events_do_no_harm():
         "event": [None, b"x", {"event": "x"}],
         "unknown event": [b"x"],
     }
-    async with leader(notes) as server:
-        await client.connect(f"http://127.0.0.1:{server.port}", auth=GOOD, transports=["websocket"])
+    async with leader(notes) as server, stock_client(server.port) as client:
         for event, payloads in malformed.items():
             for data in payloads:
                 await client.emit(event, data)
@@ -174,36 +163,19 @@ async def test_malformed_events_do_no_harm():
             "not finite": 1,
         }
         assert server.connected
-        await client.disconnect()
     assert notes.ends == []
     assert notes.errors == []
 
 
 async def test_a_message_that_is_too_long_closes_that_link_alone():
     notes = LeaderNotes()
-    client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
-    async with leader(notes) as server:
-        await client.connect(f"http://127.0.0.1:{server.port}", auth=GOOD, transports=["websocket"])
+    async with leader(notes) as server, stock_client(server.port) as client:
         await client.emit("frames", bytes(200_000))
         await until(lambda: notes.losses)
         await until(lambda: not client.connected)
         async with follower(server.port) as other:
             other.send_frames(frames(0))
             await until(lambda: notes.sequences == [0])
-
-
-async def test_events_after_the_end_are_not_of_the_session():
-    notes = LeaderNotes()
-    client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
-    async with leader(notes) as server:
-        await client.connect(f"http://127.0.0.1:{server.port}", auth=GOOD, transports=["websocket"])
-        await client.emit("frames", frames(0).tobytes())
-        await client.call("end", {"reason": "x" * 1000, "frames": 1})
-        await client.emit("frames", frames(1).tobytes())
-        await client.call("end", {"reason": "again", "frames": 2})
-        await client.disconnect()
-    assert notes.sequences == [0]
-    assert notes.ends == ["x" * 256]
 
 
 async def refused_in_time(port, said):

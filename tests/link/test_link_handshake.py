@@ -264,6 +264,7 @@ async def test_the_place_is_one_followers_until_it_leaves(caplog):
         assert slot.fault == "it floods"
         slot.end()
         assert (slot.sid, slot.in_session, slot.expects(sid)) == (sid, False, False)
+        host.handlers["frames"](sid, b"after the end")
         async with asyncio.timeout(5.0):
             assert not await slot.wait_until_free(0.001)
             waiting = asyncio.create_task(slot.wait_until_free(60.0))

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,6 @@ from link_samples import CHANNELS, LeaderNotes, commands, leader, until
 from node_programs import NEEDS_NODE, another_site, run_node, under_node
 from socketio.msgpack_packet import MsgPackPacket
 
-from mmt.link.endpoint import LeaderEvents
 from mmt.link.protocol import PROTOCOL_VERSION
 
 DOCUMENTED = ("position", "force", "acceleration")
@@ -46,14 +46,7 @@ async def test_a_stock_client_under_node_streams_frames_and_decodes_commands(mon
             servers[0].send_commands(answered)
 
     monkeypatch.setattr(MsgPackPacket, "decode", decode)
-    events = LeaderEvents(
-        on_frames=answer,
-        on_follower=notes.hellos.append,
-        on_end=notes.ends.append,
-        on_lost=notes.losses.append,
-        on_error=notes.errors.append,
-    )
-    async with leader(events=events) as server:
+    async with leader(events=replace(notes.events(), on_frames=answer)) as server:
         servers.append(server)
         code, printed, complaints = await follow(server.port, count, sending=sending)
         counted = server.statistics

@@ -5,8 +5,7 @@ import asyncio
 import aiohttp
 import msgpack
 import pytest
-import socketio
-from link_samples import CHANNELS, LeaderNotes, frames, leader, until
+from link_samples import CHANNELS, LeaderNotes, frames, leader, stock_client, until
 from test_link_wire import AUTH
 
 from mmt.core.errors import InputError
@@ -30,11 +29,8 @@ def test_extension_0_is_bytes_and_no_other_is(stranger):
 
 async def test_a_client_that_is_not_understood_is_told_why_and_its_clock_is_missed():
     notes, heard = LeaderNotes(), []
-    async with leader(notes) as server:
-        client = socketio.AsyncClient(serializer="msgpack")
+    async with leader(notes) as server, stock_client(server.port, clock_id="") as client:
         client.on("rejected", heard.append)
-        await client.connect(f"http://127.0.0.1:{server.port}", auth=AUTH, transports=["websocket"])
-        await until(lambda: server.connected)
         for _ in range(200):
             await client.emit("frames", {"0": 1})
         await client.emit("frames", frames(0).tobytes()[:-1])
@@ -43,21 +39,17 @@ async def test_a_client_that_is_not_understood_is_told_why_and_its_clock_is_miss
         assert "ArrayBuffer" in heard[0]["text"]
         assert "36 bytes" in heard[1]["text"]
         await until(lambda: server.clock.unknown_s > 0.2)
-        await client.disconnect()
 
 
 async def test_pages_of_named_sites_may_connect_with_a_token(monkeypatch):
     site = "https://lab.example"
-    settings = Link(allow_origins=(site,))
     with pytest.raises(InputError, match="only with a token"):
-        LeaderServer(settings, CHANNELS, LeaderNotes().events())
+        LeaderServer(Link(allow_origins=(site,)), CHANNELS, LeaderNotes().events())
     with pytest.raises(ValueError, match="is no origin"):
         Link(allow_origins=("*",))
     monkeypatch.setenv("MMT_LINK_TOKEN", TOKEN)
-    server = LeaderServer(settings, CHANNELS, LeaderNotes().events())
-    await server.start()
-    url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
-    try:
+    async with leader(allow_origins=(site,)) as server:
+        url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
         async with aiohttp.ClientSession() as session, asyncio.timeout(20):
             for token, answer in (("wrong", 4), (TOKEN, 0)):
                 async with session.ws_connect(url, origin=site) as socket:
@@ -68,5 +60,3 @@ async def test_pages_of_named_sites_may_connect_with_a_token(monkeypatch):
             with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
                 await session.ws_connect(url, origin="https://other.example")
             assert refused.value.status == 403
-    finally:
-        await server.stop()

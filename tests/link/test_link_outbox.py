@@ -100,6 +100,8 @@ async def test_records_go_out_a_hundred_at_most_in_a_message():
     outbox, link = SendQueue(1), Link()
     outbox.open(link)
     data = bytes(range(250)) * 3
+    outbox.put_records("frames", b"", 3)
+    assert link.sent == []
     outbox.put_records("frames", data, 3)
     parts = data[:300], data[300:600], data[600:]
     assert link.sent == [encode_event("frames", part) for part in parts]

@@ -61,23 +61,6 @@ async def test_the_round_trip_leaves_out_how_long_the_leader_held_the_echo():
     assert 99.0 <= round_trip_ms < 2_000
 
 
-async def test_a_long_block_is_split_at_the_largest_message():
-    up, down = LeaderNotes(), FollowerNotes()
-    async with leader(up) as server, follower(server.port, down) as client:
-        await until(lambda: server.can_send)
-        client.send_frames(frames(0, 0))  # of which nothing is sent
-        server.send_commands(commands(0, 0))
-        client.send_frames(frames(0, 250))
-        server.send_commands(commands(0, 150))
-        await until(lambda: len(up.sequences) == 250 and len(down.sequences) == 150)
-    assert [len(block) for block in up.blocks] == [100, 100, 50]
-    assert [len(block) for block in down.blocks] == [100, 50]
-    assert up.sequences == list(range(250))
-    for send, other in ((client.send_frames, commands(0)), (server.send_commands, frames(0))):
-        with pytest.raises(ValueError, match="dtype"):
-            send(other)
-
-
 async def test_the_leader_asks_the_follower_to_stop_and_waits_for_its_end():
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server:
@@ -139,6 +122,9 @@ async def test_both_may_be_used_without_ever_being_connected():
     await client.disconnect()
     assert client.statistics.dropped == 7
     assert not client.connected
+    for send, other in ((client.send_frames, commands(0)), (server.send_commands, frames(0))):
+        with pytest.raises(ValueError, match="dtype"):
+            send(other)
 
 
 async def test_a_port_that_is_taken_is_explained():

@@ -2,7 +2,7 @@
 
 import msgpack
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from link_samples import drawn_frames, hello
 
@@ -28,7 +28,6 @@ def outbox_into(messages):
     return outbox
 
 
-@settings(max_examples=100)
 @given(
     SOME_CHANNELS,
     SAMPLES,
@@ -59,7 +58,6 @@ def test_what_a_follower_sends_is_what_a_leader_reads(channels, samples, gathere
     assert np.array_equal(kept.select([(0, SEQUENCES)]), whole)
 
 
-@settings(max_examples=50)
 @given(SAMPLES, st.data(), st.sampled_from([np.nan, np.inf, -np.inf, 1.01 * LARGEST_QUANTITY]))
 def test_one_bad_sample_rejects_its_frame_alone(samples, data, bad):
     said = hello(channels=CHANNELS, samples_per_frame=samples)

@@ -11,19 +11,27 @@ from contextlib import asynccontextmanager
 
 import aiohttp
 import pytest
-import socketio
 import trustme
 from aiohttp import web
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from link_samples import FollowerNotes, LeaderNotes, follower, frames, hello, leader, until
+from link_samples import (
+    UPGRADE,
+    WEBSOCKET,
+    FollowerNotes,
+    LeaderNotes,
+    follower,
+    frames,
+    leader,
+    stock_client,
+    until,
+)
 
 import mmt.link.incoming
 import mmt.link.serving.accepting
 import mmt.link.serving.sockets
 from mmt.core.errors import MmtError
 from mmt.link.access import Access
-from mmt.link.client import FollowerClient
 from mmt.link.protocol import MAX_ANNOTATIONS_BYTES, encode_event
 from mmt.link.serving.gate import BYTES as GATE_BYTES
 from mmt.link.serving.gate import Gate
@@ -68,26 +76,10 @@ async def is_open(stream):
 
 
 async def connects_within(port, timeout_s, **access):
-    started_s = time.monotonic()
-    scheme = "https" if "authority" in access else "http"
-    client = FollowerClient(
-        f"{scheme}://127.0.0.1:{port}",
-        hello(run_id="the follower's"),
-        FollowerNotes().events(),
-        access=Access(TOKEN, **access),
-    )
-    try:
-        await client.connect(timeout_s)
+    started_s, known = time.monotonic(), Access(TOKEN, **access)
+    url = f"{'https' if access else 'http'}://127.0.0.1:{port}"
+    async with follower(url, access=known, timeout_s=timeout_s, run_id="the follower's"):
         assert time.monotonic() - started_s < timeout_s
-    finally:
-        await client.disconnect()
-
-
-WEBSOCKET = b"GET /socket.io/?EIO=4&transport=websocket HTTP/1.1\r\n"
-UPGRADE = WEBSOCKET + (
-    b"Host: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-    b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: MTIzNDU2Nzg5MDEyMzQ1Ng==\r\n\r\n"
-)
 
 
 @pytest.mark.parametrize("says", [b"", WEBSOCKET, UPGRADE], ids=["nothing", "half", "no hello"])
@@ -402,13 +394,8 @@ def low_limit(monkeypatch):
 @pytest.mark.usefixtures("low_limit")
 async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(monkeypatch):
     notes = LeaderNotes()
-    async with leader(notes) as server:
-        client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
-        url = f"http://127.0.0.1:{server.port}"
-        await client.connect(
-            url, auth={**hello().to_auth(), "token": TOKEN}, transports=["websocket"]
-        )
-        rubbish = encode_event("frames", b"x")
+    rubbish = encode_event("frames", b"x")
+    async with leader(notes) as server, stock_client(server.port, TOKEN) as client:
         with contextlib.suppress(ConnectionError, RuntimeError, aiohttp.ClientError):
             async with asyncio.timeout(30):
                 while not notes.losses:
@@ -418,7 +405,6 @@ async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(monkeypa
         await until(lambda: notes.losses)
         assert notes.losses[0].startswith("it sent more than 1000 messages")
         assert server.statistics.rejected["too fast"] > 0
-        await client.disconnect()
         # what the first owes would take 0.5 s
         monkeypatch.setattr(server.endpoint.rate_limit, "_due_ns", 0)
         async with follower(server.port, access=Access(TOKEN)) as good:

@@ -3,15 +3,12 @@
 import asyncio
 import re
 import struct
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import socketio
 from aiohttp import web
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from link_samples import (
     CHANNELS,
     FollowerNotes,
@@ -22,13 +19,10 @@ from link_samples import (
     leader,
     until,
 )
-from socketio.msgpack_packet import MsgPackPacket
+from python_programs import printed_by
 
 from mmt.core.frames import CHANNELS as ALL_CHANNELS
 from mmt.core.frames import COMMAND_DTYPE, frame_dtype
-from mmt.link.protocol import encode_event
-from mmt.link.server import LeaderServer
-from mmt.scene import Link
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "wire.md"
 
@@ -41,13 +35,6 @@ AUTH = {
     "clock_id": "",
     "annotations": b"",
 }
-
-
-@given(st.text(min_size=1, max_size=10), st.binary(max_size=300))
-@settings(max_examples=50)
-def test_events_are_encoded_as_python_socketio_does(event, payload):
-    packet = MsgPackPacket(socketio.packet.EVENT, data=[event, payload], namespace="/")
-    assert encode_event(event, payload) == packet.encode()
 
 
 def test_the_layouts_are_those_of_the_page():
@@ -99,24 +86,13 @@ async def test_the_program_in_the_page_runs(tmp_path):
     program = tmp_path / "follower.py"
     program.write_text(match.group(1), encoding="utf-8")
     notes = LeaderNotes()
-    server = LeaderServer(Link(port=0), ALL_CHANNELS, notes.events())
-    await server.start()
-    process = await asyncio.create_subprocess_exec(
-        sys.executable,
-        str(program),
-        f"http://127.0.0.1:{server.port}",
-        "500",
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.PIPE,
-    )
-    await until(lambda: notes.blocks, timeout_s=30.0)
-    command = np.zeros(1, dtype=COMMAND_DTYPE)
-    command["position_mm"] = 1.5
-    server.send_commands(command)
-    output, errors = await asyncio.wait_for(process.communicate(), 30.0)
-    await server.stop()
-    assert (process.returncode, errors.decode()) == (0, "")
-    assert "command 0: go to 1.50 1.50 1.50 mm" in output.decode()
+    async with leader(notes, channels=ALL_CHANNELS) as server:
+        url = f"http://127.0.0.1:{server.port}"
+        running = asyncio.create_task(asyncio.to_thread(printed_by, program, url, 500))
+        await until(lambda: notes.blocks)
+        server.send_commands(commands(0))
+        output = await running
+    assert "command 0: go to 2.50 2.50 2.50 mm" in output
     assert notes.sequences == list(range(500))
     times_ns = np.concatenate(notes.blocks)["time_ns"]
     assert (times_ns[-1] - times_ns[0]) / 499 == pytest.approx(1e6, rel=0.2)  # not 660 Hz

@@ -13,8 +13,8 @@ from sensor_reading import (
     read_until_fault,
     read_until_lost,
 )
+from waiting import check_refused
 
-from mmt.core.errors import MmtError
 from mmt.devices.drivers import load_device
 from mmt_devices.bota.frames import (
     OVERRANGE,
@@ -176,8 +176,7 @@ def test_silence_is_lost(emulated, make, sensor):
     emulated.stall()
     read_until_lost(sensor, r"no record for \d+ ms; check its power, its cable")
     sensor.close()
-    with pytest.raises(MmtError, match=r"used in 0\.2 s; nothing comes; check its power"):
-        make(start_s=0.2)
+    check_refused(lambda: make(start_s=0.2), r"used in 0\.2 s; nothing comes; check its power")
 
 
 def test_raw_values_in_the_place_of_forces_are_told(emulated, make):
@@ -187,8 +186,7 @@ def test_raw_values_in_the_place_of_forces_are_told(emulated, make):
     emulated.status = RAW
     read_until_lost(sensor, words)
     assert sensor.faults["raw measurements"] > 0
-    with pytest.raises(MmtError, match=words):
-        sensor.connect()
+    check_refused(sensor.connect, words)
 
 
 def test_what_the_sensor_could_not_measure_is_counted_and_what_is_impossible_left_out(
@@ -221,5 +219,4 @@ def test_what_keeps_it_from_being_used_is_explained(
 ):
     monkeypatch.setattr("mmt_devices.bota.driver._ANSWER_S", 0.1)
     setattr(emulated, *fault)
-    with pytest.raises(MmtError, match=words):
-        make(start_s=0.3, sinc_length=256, **options)
+    check_refused(lambda: make(start_s=0.3, sinc_length=256, **options), words)

@@ -9,9 +9,9 @@ import pytest
 from running_source import RunningSource
 from scipy.spatial.transform import Rotation
 from sensor_reading import until_turned
-from waiting import PATIENCE_S, until, until_lost
+from waiting import PATIENCE_S, check_refused, until, until_lost
 
-from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import DeviceLost, InputError
 from mmt.core.extras import require
 from mmt.devices.drivers import load_device
 from mmt_devices.franka import arm as arms
@@ -145,8 +145,7 @@ def test_a_stop_while_it_moves_is_a_loss_that_says_why(robot, emulated, why, mod
     reflex = mode is RobotMode.Reflex
     emulated.stop(REFLEX.replace("cartesian_reflex", why) if reflex else why, mode)
     until_lost(robot.read, sentence)
-    with pytest.raises(DeviceLost, match="Franka arm arm"):
-        robot.write(HOME)
+    check_refused(lambda: robot.write(HOME), "Franka arm arm", DeviceLost)
 
 
 def test_a_reflex_is_recovered_on_connecting_and_nothing_moves_until_a_command(
@@ -157,8 +156,7 @@ def test_a_reflex_is_recovered_on_connecting_and_nothing_moves_until_a_command(
     until_lost(robot.read, "beyond 'collision_force_n'")
     emulated.recoverable = False
     robot.close()
-    with pytest.raises(MmtError, match=r"cannot be recovered from .*cartesian_reflex"):
-        robot.connect()
+    check_refused(robot.connect, r"cannot be recovered from .*cartesian_reflex")
     emulated.recoverable = True
     robot.connect()
     assert "was recovered from ['cartesian_reflex']" in caplog.text
@@ -172,8 +170,7 @@ def test_a_reflex_is_recovered_on_connecting_and_nothing_moves_until_a_command(
     robot.close()
     assert isinstance(emulated.motions[-1], TorqueStopMotion)
     assert (emulated.moving, emulated.connections) == (False, 0)
-    with pytest.raises(DeviceLost, match="not connected"):
-        robot.read()
+    check_refused(robot.read, "not connected", DeviceLost)
 
 
 @pytest.mark.parametrize(
@@ -195,8 +192,7 @@ def test_an_arm_in_no_state_to_be_used_is_refused_or_lost_until_it_is(
     until_lost(robot.read, told)
     robot.close()
     if refused:
-        with pytest.raises(MmtError, match=refused):
-            robot.connect()
+        check_refused(robot.connect, refused)
     assert emulated.recoveries == 0  # for these a person has to do something
     setattr(emulated, state, usual)
     robot.connect()
@@ -208,8 +204,7 @@ def test_a_library_that_does_not_return_is_a_loss_and_not_called_twice(make, emu
     robot = make()
     with emulated.lock:
         for _ in range(3):
-            with pytest.raises(MmtError, match="takes the connection but does not answer"):
-                robot.connect()
+            check_refused(robot.connect, "takes the connection but does not answer")
         names = [each.name for each in threading.enumerate()]
         assert names.count("Franka arm arm") == 1
     monkeypatch.setattr(arms, "_CONNECT_S", 10.0)
@@ -260,17 +255,14 @@ def test_the_bias_is_of_finite_forces_at_rest_and_without_them_the_arm_is_lost(
     monkeypatch.setattr(arms.FrankaArm, "check", measured)
     forces = itertools.repeat((0.0, math.inf, 0.0))
     monkeypatch.setattr(franka_driver, "_BIAS_PATIENCE_S", 0.05)
-    with pytest.raises(DeviceLost, match="gave 0 finite forces"):
-        force.calibrate()
+    check_refused(force.calibrate, "gave 0 finite forces", DeviceLost)
 
 
 def test_what_cannot_be_connected_is_refused(make, monkeypatch):
     first, second = make(), make()
     first.connect()
-    with pytest.raises(InputError, match="driven already"):
-        second.connect()
-    with pytest.raises(InputError, match="differ in 'realtime'"):
-        make(FrankaForce, realtime="ignore").connect()
+    check_refused(second.connect, "driven already", InputError)
+    check_refused(make(FrankaForce, realtime="ignore").connect, "differ in 'realtime'", InputError)
     assert first.read() == pytest.approx(HOME)
     monkeypatch.setattr("mmt.core.extras.find_spec", lambda _: None)
     with pytest.raises(InputError, match=r"franky-control .*which is not installed; .*\[franka\]"):

@@ -11,7 +11,7 @@ import threading
 
 import psutil
 import pytest
-from waiting import children, until, until_lost
+from waiting import check_refused, children, until, until_lost
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.drivers import load_device
@@ -63,8 +63,7 @@ def test_the_handle_says_where_it_is_and_how_it_moves_in_the_scenes_axes(make, s
     handle.close()
     until(lambda: service.tip_state().motor_n == (0.0, 0.0, 0.0))
     handle.close()
-    with pytest.raises(DeviceLost, match="not connected"):
-        handle.read(1)
+    check_refused(lambda: handle.read(1), "not connected", DeviceLost)
 
 
 @pytest.mark.parametrize("version", ["3.4", "3.5"])
@@ -160,8 +159,7 @@ def test_a_service_that_is_stuck_is_lost_and_comes_back(make, service):
     robot = make("robot", timeout_ms=50)
     service.stall()
     lost(robot, "has not answered for 50 ms: it is stuck or overloaded")
-    with pytest.raises(MmtError, match="has not answered"):
-        robot.connect()
+    check_refused(robot.connect, "has not answered")
     service.stall(silent=False)
     robot.connect()
     assert robot.read() == pytest.approx((0.0, 0.0, 0.0))
@@ -171,8 +169,7 @@ def test_a_service_that_leaves_is_lost_and_another_at_its_place_is_taken(device,
     service.drop()
     lost(device, r"has closed the connection \(.+\): see whether it still runs")
     service.stop()
-    with pytest.raises(MmtError, match=r"does not answer at .*: start it"):
-        device.connect()
+    check_refused(device.connect, r"does not answer at .*: start it")
     service.start()
     device.connect()
     assert device.position() == pytest.approx((0.0, 0.0, 0.0))
@@ -251,8 +248,7 @@ def test_a_first_message_that_cannot_be_used_is_explained(
 ):
     monkeypatch.setattr("mmt_devices.inverse3.link._FIRST_S", 0.2)
     service.fail(fault)
-    with pytest.raises(MmtError, match=sentence):
-        make("handle")
+    check_refused(lambda: make("handle"), sentence)
 
 
 def test_what_is_no_service_of_the_format_is_explained(make, service):
@@ -263,17 +259,14 @@ def test_what_is_no_service_of_the_format_is_explained(make, service):
     with pytest.raises(MmtError, match=r"is no Haply Inverse Service \(it says 404"):
         make("handle", address=service.options["address"] + "/elsewhere")
     service.version = "3.0"
-    with pytest.raises(MmtError, match=r"speaks the format 3\.0: give the port .* 10001"):
-        make("handle")
+    check_refused(lambda: make("handle"), r"speaks the format 3\.0: give the port .* 10001")
 
 
 def test_of_two_devices_one_must_be_named(make, service):
     service.tips = two = {"049D": EmulatedTip(REST_MM), "04BA": EmulatedTip(REST_MM)}
     words = r"has '049D' \(inverse3\), '04BA' \(inverse3\): name one by .*'device'"
-    with pytest.raises(MmtError, match=words):
-        make("robot")
-    with pytest.raises(MmtError, match=r"has no device '0000', but '049D'"):
-        make("robot", device="0000")
+    check_refused(lambda: make("robot"), words)
+    check_refused(lambda: make("robot", device="0000"), r"has no device '0000', but '049D'")
     robot = make("robot", device="04BA")
     until(lambda: two["04BA"].mode == "position", lambda: robot.write((0.0, 0.0, 0.0)))
     assert two["049D"].mode == "idle"
@@ -282,8 +275,7 @@ def test_of_two_devices_one_must_be_named(make, service):
 def test_an_uncalibrated_device_is_waited_for(make, service, caplog):
     service.fail("uncalibrated")
     impatient = make("handle", calibration_s=0, calibrate=False)
-    with pytest.raises(MmtError, match="is not calibrated: put its grip where"):
-        impatient.calibrate()
+    check_refused(impatient.calibrate, "is not calibrated: put its grip where")
     assert any("is not calibrated" in remark for remark in impatient.remarks())
     impatient.close()
     handle = make("handle", calibration_s=20, calibrate=False)

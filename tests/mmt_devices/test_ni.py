@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from nano17_files import write_calibration
 from running_source import RunningSource
 from sensor_reading import read_some, read_until_fault, read_until_lost
+from waiting import check_refused
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.frames import acceleration_samples
@@ -44,12 +45,10 @@ def inputs(*numbers, backend, **options):
     return load_device("ni-daqmx", {"inputs": numbers, "backend": backend, **options})
 
 
-def test_inputs_are_measured_against_ground_or_their_partners_at_the_boards_rate(closing):
+def test_inputs_are_measured_against_ground_or_their_partners_at_the_boards_rate(connected):
     box = EmulatedNi(level)
-    reader = closing(inputs(3, 0, backend=box, rate_hz=3000.0))
-    single = closing(inputs(14, 6, backend=box, terminals="rse", rate_hz=3000.0))
-    reader.connect()
-    single.connect()
+    reader = connected(inputs(3, 0, backend=box, rate_hz=3000.0))
+    single = connected(inputs(14, 6, backend=box, terminals="rse", rate_hz=3000.0))
     assert box.channels == 4  # in one task
     assert reader.serial == single.serial == "ni-1A2B3C"
     readings, others = read_some(reader, 300), read_some(single, 300)
@@ -91,16 +90,13 @@ def test_a_board_that_is_read_too_late_says_so_and_goes_on(connected, caplog):
     assert sum(steps) == 500_000 * (len(steps) + lost)
 
 
-def test_an_unplugged_board_is_lost_and_comes_back(closing):
+def test_an_unplugged_board_is_lost_and_comes_back(connected):
     box = EmulatedNi(level)
-    reader, other = closing(inputs(0, backend=box)), closing(inputs(1, backend=box))
-    reader.connect()
-    other.connect()
+    reader, other = (connected(inputs(number, backend=box)) for number in (0, 1))
     box.plugged = False
     for each in (reader, other):
         read_until_lost(each, r"NI Dev1 is gone: Device cannot be .*-201003")
-        with pytest.raises(MmtError, match="there is no board by NI: plug it in; there is none"):
-            each.connect()
+        check_refused(each.connect, "there is no board by NI: plug it in; there is none")
     box.plugged = True
     for each in (reader, other):
         each.connect()
@@ -113,8 +109,7 @@ def test_an_unplugged_board_is_lost_and_comes_back(closing):
     reader.connect()
     assert read_some(reader, 5)
     reader.close()
-    with pytest.raises(DeviceLost, match="is not open"):
-        reader.read()
+    check_refused(reader.read, "is not open", DeviceLost)
 
 
 def test_what_one_task_cannot_do_is_refused_and_the_other_goes_on(connected):
@@ -125,8 +120,7 @@ def test_what_one_task_cannot_do_is_refused_and_the_other_goes_on(connected):
         (inputs(2, backend=box, rate_hz=1000.0), "1000 scans a second, another for 2000"),
         (inputs(2, 40, backend=box), "Dev1 has no ai40, but 16 inputs from ai0 on"),
     ):
-        with pytest.raises(InputError, match=words):
-            wrong.connect()
+        check_refused(wrong.connect, words, InputError)
     with pytest.raises(MmtError, match="AI_TermCfg Possible Values: DAQmx_Val_RSE"):
         (refused := inputs(9, backend=box)).connect()
     first.close()
@@ -157,8 +151,7 @@ def test_which_board_is_told_where_there_are_several_or_another_program_has_it(c
     taken = EmulatedNi(level)
     task = taken.task()
     task.start()
-    with pytest.raises(MmtError, match="another program has it: close that one"):
-        inputs(0, backend=taken).connect()
+    check_refused(inputs(0, backend=taken).connect, "another program has it: close that one")
     task.close()
 
 
@@ -167,8 +160,7 @@ def test_boards_are_listed_and_a_missing_driver_is_told(monkeypatch):
     monkeypatch.setattr("nidaqmx._library_interpreter.lib_importer", nidaqmx._lib.DaqLibImporter())
     monkeypatch.setattr("nidaqmx._lib.find_library", lambda _name: None)
     assert re.search(r"NI-DAQmx, which is not installed; .* -m nidaqmx inst", driver.missing())
-    with pytest.raises(MmtError, match="NI-DAQmx, which is not installed"):
-        load_device("ni-daqmx").connect()
+    check_refused(load_device("ni-daqmx").connect, "NI-DAQmx, which is not installed")
 
 
 ANYTHING = st.one_of(
