@@ -8,6 +8,7 @@ from importlib.util import find_spec
 
 import pytest
 from frame_samples import made_frames
+from python_programs import run_mmt
 
 from mmt.cli import follower, leader, main
 from mmt.cli.common import run_app
@@ -190,15 +191,7 @@ def test_every_program_tells_its_version(program, monkeypatch, capsys):
 
 def test_a_process_ends_like_that_too(folder):
     long_name = "a-name-that-is-longer-than-a-line-of-eighty-characters/" * 3 + "x.mcap"
-    ended = subprocess.run(
-        [sys.executable, "-m", "mmt.cli.entry", "main", "session", "info", long_name],
-        capture_output=True,
-        text=True,
-        cwd=folder,
-        env={**os.environ, "COLUMNS": "80"},
-        check=False,
-        timeout=150,
-    )
+    ended = run_mmt(folder, "main", "session", "info", long_name, COLUMNS="80")
     assert ended.returncode == 2
     assert ended.stderr == f"error: session {long_name}: No such file or directory\n"
     assert ended.stdout == ""
