@@ -15,7 +15,6 @@ import pytest
 
 from mmt.cli.common import Terminal
 from mmt.core.errors import InputError
-from mmt.core.frames import empty_frames
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.reports import figures, tables
 from mmt.evaluation.reports.document import (
@@ -125,15 +124,6 @@ def test_a_run_alone_is_reported(tmp_path):
     assert "completed" in page.text
     assert "img" not in page.count
     assert json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["sessions"] == []
-
-
-def test_a_session_at_rest_is_reported(tmp_path):
-    frames = empty_frames(3000)
-    frames["sequence"] = np.arange(3000)
-    frames["time_ns"] = np.arange(3000) * 1_000_000
-    evaluation = evaluate_session(RecordedSession(frames), ModellingSettings())
-    page = outline(write_report(tmp_path, [evaluation]).read_text(encoding="utf-8"))
-    assert "never stroked" in page.text
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):

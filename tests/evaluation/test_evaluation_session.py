@@ -9,6 +9,7 @@ import pytest
 from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
 from mmt.evaluation.evaluate import evaluate_session, evaluate_surfaces
+from mmt.evaluation.reports.report import write_report
 from mmt.evaluation.results import evaluations_as_dict
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
@@ -108,7 +109,7 @@ def test_without_annotations_the_same_session_is_held_against_itself(known, unkn
     assert unknown.at_end.power_error_db == known.at_end.held_out_power_error_db
 
 
-def test_session_at_rest_has_no_samples():
+def test_session_at_rest_has_no_samples_and_can_be_reported(tmp_path):
     frames = empty_frames(6000)
     frames["sequence"] = np.arange(6000)
     frames["time_ns"] = np.arange(6000) * 1_000_000
@@ -122,6 +123,7 @@ def test_session_at_rest_has_no_samples():
     assert evaluation.at_end.distance == pytest.approx(27 * cells_of(2).farthest)
     assert "never stroked" in evaluation.coverage.remark
     json.dumps(evaluation.as_dict(), allow_nan=False)
+    assert "never stroked" in write_report(tmp_path, [evaluation]).read_text(encoding="utf-8")
 
 
 def test_hand_that_covers_a_corner_is_told_so(make_session):

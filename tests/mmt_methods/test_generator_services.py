@@ -271,14 +271,6 @@ async def test_a_generator_that_is_not_there_ends_the_start(tmp_path, plugin, na
         await Leader(scene).run()
 
 
-@pytest.mark.parametrize(
-    ("texture", "rendering"), [(None, {"model": "felt"}), ({"surfaces": {}}, {})]
-)
-def test_it_needs_one_surface_to_learn_from(tmp_path, texture, rendering):
-    with pytest.raises(InputError, match="learns from the strokes on one surface"):
-        small_scene(tmp_path, texture=texture, rendering={"generator": "band", **rendering})
-
-
 def test_a_scene_without_one_imports_nothing_of_it(tmp_path):
     scene = small_scene(tmp_path, texture={}, rendering={})
     assert not PARTS["generating"].wanted(scene)
