@@ -9,15 +9,12 @@ from collections.abc import Callable
 import pytest
 from service_processes import Service
 from service_runs import MadeSource, Together, small_scene
+from surface_courses import glass_and_sandpaper, stroked_over
 
-from mmt.core.errors import InputError
 from mmt.leader.service import Leader
 from mmt.leader.surface_log import replayed_words
-from mmt.scene import Replay, Scene
+from mmt.scene import Replay
 from mmt.session.files import read_session
-from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
-from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.updates import SurfaceStatement, surface_statements
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
@@ -62,14 +59,6 @@ class GatedSource(MadeSource):
         return block
 
 
-def over_two_surfaces():
-    course = SurfaceCourse(
-        [get_surface("glass"), get_surface("sandpaper")],
-        [CourseChange(6000, 1, in_contact=True), CourseChange(12_000, 0, in_contact=False)],
-    )
-    return simulate_session(Scene(), course, 17.0, 4)[0]
-
-
 def on(surface, mode):
     """Say whether the leader is on a surface and plays it so."""
 
@@ -92,7 +81,7 @@ async def led(directory, gates, **tables):
         **tables,
     )
     together = await Together.listening(scene)
-    source = GatedSource(over_two_surfaces(), gates, together.leader)
+    source = GatedSource(stroked_over(glass_and_sandpaper())[0], gates, together.leader)
     await together.follow(source)
     summary = await together.end()
     assert not source.shut
@@ -195,8 +184,3 @@ def test_without_a_leader_the_address_is_to_be_checked(address, code, sentence, 
         assert command.end() == code
     assert sentence in command.stderr
     assert "Traceback" not in command.stderr
-
-
-def test_one_saved_model_is_not_for_several_surfaces(tmp_path):
-    with pytest.raises(InputError, match="keeps one for each surface"):
-        small_scene(tmp_path, texture=TEXTURE, rendering={"model": "felt"})
