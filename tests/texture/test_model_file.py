@@ -165,7 +165,7 @@ def test_blocks_of_version_6_are_gathered_by_place_and_raised_by_what_is_felt():
         ({"format_version": 3}, "'interpolate' is missing"),
         ({"method": None}, "'method' is missing"),
         ({"rate_hz": np.array(-5.0)}, "rate_hz is -5.0, allowed is a finite number at least 1"),
-        ({"power": np.full(12, 1.1e12)}, "^power must be finite"),
+        *(({name: np.full(12, 1.1e12)}, f"^{name} must be") for name in ("power", "variance")),
         ({"inputs": np.array("none")}, "^name is 'none', allowed is"),
         ({"method": np.array("best")}, "method is 'best', allowed are field, published"),
     ],
