@@ -99,14 +99,10 @@ class SurfaceCommand:
 
     def __call__(self, leader):
         if self.service is None and on(3, "streamed")(leader):
-            self.service = surface_command(self._directory, leader.port, self._surface)
+            address = f"http://127.0.0.1:{leader.port}"
+            command = ("main", "surface", self._surface, "--leader", address)
+            self.service = Service(*command, cwd=self._directory)
         return self.service is not None and self.service.process.poll() is not None
-
-
-def surface_command(directory, port, surface, **variables):
-    address = f"http://127.0.0.1:{port}"
-    command = ("main", "surface", surface, "--leader", address)
-    return Service(*command, cwd=directory, **variables)
 
 
 async def test_a_surface_that_a_person_names_is_rendered_at_once(tmp_path, monkeypatch):
@@ -165,11 +161,10 @@ async def test_a_word_that_the_leader_cannot_take_is_refused(
     if token:
         monkeypatch.setenv("MMT_LINK_TOKEN", "0123456789abcdef")
     together = await Together.listening(small_scene(tmp_path, monitor=monitor))
-    port = together.leader.port
-    with surface_command(tmp_path, port, surface, MMT_LINK_TOKEN=token) as command:
-        assert await asyncio.to_thread(command.end) == 2
-    assert sentence in command.stderr
-    assert "Traceback" not in command.stderr
+    monkeypatch.setenv("MMT_LINK_TOKEN", token)
+    address = f"http://127.0.0.1:{together.leader.port}"
+    said = await asyncio.to_thread(refusal, "surface", surface, "--leader", address)
+    assert sentence in said
     await together.stop()
 
 
