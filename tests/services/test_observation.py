@@ -7,7 +7,7 @@ import aiohttp
 import pytest
 from frame_samples import PERIOD_NS, made_frames
 from prometheus_client.parser import text_string_to_metric_families
-from service_runs import MadeSource, Together, small_scene
+from service_runs import MadeSource, Together, endless, small_scene
 
 from mmt.link.access import TOKEN_VARIABLE
 
@@ -36,10 +36,6 @@ async def metrics_of(http, port, **headers):
         for family in text_string_to_metric_families(text)
         for sample in family.samples
     }
-
-
-def endless(count=20_000):
-    return MadeSource([made_frames(k, 1) for k in range(count)])
 
 
 async def test_health_follows_the_session(tmp_path, http):
