@@ -101,7 +101,6 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "texture/model/file": ("texture/test_model_file.py",),
     "texture/model/texture_model": (
         "texture/test_model.py",
-        "texture/test_model_options.py",
         "texture/test_model_file.py",
         "texture/test_resampled_models.py",
         "evaluation/test_plotting.py",
@@ -115,7 +114,6 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
         "texture/test_anisotropic_model.py",
         "texture/test_field_blocks.py",
         "texture/test_model.py",
-        "texture/test_model_options.py",
     ),
 }
 """Modules of ``mmt``, each with its tests in ``tests``."""

@@ -1,5 +1,6 @@
-"""Programs of Python, each in a process and a session of its own."""
+"""Programs of Python, each in a process of its own, to their end."""
 
+import os
 import subprocess
 import sys
 
@@ -12,3 +13,16 @@ def printed_by(*program):
     )
     assert ended.returncode == 0, ended.stderr
     return ended.stdout
+
+
+def run_mmt(folder, *arguments, **variables):
+    """Run a program of mmt, such as "main" or "leader", in a folder, however it ends."""
+    return subprocess.run(
+        [sys.executable, "-m", "mmt.cli.entry", *map(str, arguments)],
+        cwd=folder,
+        env=os.environ | variables,
+        capture_output=True,
+        text=True,
+        timeout=180,
+        check=False,
+    )

@@ -11,8 +11,6 @@ from pydantic import TypeAdapter, ValidationError
 from mmt.core.bounds import check, finite_number, real_numbers
 from mmt.core.errors import InputError
 from mmt.scene.leader_tables import TEXTURE_TABLE
-from mmt.texture.model.file import arrays_of
-from mmt.texture.model.file_arrays import pack_arrays
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import (
     ModellingSettings,
@@ -111,26 +109,3 @@ def test_a_model_of_the_largest_power_is_finite():
 def test_the_rate_of_a_model_is_checked(rate_hz):
     with pytest.raises(InputError, match=r"rate_hz is .*, allowed is a finite number at least 1"):
         TextureModel(samples(1.0), rate_hz=rate_hz)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("rate_hz", math.nan),
-        ("rate_hz", 0.0),
-        ("rate_hz", -5.0),
-        *((name, [1.0, power, 1.0]) for name in ("power", "variance")
-          for power in (1.1e12, 1e300, math.inf, math.nan)),
-        ("maximum_speed_mm_s", math.inf),
-        ("maximum_force_n", 0.0),
-        ("noise_power", 1.7e308),
-        ("inputs", "none"),
-    ],
-)  # fmt: skip
-def test_a_model_file_is_checked_by_the_same_rules(name, value):
-    arrays = arrays_of(TextureModel(samples(1e12)).contents)
-    assert TextureModel.from_bytes(pack_arrays(arrays)).rate_hz == 1000.0
-    with pytest.raises(InputError) as caught:
-        TextureModel.from_bytes(pack_arrays({**arrays, name: np.array(value)}))
-    told = str(caught.value)
-    assert told.startswith(name if name != "inputs" else "name is 'none', allowed is")

@@ -178,10 +178,3 @@ def test_kernels_are_compiled_in_the_program_where_the_processes_fail(tmp_path, 
     compile_kernels(["failing_numerics"], told.append)
     assert len(told) == 1
     assert sys.modules["failing_numerics"].doubled(3.0) == 6.0
-
-
-def test_a_report_imports_no_kernels_of_the_selection_which_it_does_not_show():
-    program = "import sys, mmt.cli.reporting, mmt.evaluation.reports.figures; print(*sys.modules)"
-    imported = printed_by("-c", program).split()
-    assert "mmt.evaluation.reports.report" in imported
-    assert "mmt_methods.selection" not in imported

@@ -39,6 +39,11 @@ def limited(**keys):
     return {**SIMULATED, "simulated": keys}
 
 
+def rendered(texture=None, **keys):
+    tables = {**SIMULATED, "texture": {} if texture is None else texture}
+    return {**tables, "playout": {}, "actuator": {}, "rendering": keys}
+
+
 def fed_back(**keys):
     return {**SIMULATED, "force_feedback": keys}
 
@@ -85,6 +90,17 @@ WRONG = [
     ({**SIMULATED, "handle": {"port": "x"}}, ["handle.driver"]),
     ({**SIMULATED, "playout": {}}, ["add [actuator]"]),
     ({"hand": {}, "rendering": {}, "actuator": {}}, ["needs a model"]),
+    (rendered(before="silent", model="felt"), ["renders its model from the start"]),
+    (rendered(before="later"), ["rendering.before", "stream"]),
+    (rendered(before="warm"), ["no longer a choice", "write start_share = 0.5"]),
+    (rendered(library=["felt"]), ["library: no longer a key", "leave it out"]),
+    (rendered(update_fade_ms=500.0), ["update_fade_ms: no longer a key", "leave it out"]),
+    (rendered(texture={"surfaces": {}}, model="m.npz"), ["keeps one for each surface"]),
+    (rendered(texture={"surfaces": {}}, generator="band"), ["from the strokes on one surface"]),
+    ({"hand": {}, "actuator": {}, "rendering": {"model": "felt", "generator": "band"}},
+     ["learns from the strokes on one surface"]),
+    ({"hand": {}, "actuator": {}, "rendering": {"model": "felt"}, "metrics": {}},
+     ["[metrics] needs a follower: add [link]"]),
     ({"rendering": {"model": "m.npz"}, "actuator": {}}, ["add [hand], [handle] or [link]"]),
     ({"link": {}, "simulated": {}, "hand": {}}, ["would carry nothing"]),
     ({"link": {}, "replay": {}, "recording": {}, "force_feedback": {}},
@@ -151,6 +167,11 @@ def test_lists_come_from_the_environment_as_toml(monkeypatch):
     monkeypatch.setenv("MMT_SIMULATED__WORKSPACE_MM", "a.npz")
     with pytest.raises(InputError, match=r"MMT_SIMULATED__WORKSPACE_MM: .*'a.npz': "):
         load_scene(Path("demo"))
+
+
+@pytest.mark.parametrize("before", ["stream", "silent"])
+def test_what_is_played_before_the_model_decides_whether_the_vibration_is_streamed(before):
+    assert scene_from_tables(rendered(before=before)).streams == (before == "stream")
 
 
 def test_replay_takes_the_place_of_follower_and_hand():
@@ -261,6 +282,15 @@ def test_a_recorded_scene_is_read_without_its_selection_or_named_where_it_is_wro
     for texture, said in (({"order": "some"}, "texture.order"), (3, "texture")):
         with pytest.raises(InputError, match=f"^a recording: {said}"):
             scene_of_recording({**SIMULATED, "texture": texture}, "a recording")
+
+
+@pytest.mark.parametrize(
+    "former", [{"before": "warm", "library": ["felt"]}, {"update_fade_ms": 1.0}]
+)
+def test_a_recorded_scene_with_known_textures_is_still_read(former):
+    scenes = (rendered(**keys, crossfade_ms=20.0) for keys in (former, {}))
+    found, expected = (scene_of_recording(tables, "a recording") for tables in scenes)
+    assert found == expected
 
 
 def test_a_variable_that_is_wrong_is_named_and_not_the_file(monkeypatch):

@@ -61,18 +61,6 @@ def test_a_model_is_built_anew_as_it_is_shipped():
         )
 
 
-@pytest.mark.parametrize("name", ["oak", "felt"])
-def test_a_file_is_readable_without_this_package(name):
-    with np.load(shipped_models()[name], allow_pickle=False) as arrays:
-        content = {key: arrays[key] for key in arrays.files}
-    count = len(content["lsf_rad"])
-    assert int(content["format_version"]) >= 1
-    assert content["power"].shape == (count,)
-    assert str(content["inputs"]) == ("isotropic" if ISOTROPIC[name] else "anisotropic")
-    assert ("velocity_x_mm_s" in content) != ISOTROPIC[name]
-    assert (np.diff(content["lsf_rad"], axis=1) > 0).all()
-
-
 def test_a_name_is_found_and_a_file_of_that_name_comes_first(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert find_model(Path("oak")) == shipped_models()["oak"]

@@ -156,24 +156,6 @@ def test_an_accelerometer_must_give_what_a_frame_takes(tmp_path, accelerometer, 
         assert float(above_hz[1]) == pytest.approx(said, rel=0.1)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["nothing"], "driver 'nothing' is not known"),
-        (["a:B", "--set", "x"], "write KEY=VALUE"),
-        (["demo"], "names no device"),
-        (["demo", "--set", "x=1"], "a scene has its own"),
-        (["ati-net-ft", "--role", "handle"], "cannot be that; allowed are force_sensor"),
-        (
-            ["virtual-lab", "--role", "handle"],
-            "has no handle; it has robot, force_sensor, accelerometer",
-        ),
-    ],
-)
-def test_what_cannot_be_tested_is_bad_input(arguments, sentence):
-    assert sentence in refusal("device", "test", *arguments)
-
-
 def test_an_actuator_plays_silence_and_shows_what_it_counted(tmp_path):
     options = ["--set", "full_scale_v=3", "--set", "volts_per_m_s2=0.1", "--set", "buffer_ms=100"]
     driver = "mmt.testing.emulated.haptuator:emulated_haptuator"

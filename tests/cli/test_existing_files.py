@@ -149,13 +149,3 @@ def test_a_demos_coil_is_that_of_its_own_run(tmp_path, monkeypatch, capsys, scen
     assert code == (0 if earlier else 1)
     assert ("hand.npz and coil.npz: this is not a .npz archive" in said) is not earlier
     assert json.loads(figures.read_text()).keys() == {"leader"}
-
-
-@pytest.mark.parametrize("command", [("calibrate", "adxl335-serial"), ("equalise",)])
-def test_what_a_device_was_measured_by_is_not_replaced(tmp_path, capsys, command):
-    """It is refused before anybody turns a sensor or plays a sweep."""
-    (tmp_path / "kept.npz").write_bytes(KEPT)
-    code, told = run(["device", *command, "--keep", tmp_path / "kept.npz"], capsys)
-    assert code == 2
-    assert "kept.npz: it exists already" in told
-    assert (tmp_path / "kept.npz").read_bytes() == KEPT

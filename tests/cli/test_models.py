@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 from command_runs import output_of, refusal, run_json
+from surface_courses import glass_and_sandpaper, stroked_over
 
 from mmt.core.errors import MmtError
 from mmt.core.frames import empty_frames
 from mmt.scene import Scene, Texture
 from mmt.session.files import read_session, write_session
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
-from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import trials
@@ -33,10 +32,7 @@ BUILD, INFO = ("model", "build"), ("model", "info")
 
 
 def test_of_several_surfaces_one_is_chosen(tmp_path):
-    course = SurfaceCourse(
-        [get_surface("glass"), get_surface("sandpaper")], [CourseChange(6000, 1, in_contact=True)]
-    )
-    frames, annotations = simulate_session(Scene(), course, DURATION_S, 4)
+    frames, annotations = stroked_over(glass_and_sandpaper(), DURATION_S)
     session = tmp_path / "two.npz"
     write_session(session, frames, annotations=annotations)
     scene = tmp_path / "scene.toml"

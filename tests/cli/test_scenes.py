@@ -22,11 +22,6 @@ from mmt.core.output.streams import is_queued
 from mmt.scene.files import example_scenes, load_scene
 from mmt.session.files import read_session
 
-
-def example(name):
-    return load_scene(example_scenes()[name])
-
-
 DEVICES = '[link]\n[devices]\nrobot = "lab:Robot"\naccelerometer = "lab:A"\n[playout]\n[actuator]\n'
 
 
@@ -99,7 +94,7 @@ def test_a_run_writes_nowhere_but_in_its_directory_and_replays_what_was_named(tm
     runner = SceneRunner(tmp_path, 2.0)
     named = load_scene(example_scenes()["replay"], replay=tmp_path / "mine.mcap")
     assert runner.prepare(named).replay == named.replay
-    prepared = runner.prepare(example("replay"))
+    prepared = runner.prepare(load_scene("replay"))
     assert prepared.session.duration_s == 2.0
     assert prepared.recording.file.parent == tmp_path
     assert prepared.replay.file is not None
@@ -119,7 +114,7 @@ def test_a_run_that_does_not_end_well_is_no_measurement(outcome, error, tmp_path
 
     monkeypatch.setattr(scene_runs, "run_services", run_services)
     with pytest.raises(error):
-        SceneRunner(tmp_path, 2.0)(example("stream-only"))
+        SceneRunner(tmp_path, 2.0)(load_scene("stream-only"))
 
 
 @pytest.mark.parametrize("modelling", [None, {"core_share": 0.25, "memory_mb": 180.0}])
@@ -136,7 +131,7 @@ def test_a_leaders_cost_is_with_that_of_the_process_that_models(modelling, tmp_p
     monkeypatch.setattr(scene_runs, "run_services", run_services)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "recorded.mcap").touch()
-    demo = example("demo")
+    demo = load_scene("demo")
     demo.recording.file.parent.mkdir()
     demo.recording.file.touch()
     found = SceneRunner(tmp_path, 2.0)(demo).figures["leader"]
@@ -223,7 +218,7 @@ async def test_a_side_service_is_waited_for_until_an_interrupt(start_s, interrup
 
 def test_real_services_tell_what_they_run_and_cost(tmp_path):
     scene = tmp_path / "small.toml"
-    tables = {**example("stream-only").dump(), "recording": {"file": "never.mcap"}}
+    tables = {**load_scene("stream-only").dump(), "recording": {"file": "never.mcap"}}
     scene.write_text(tomli_w.dumps(tables))
     arguments = ["--duration", "1", "--no-parts", "--json", "it.json"]
     with Service("main", "scene", "explain", scene, *arguments, cwd=tmp_path) as explaining:

@@ -7,7 +7,7 @@ import socket
 import aiohttp
 import numpy as np
 import pytest
-from command_runs import output_of, refusal, run, run_json
+from command_runs import output_of, run, run_json
 from frame_samples import made_frames
 from recording_server import serving
 
@@ -56,18 +56,12 @@ def test_info_says_that_the_accelerometer_was_dead(tmp_path):
     assert 0.4 < found["faults"]["constant_s"] <= 0.5
 
 
-@pytest.fixture
-def files(tmp_path):
+def test_several_sessions_become_episodes_and_come_back_to_the_bit(tmp_path):
     pytest.importorskip("pyarrow", reason="needs the extra 'export'")
-    files = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
+    files, folder = [tmp_path / "a.mcap", tmp_path / "b.mcap"], tmp_path / "set"
     for seed, file in enumerate(files, start=1):
         frames, truth = simulate_session(Scene(), "oak", 0.5, seed)
         write_session(file, frames, annotations=truth)
-    return files
-
-
-def test_several_sessions_become_episodes_and_come_back_to_the_bit(tmp_path, files):
-    folder = tmp_path / "set"
     options = ("--to", "lerobot", "--fps", 30, "--task", "stroke oak")
     said = output_of("session", "export", *files, folder, *options)
     assert "30 rows in 2 episodes written to" in " ".join(said.split())
@@ -75,22 +69,6 @@ def test_several_sessions_become_episodes_and_come_back_to_the_bit(tmp_path, fil
     back, original = read_session(tmp_path / "back.mcap"), read_session(files[1])
     np.testing.assert_array_equal(back.frames, original.frames)
     assert back.annotations == original.annotations
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("{a}", "{b}", "{out}.csv"), "takes one session, not 2"),
-        (("{a}", "{out}.csv", "--fps", "30"), "--fps is for a data set"),
-        (("{a}", "{out}.csv", "--task", "x"), "--task is for a data set"),
-        (("{a}", "{out}", "--to", "lerobot", "--scalars"), "--scalars is for .mcap files"),
-        (("{a}", "{out}", "--to", "zarr"), "--to zarr: allowed are lerobot"),
-    ],
-)
-def test_options_that_do_not_go_together_are_explained(tmp_path, files, arguments, said):
-    names = {"a": files[0], "b": files[1], "out": tmp_path / "out"}
-    assert said in refusal("session", "export", *(each.format(**names) for each in arguments))
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mcap", "b.mcap"]
 
 
 TIME_S = np.arange(3000) / 1000
@@ -133,13 +111,6 @@ def test_a_file_of_which_nothing_is_known_is_listed(tmp_path):
     assert "columns: alpha, beta" in told
     assert "no column was found for time: --map time=NAME, or --rate HZ" in told
     assert "no name tells a channel: say which columns are" in told
-
-
-def test_an_option_without_a_value_is_explained_and_nothing_written(tmp_path):
-    (tmp_path / "odd.csv").write_text("alpha,beta\n1,2\n2,3\n")
-    files = (tmp_path / "odd.csv", tmp_path / "a.mcap")
-    assert "must have the form NAME=VALUE" in refusal(*IMPORT, *files, "--map", "force")
-    assert not files[1].exists()
 
 
 @pytest.mark.parametrize(

@@ -121,8 +121,8 @@ def test_session_at_rest_has_no_samples_and_its_report_says_why(tmp_path):
     assert [step.samples for step in evaluation.steps] == [0, 0]
     assert all(step.gfc is None and step.power_error_db is None for step in evaluation.steps)
     assert evaluation.at_end.distance == pytest.approx(27 * cells_of(2).farthest)
-    assert "never stroked" in write_report(tmp_path, [evaluation]).read_text(encoding="utf-8")
     json.dumps(evaluation.as_dict(), allow_nan=False)
+    assert "never stroked" in write_report(tmp_path, [evaluation]).read_text(encoding="utf-8")
 
 
 def test_hand_that_covers_a_corner_is_told_so(make_session):

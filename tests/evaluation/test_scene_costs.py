@@ -20,12 +20,8 @@ from mmt.core.errors import MmtError
 from mmt.scene.files import example_scenes, load_scene, scene_from_tables
 
 
-def example(name):
-    return load_scene(example_scenes()[name])
-
-
 def test_what_others_need_is_left_out_with_them():
-    variants, kept = variants_of(example("demo"))
+    variants, kept = variants_of(load_scene("demo"))
     assert [variant.left_out for variant in variants] == [
         ("texture", "rendering"),
         ("rendering",),
@@ -40,7 +36,7 @@ def test_what_others_need_is_left_out_with_them():
 
 @pytest.mark.parametrize("name", example_scenes())
 def test_every_variant_is_the_scene_less_what_it_says(name):
-    scene = example(name)
+    scene = load_scene(name)
     variants, kept = variants_of(scene)
     for variant in variants:
         tables = {k: v for k, v in scene.dump().items() if k not in variant.left_out}
@@ -79,7 +75,7 @@ def test_a_part_costs_the_difference_beyond_the_scatter():
     def start_s(scene):
         return 1.0 + (0.3 if scene.playout is not None else 0.0) + next(scatter)
 
-    costs = measure_scene(example("stream-only"), runs_of([], start_s), rounds=4)
+    costs = measure_scene(load_scene("stream-only"), runs_of([], start_s), rounds=4)
     parts = costs.as_dict()["parts"]
     playout, feedback = parts["playout"]["leader"], parts["force_feedback"]["leader"]
     assert playout["start_s"]["seen"]
@@ -92,7 +88,7 @@ def test_a_part_costs_the_difference_beyond_the_scatter():
 
 def test_the_scenes_take_turns():
     seen, steps = [], []
-    scene, runs = example("stream-only"), runs_of(seen, lambda _: 1.0)
+    scene, runs = load_scene("stream-only"), runs_of(seen, lambda _: 1.0)
     costs = measure_scene(scene, runs, rounds=3, on_step=lambda *step: steps.append(step))
     whole = [number for number, one in enumerate(seen) if one == scene]
     assert whole == [0, 4, 8, 12]
@@ -113,7 +109,7 @@ def test_a_scene_without_a_part_that_does_not_run_is_said():
             raise MmtError("the device is gone")
         return 1.0
 
-    costs = measure_scene(example("stream-only"), runs_of([], start_s), rounds=2)
+    costs = measure_scene(load_scene("stream-only"), runs_of([], start_s), rounds=2)
     figures = costs.as_dict()
     assert set(figures["parts"]) == {"playout", "actuator (with playout)"}
     assert "force_feedback: not measured, the device is gone" in figures["remarks"]
@@ -134,7 +130,7 @@ def test_without_a_repetition_nothing_is_told_apart():
 @pytest.mark.parametrize("began_s", [None, 4.0])
 def test_it_says_when_the_model_was_not_in_use(began_s):
     run = replace(scene_run(1.0), model_from_s=began_s)
-    costs = SceneCosts(Variant((), example("demo"), [run]))
+    costs = SceneCosts(Variant((), load_scene("demo"), [run]))
     said = " ".join(costs.as_dict()["remarks"])
     assert ("no model was in use within 18 s" in said) == (began_s is None)
 
@@ -149,11 +145,11 @@ def test_a_whole_scene_that_does_not_run_is_an_error():
         raise MmtError("no such port")
 
     with pytest.raises(MmtError, match="no such port"):
-        measure_scene(example("demo"), run, rounds=2)
+        measure_scene(load_scene("demo"), run, rounds=2)
 
 
 def test_the_whole_alone_is_measured_if_no_parts_are_wanted():
     seen = []
-    costs = measure_scene(example("demo"), runs_of(seen, lambda _: 1.0), rounds=2, parts=False)
-    assert seen == [example("demo")] * 2
+    costs = measure_scene(load_scene("demo"), runs_of(seen, lambda _: 1.0), rounds=2, parts=False)
+    assert seen == [load_scene("demo")] * 2
     assert not costs.variants

@@ -7,6 +7,7 @@ import pytest
 from command_runs import run_json
 from lab_runs import run_lab
 from scipy.stats import poisson
+from surface_courses import glass_and_sandpaper, stroked_over
 
 from mmt.core.errors import InputError
 from mmt.evaluation.recorded_surfaces import part_by_surface
@@ -16,7 +17,7 @@ from mmt.scene.files import scene_from_tables
 from mmt.session.data import RecordedSession
 from mmt.session.files import export_session, write_session
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
+from mmt.testing.simulation.surfaces.course import SurfaceCourse
 from mmt.testing.simulation.surfaces.textures import get_surface, surface_from_annotations
 from mmt.texture.online.updates import SurfaceChange
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
@@ -149,11 +150,7 @@ def test_a_session_on_one_surface_or_with_missing_frames_is_refused(tmp_path):
 
 @pytest.fixture(scope="module")
 def over_two():
-    course = SurfaceCourse(
-        [get_surface("glass"), get_surface("sandpaper")],
-        [CourseChange(6000, 1, in_contact=True), CourseChange(12_000, 0, in_contact=False)],
-    )
-    frames, annotations = simulate_session(Scene(), course, 17.0, 4)
+    frames, annotations = stroked_over(glass_and_sandpaper())
     again = SurfaceChange("recalled", 2, 1, 14_000, 14_000)  # said by a person
     return RecordedSession(frames, annotations=annotations, events=(asdict(again),))
 

@@ -7,7 +7,6 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
-from command_runs import refusal, run
 from lab_runs import run_lab
 
 from mmt.core.errors import InputError, MmtError
@@ -230,9 +229,3 @@ def test_a_failed_job_is_named_and_ends_the_command_with_1(file, tmp_path, monke
     monkeypatch.setattr(sweep, "run_locally", fail)
     run_lab(tmp_path, "sweep", str(file), "--out", str(tmp_path / "out"), code=1)
     assert not (tmp_path / "out" / "results.jsonl").exists()
-
-
-def test_workers_and_a_cluster_exclude_each_other(file):
-    both = ("--workers", 2, "--dask", "tcp://x:1")
-    assert "give one, a cluster has its own workers" in refusal("lab", "sweep", file, *both)
-    assert run("lab", "sweep", file, "--workers", 0).exit_code == 2

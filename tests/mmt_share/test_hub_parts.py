@@ -1,8 +1,6 @@
 """Whose turn it is among hubs, and what a hub makes of messages in any number and order."""
 
 import re
-import subprocess
-import sys
 
 import pytest
 from hypothesis import given, settings
@@ -174,14 +172,6 @@ async def test_a_listener_keeps_addresses_of_hubs_that_it_may_turn_to():
     ):
         client._take_hubs(sent)
         assert client.hubs == kept
-
-
-def test_a_hub_needs_no_compiled_numerics():
-    program = (
-        "import sys, mmt_share.commands.hub, mmt_share.hub.service;"
-        "print(sorted({'numba', 'scipy'} & set(sys.modules)))"
-    )
-    assert subprocess.check_output([sys.executable, "-c", program], timeout=150) == b"[]\n"
 
 
 def test_tables_of_a_hub_come_from_file_environment_and_flags(tmp_path, monkeypatch):

@@ -305,9 +305,6 @@ async def test_a_model_is_pushed_listed_and_pulled(tmp_path, monkeypatch):
         assert "--force replaces it" in await to_thread(refusal, *pull)
 
 
-def test_mistakes_are_sentences(tmp_path):
-    (tmp_path / "text.npz").write_text("no model")
-    assert "No such file" in refusal(*PUSH, tmp_path / "no", "--to", "http://x")
-    assert "not a texture model" in refusal(*PUSH, tmp_path / "text.npz", "--to", "http://x")
+def test_a_store_that_does_not_answer_is_named():
     nobody = refusal(*LIST, "--from", "http://127.0.0.1:9", kind=MmtError)
     assert "http://127.0.0.1:9 does not answer" in nobody

@@ -3,8 +3,6 @@
 import asyncio
 import json
 import re
-import subprocess
-import sys
 import threading
 import time
 from contextlib import AsyncExitStack
@@ -281,19 +279,6 @@ async def test_who_is_connected_stays_so_though_the_last_of_it_took_too_long(mon
         sharing.publish(10)
         await until(lambda: heard.models == [1])
     assert [each["kind"] for each in sharing.details] == ["listener joined", "listener left"]
-
-
-@pytest.mark.parametrize(("store", "imported"), [(False, ""), (True, "numba scipy")])
-def test_only_a_store_needs_the_compiled_numerics(tmp_path, store, imported):
-    program = (
-        "import sys\n"
-        "from mmt_share.process import Relay, Sharing, SharingServer\n"
-        f"table = Sharing(store={str(tmp_path) if store else None!r})\n"
-        "SharingServer(table, Relay(), {}, lambda text, count: None)\n"
-        "print(*sorted({'numba', 'scipy'} & set(sys.modules)))"
-    )
-    printed = subprocess.check_output([sys.executable, "-c", program], text=True, timeout=150)
-    assert printed.strip() == imported
 
 
 async def test_a_listener_turns_from_a_full_hub_to_another():

@@ -16,11 +16,10 @@ from player_samples import flat_texture
 from service_processes import LONGEST_S, Service
 
 import mmt
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import MmtError
 from mmt.scene.files import scene_from_tables
 from mmt.session.files import write_session
 from mmt_share.commands import trying
-from mmt_share.commands.playing import play
 
 NAMES = ("position_mm", "force_n", "acceleration_m_s2")
 
@@ -37,16 +36,27 @@ def write(path, header, values):
     return path
 
 
+def served_until_ctrl_c(folder, *command):
+    """Run a command until its page has come, and interrupt it; return the process."""
+    with Service("main", *command, "--port", 0, cwd=folder) as serving:
+        serving.wait_for(lambda: "/player/" in serving.stderr)
+        (url,) = re.findall(r"http://\S+", serving.stderr)
+        with urllib.request.urlopen(url, timeout=LONGEST_S) as answer:
+            assert b"mmt texture player" in answer.read()
+        serving.signal(signal.SIGINT)
+        assert serving.end() == 0
+    return serving
+
+
+def test_a_model_is_played(tmp_path):
+    flat_texture(1.0).save(tmp_path / "cork.npz")
+    served_until_ctrl_c(tmp_path, "play", "cork.npz")
+
+
 def test_a_table_whose_columns_tell_all_is_played(tmp_path, measured, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "mine.csv", "t,px_mm,py_mm,pz_mm,fx,fy,fz,ax,ay,az", measured)
-    with Service("main", "try", "mine.csv", "--port", 0, cwd=tmp_path) as trying:
-        trying.wait_for(lambda: "/player/" in trying.stderr)
-        (url,) = re.findall(r"http://\S+", trying.stderr)
-        with urllib.request.urlopen(url, timeout=LONGEST_S) as answer:
-            assert b"mmt texture player" in answer.read()
-        trying.signal(signal.SIGINT)
-        assert trying.end() == 0
+    trying = served_until_ctrl_c(tmp_path, "try", "mine.csv")
     assert "imported as by: mmt session import mine.csv mine.mcap" in trying.stdout
     (share,) = re.findall(r"(\d+) % of strokes should feel right", trying.stderr)
     assert 50 < int(share) <= 100
@@ -124,38 +134,18 @@ def test_too_few_strokes_are_said(tmp_path, measured, monkeypatch):
     assert not (tmp_path / "still.npz").exists()
 
 
-def given(directory, **options):
-    usual = dict.fromkeys(("record", "shared", "token_file", "certificate", "key"))
-    usual |= {"results": directory / "results.csv", "seed": 0, "host": "127.0.0.1", "port": 0}
-    return {**usual, "everyone": False, "force": False, **options}
-
-
-def test_what_cannot_be_played_is_explained(tmp_path):
-    model = tmp_path / "cork.npz"
-    flat_texture(1.0).save(model)
-    (tmp_path / "more").mkdir()
-    flat_texture(1.0).save(tmp_path / "more" / "cork.npz")
-    with pytest.raises(InputError, match=r"must end in \.mcap"):
-        play([model], **given(tmp_path, record=Path("touch.csv")))
-    with pytest.raises(InputError, match="cork: two textures have this name"):
-        play([model, tmp_path / "more" / "cork.npz"], **given(tmp_path))
-    with pytest.raises(InputError, match="shipped are"):
-        play([Path("nothing")], **given(tmp_path))
-    with pytest.raises(InputError, match=r"lets everyone .* be the player: set a token"):
-        play([model], **given(tmp_path, host="0.0.0.0"))
-    with pytest.raises(InputError, match="certificate and key belong together"):
-        play([model], **given(tmp_path, key=Path("key.pem")))
-    (tmp_path / "results.csv").write_text("other,columns\n")
-    with pytest.raises(InputError, match="name another file"):
-        play([model], **given(tmp_path))
-
-
-def test_the_page_is_served_until_ctrl_c(tmp_path):
-    flat_texture(1.0).save(tmp_path / "cork.npz")
-    with Service("main", "play", "cork.npz", "--port", 0, cwd=tmp_path) as player:
-        player.wait_for(lambda: "/player/" in player.stderr)
-        (url,) = re.findall(r"http://\S+", player.stderr)
-        with urllib.request.urlopen(url, timeout=LONGEST_S) as answer:
-            assert b"mmt texture player" in answer.read()
-        player.signal(signal.SIGINT)
-        assert player.end() == 0
+def test_what_cannot_be_played_is_explained(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("more").mkdir()
+    for model in ("cork.npz", "more/cork.npz"):
+        flat_texture(1.0).save(tmp_path / model)
+    Path("other.csv").write_text("other,columns\n")
+    for words, told in (
+        ("cork.npz --record touch.csv", "must end in .mcap"),
+        ("cork.npz more/cork.npz", "cork: two textures have this name"),
+        ("nothing", "shipped are"),
+        ("cork.npz --host 0.0.0.0", "be the player: set a token"),
+        ("cork.npz --key key.pem", "certificate and key belong together"),
+        ("cork.npz --results other.csv", "name another file"),
+    ):
+        assert told in refusal("play", *words.split())

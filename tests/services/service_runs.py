@@ -4,6 +4,7 @@ import asyncio
 from dataclasses import dataclass, field
 
 import numpy as np
+from frame_samples import made_frames
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import CHANNELS, frame_dtype
@@ -64,6 +65,11 @@ class MadeSource:
         self.closed = True
         if self.close_error is not None:
             raise self.close_error
+
+
+def endless():
+    """Stream made frames for longer than any test, one a tick."""
+    return MadeSource([made_frames(number, 1) for number in range(20_000)])
 
 
 @dataclass

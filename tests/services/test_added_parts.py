@@ -3,28 +3,15 @@
 import json
 import os
 import re
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 from plugin_samples import install_package
-from service_processes import LONGEST_S, scene
+from python_programs import run_mmt
+from service_processes import scene
 
 PAGE = Path(__file__).parents[2] / "docs/how-to/add-a-leader-part.md"
-
-
-def run(folder, *arguments):
-    path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
-    return subprocess.run(
-        [sys.executable, "-m", "mmt.cli.entry", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | {"PYTHONPATH": path},
-        timeout=LONGEST_S,
-    )
 
 
 def with_table(tmp_path, table):
@@ -47,14 +34,14 @@ def package(tmp_path, monkeypatch):
     (folder / "my_package" / "loudness.py").write_text(code[1])
     entries = tomllib.loads(project[1])["project"]["entry-points"]
     install_package(folder, monkeypatch, "loudness-plugin", entries)
+    monkeypatch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
     return folder
 
 
 def test_it_runs_in_scenes_that_have_its_table(package, tmp_path):
     summary = tmp_path / "summary.json"
-    found = run(
-        package, "leader", with_table(tmp_path, "digits = 2"), "--duration", 2, "--json", summary
-    )
+    scene_file = with_table(tmp_path, "digits = 2")
+    found = run_mmt(tmp_path, "leader", scene_file, "--duration", 2, "--json", summary)
     assert found.returncode == 0, found.stderr
     largest = json.loads(summary.read_text())["loudness"]["largest_m_s2"]
     assert largest > 0.0
@@ -73,9 +60,9 @@ def test_it_runs_in_scenes_that_have_its_table(package, tmp_path):
 def test_a_wrong_table_or_part_is_told_of_where_it_is_wanted(package, tmp_path, text, table, said):
     if text is not None:
         (package / "my_package" / "loudness.py").write_text(text)
-    found = run(package, "leader", with_table(tmp_path, table))
+    found = run_mmt(tmp_path, "leader", with_table(tmp_path, table))
     assert found.returncode == 2
     told = " ".join(found.stderr.split())
     assert [words for words in said if words not in told] == []
     assert "Traceback" not in found.stderr
-    assert run(package, "main", "--version").returncode == 0
+    assert run_mmt(tmp_path, "main", "--version").returncode == 0

@@ -10,7 +10,7 @@ import aiohttp
 import pytest
 from frame_samples import made_frames
 from service_processes import Service, follower_of, scene
-from service_runs import MadeSource, Together, run_session, small_scene
+from service_runs import MadeSource, Together, endless, run_session, small_scene
 
 from mmt.core.errors import InputError
 from mmt.session.files import read_session
@@ -50,10 +50,6 @@ def fill_after(monkeypatch, blocks):
 
     monkeypatch.setattr(SessionWriter, "write_frames", write_until_full)
     return left
-
-
-def endless():
-    return MadeSource([made_frames(k, 1) for k in range(20_000)])
 
 
 def samples_played(together):

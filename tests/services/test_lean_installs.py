@@ -12,7 +12,8 @@ from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
-from service_processes import LONGEST_S, Service, scene
+from python_programs import run_mmt
+from service_processes import Service, scene
 
 from mmt import Scene, simulate_session, write_session
 from mmt.core.extras import PACKAGES
@@ -34,20 +35,6 @@ def without(directory, *packages):
     """The variables with which Python does not find these packages."""
     (directory / "sitecustomize.py").write_text(ABSENT)
     return {"PYTHONPATH": str(directory), "MMT_TEST_ABSENT": " ".join(packages)}
-
-
-def run(directory, absent, *arguments):
-    """The exit code of a command and what it printed as an error."""
-    ended = subprocess.run(
-        [sys.executable, "-m", "mmt.cli.entry", *arguments],
-        check=False,
-        capture_output=True,
-        text=True,
-        cwd=directory,
-        timeout=LONGEST_S,
-        env={**os.environ, **absent},
-    )
-    return ended.returncode, ended.stderr
 
 
 NOT_IN_ALL = {"rtde_control": ["ur-rtde"], "rtde_receive": ["ur-rtde"]}
@@ -101,7 +88,8 @@ def test_all_holds_every_extra_but_those_for_developers_and_one_without_wheels()
     ids=" ".join,
 )
 def test_the_base_shows_help_scenes_and_devices(tmp_path, command):
-    assert run(tmp_path, without(tmp_path, *PACKAGES), *command) == (0, "")
+    ended = run_mmt(tmp_path, *command, **without(tmp_path, *PACKAGES))
+    assert (ended.returncode, ended.stderr) == (0, "")
 
 
 @pytest.mark.parametrize(
@@ -128,10 +116,10 @@ def test_what_an_extra_lacks_is_one_sentence_with_the_command(tmp_path, command,
     (tmp_path / "a.mcap").touch()
     if "--record" in command:
         (tmp_path / "a.mcap").unlink()
-    code, said = run(tmp_path, without(tmp_path, *PACKAGES), *command)
-    assert code == 2
-    assert "Traceback" not in said
-    (error,) = [line for line in said.splitlines() if line.startswith("error: ")]
+    ended = run_mmt(tmp_path, *command, **without(tmp_path, *PACKAGES))
+    assert ended.returncode == 2
+    assert "Traceback" not in ended.stderr
+    (error,) = [line for line in ended.stderr.splitlines() if line.startswith("error: ")]
     assert re.search(rf"which is not installed; install it with: .* -m pip .*\[{extra}\]", error)
 
 

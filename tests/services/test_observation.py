@@ -7,9 +7,8 @@ import aiohttp
 import pytest
 from frame_samples import PERIOD_NS, made_frames
 from prometheus_client.parser import text_string_to_metric_families
-from service_runs import MadeSource, Together, small_scene
+from service_runs import MadeSource, Together, endless, small_scene
 
-from mmt.core.errors import InputError
 from mmt.link.access import TOKEN_VARIABLE
 
 TOKEN = "a token that nobody guesses"
@@ -37,10 +36,6 @@ async def metrics_of(http, port, **headers):
         for family in text_string_to_metric_families(text)
         for sample in family.samples
     }
-
-
-def endless(count=20_000):
-    return MadeSource([made_frames(k, 1) for k in range(count)])
 
 
 async def test_health_follows_the_session(tmp_path, http):
@@ -159,11 +154,6 @@ async def test_a_follower_port_that_is_taken_is_explained(tmp_path):
     await together.stop()
     taken.close()
     await taken.wait_closed()
-
-
-def test_metrics_need_a_link(tmp_path):
-    with pytest.raises(InputError, match=r"\[metrics\] needs a follower: add \[link\]"):
-        small_scene(tmp_path, link=None, simulated=None, playout=None, recording=None, metrics={})
 
 
 async def test_a_follower_that_is_too_slow_is_named_at_once_and_at_health(tmp_path, http):

@@ -1,12 +1,9 @@
 """The papers' laboratory, every device emulated at its wire, from the sensor to the coil."""
 
 import json
-import os
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,26 +12,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from python_programs import run_mmt
 
 from mmt.cli.demo import pair_named, write_emulated
 from mmt.core.errors import InputError
 from mmt.evaluation.coil import coil_figures
 from mmt.scene.files import load_scene
 from mmt.testing.emulated.openhaptics.phantom import ROBOT_N_MM, WALL_N_MM, series_n_mm
-
-
-def mmt(folder, *arguments, **variables):
-    command = [sys.executable, "-m", "mmt.cli.entry", "main", *arguments]
-    environment = {**os.environ, **variables}
-    return subprocess.run(
-        command,
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=180,
-        check=False,
-    )
 
 
 def test_both_scenes_agree_and_are_emulated_at_their_wires(tmp_path):
@@ -65,7 +49,8 @@ def test_vibration_at_the_coil_begins_and_ends_with_the_hands_own_contact(tmp_pa
     page = Path(__file__).parents[2] / "docs" / "how-to" / "phantom-lab.md"
     (block,) = re.findall(r"```sh\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     for line in block.splitlines():  # every command of the page; the first is the demo
-        ended = mmt(tmp_path, *shlex.split(line)[1:], XDG_DATA_HOME=str(tmp_path / "data"))
+        words = ("main", *shlex.split(line)[1:])
+        ended = run_mmt(tmp_path, *words, XDG_DATA_HOME=str(tmp_path / "data"))
         assert "Traceback" not in ended.stderr
         if "device test" not in line:  # a busy machine's readings may be late, which it tells
             assert ended.returncode == 0, (line, ended.stderr)
@@ -116,13 +101,8 @@ def test_the_coil_is_judged_by_the_force_that_the_runs_robot_makes(robot_n_mm, s
 
 
 def test_without_a_compiler_the_demo_ends_with_a_sentence(tmp_path):
-    ended = mmt(
-        tmp_path,
-        "demo",
-        "phantom-lab",
-        CC="no-such-compiler",
-        XDG_CACHE_HOME=str(tmp_path / "cache"),
-    )
+    variables = {"CC": "no-such-compiler", "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    ended = run_mmt(tmp_path, "main", "demo", "phantom-lab", **variables)
     assert ended.returncode != 0
     assert "install a C compiler" in ended.stderr
     assert "Traceback" not in ended.stderr

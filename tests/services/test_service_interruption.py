@@ -151,27 +151,23 @@ def test_a_killed_leader_is_given_up_and_its_recording_recovered(tmp_path):
     np.testing.assert_array_equal(frames["sequence"], np.arange(saved.frames))
 
 
-@pytest.mark.parametrize("number", ENDING)
-def test_interrupting_the_demo_ends_both_and_reports(tmp_path, number):
-    with Service("main", "demo", scene("stream-only"), "--verbose", cwd=tmp_path) as demo:
-        demo.wait_for(lambda: "leader: follower connected" in demo.stderr)
-        time.sleep(0.5)
-        demo.signal(number)
-        assert demo.end() == 0, demo.stderr
-    assert read_session(tmp_path / "mmt-demo" / "session.mcap").complete
-    assert (tmp_path / "mmt-demo" / "report.html").exists()
-
-
-def test_a_demo_that_is_killed_leaves_a_whole_recording_and_no_service(tmp_path):
+@pytest.mark.parametrize("number", [*ENDING, signal.SIGKILL])
+def test_a_demo_that_is_ended_leaves_a_whole_recording_and_no_service_and_reports_if_it_can(
+    tmp_path, number
+):
     with Service("main", "demo", scene("stream-only"), "--verbose", cwd=tmp_path) as demo:
         demo.wait_for(lambda: "leader: follower connected" in demo.stderr)
         services = psutil.Process(demo.process.pid).children()
         assert len(services) == 2
         time.sleep(0.5)
-        demo.signal(signal.SIGKILL)
+        demo.signal(number)
         _, left = psutil.wait_procs(services, timeout=LONGEST_S)
         assert not left
+        code = demo.end()
+    killed = number == signal.SIGKILL
+    assert code == (-number if killed else 0), demo.stderr
     assert read_session(tmp_path / "mmt-demo" / "session.mcap").complete
+    assert (tmp_path / "mmt-demo" / "report.html").exists() != killed
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="no terminal is closed here")

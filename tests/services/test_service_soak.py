@@ -1,10 +1,10 @@
 """The soak's short form: both services for some seconds, with a fault every two."""
 
 import json
-import subprocess
 import sys
 
 import pytest
+from python_programs import run_mmt
 
 from mmt_lab.soak.faults import plan_faults
 
@@ -12,15 +12,8 @@ from mmt_lab.soak.faults import plan_faults
 @pytest.mark.skipif(sys.platform == "win32", reason="processes are paused by signals")
 def test_the_services_hold_under_faults(tmp_path):
     figures = tmp_path / "soak.json"
-    arguments = ["--duration", "14", "--every", "2", "--seed", "172", "--json", str(figures)]
-    ended = subprocess.run(
-        [sys.executable, "-m", "mmt.cli.entry", "main", "lab", "soak", *arguments],
-        check=False,
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        timeout=150,
-    )
+    arguments = ["--duration", "14", "--every", "2", "--seed", "172", "--json", figures]
+    ended = run_mmt(tmp_path, "main", "lab", "soak", *arguments)
     assert ended.returncode == 0, ended.stdout + ended.stderr
     found = json.loads(figures.read_text())
     assert [f["kind"] for f in found["faults"]] == [f.kind for f in plan_faults(14.0, 2.0, 172)]

@@ -9,7 +9,6 @@ import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
 from mmt.core.sequence_numbers import SEQUENCES
 from mmt.texture.settings import LONGEST_BRIDGED, ModellingSettings
@@ -241,11 +240,6 @@ def test_a_teleporting_position_is_bounded_and_passes():
     aligned = StreamFilter().process(frames)
     assert aligned.speed_mm_s.max() < LARGEST_MEASUREMENT * RATE_HZ
     assert aligned.speed_mm_s[800:].max() < 1.0
-
-
-def test_frames_without_a_channel_are_refused():
-    with pytest.raises(InputError, match="frames without force"):
-        StreamFilter().process(empty_frames(3, ["position", "acceleration"]))
 
 
 def frames_of(first, count, time_ms=0):

@@ -164,6 +164,9 @@ def test_blocks_of_version_6_are_gathered_by_place_and_raised_by_what_is_felt():
         ({"format_version": 8}, "version is 8, this mmt reads 1 to 7: update it"),
         ({"format_version": 3}, "'interpolate' is missing"),
         ({"method": None}, "'method' is missing"),
+        ({"rate_hz": np.array(-5.0)}, "rate_hz is -5.0, allowed is a finite number at least 1"),
+        *(({name: np.full(12, 1.1e12)}, f"^{name} must be") for name in ("power", "variance")),
+        ({"inputs": np.array("none")}, "^name is 'none', allowed is"),
         ({"method": np.array("best")}, "method is 'best', allowed are field, published"),
     ],
 )
@@ -192,7 +195,7 @@ def test_a_number_that_is_none_is_refused_and_single_precision_is_read(name):
     for value in (np.nan, np.inf, -np.inf):
         wrong = array.copy()
         wrong[(0,) * array.ndim] = value
-        with pytest.raises(InputError):
+        with pytest.raises(InputError, match=f"{name.partition('_')[0]}|version|counts"):
             TextureModel.from_bytes(changed(filed(), **{name: wrong}))
     single = TextureModel.from_bytes(changed(filed(), **{name: array.astype(np.float32)}))
     whole = TextureModel.from_bytes(filed())

@@ -77,7 +77,7 @@ def test_a_batch_is_its_rows():
             np.testing.assert_allclose(batch[row], single, rtol=1e-12)
 
 
-@pytest.mark.parametrize("order", [30, 31])
+@pytest.mark.parametrize("order", [30, 31, 64])
 def test_the_frequencies_keep_the_digits_of_a_low_pass_filter(order):
     lsf = oracles.low_pass_lsf(order)
     ar = oracles.lsf_to_ar(lsf)

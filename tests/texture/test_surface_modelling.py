@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from surface_courses import glass_and_sandpaper, stroked_over
 
 from mmt.scene import Hand, Scene
 from mmt.testing.simulation.offline import simulate_session
@@ -160,15 +161,12 @@ def test_a_model_that_is_complete_stays_as_it_is_until_the_end(scripted, frames,
     assert last.model is left.model
 
 
-OVER_TWO = SurfaceCourse(
-    [get_surface("glass"), get_surface("sandpaper")],
-    [CourseChange(6000, 1, in_contact=True), CourseChange(12_000, 0, in_contact=False)],
-)
+OVER_TWO = glass_and_sandpaper()
 
 
 @pytest.fixture(scope="module")
 def over_two():
-    return simulate_session(Scene(), OVER_TWO, 17.0, 4)[0]
+    return stroked_over(OVER_TWO)[0]
 
 
 def test_each_change_opens_a_model_of_the_frames_of_one_surface(over_two):

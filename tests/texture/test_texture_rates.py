@@ -18,14 +18,6 @@ from mmt.leader.output.model_output import ModelOutput
 from mmt.leader.output.synthesis import SynthesizingPart
 from mmt.leader.part import Session
 from mmt.scene.files import scene_from_tables
-from mmt.texture.autoregression.burg import burg
-from mmt.texture.autoregression.forms import (
-    ar_spectrum,
-    lsf_spectrum,
-    lsf_to_reflection,
-    reflection_to_ar,
-    reflection_to_lsf,
-)
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import build_model
 from mmt.texture.settings import ModellingSettings
@@ -133,30 +125,6 @@ def test_a_texture_has_the_same_level_and_spectrum_at_any_rate(per_frame):
 def test_frames_of_another_number_of_samples_are_refused():
     with pytest.raises(InputError, match="2 samples of the acceleration, the settings say"):
         StreamFilter().process(stroked(textured(20, 2)))
-
-
-@given(
-    st.lists(st.tuples(st.floats(8.0, 480.0), st.floats(2.0, 100.0)), min_size=1, max_size=8),
-    st.integers(0, 99),
-)
-@settings(max_examples=20)
-def test_resonances_close_to_zero_keep_their_filter_at_the_largest_order(lines, seed):
-    made = np.zeros(4000)
-    for number, (line, width) in enumerate(lines):
-        pole = np.exp((-np.pi * width + 2j * np.pi * line) / 1e4)
-        white = np.random.default_rng(seed + number).standard_normal(4000)
-        ringing = scipy.signal.lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], white)
-        made += ringing / ringing.std()
-    made += 1e-3 * made.std() * np.random.default_rng(seed + 100).standard_normal(4000)
-    reflection = burg(made, 64).reflection
-    lsf = reflection_to_lsf(reflection)
-    assert (np.diff(lsf, prepend=0.0, append=np.pi) > 0.0).all()
-    again = reflection_to_lsf(lsf_to_reflection(lsf))
-    np.testing.assert_allclose(again, lsf, rtol=0.0, atol=1e-11)
-    frequencies_hz = np.arange(5.0, 5000.0, 5.0)
-    told = lsf_spectrum(lsf, 1.0, frequencies_hz, 1e4)
-    exact = ar_spectrum(reflection_to_ar(reflection), 1.0, frequencies_hz, 1e4)
-    np.testing.assert_allclose(10.0 * np.log10(told / exact), 0.0, atol=1e-3)
 
 
 def model_of(rate_hz):

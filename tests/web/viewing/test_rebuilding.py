@@ -6,14 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from surface_courses import glass_and_sandpaper, stroked_over
 from waiting import until
 
 from mmt.scene import Scene
 from mmt.session.data import RecordedSession
 from mmt.session.windows import MemoryWindows
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces.course import CourseChange, SurfaceCourse
-from mmt.testing.simulation.surfaces.textures import get_surface
 from mmt.texture.online.history import build, stream_blocks
 from mmt.texture.online.updates import SurfaceChange
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
@@ -117,11 +116,7 @@ def test_a_freeze_ends_with_the_recording_or_a_reset():
 
 
 def test_each_surface_has_its_own_model_and_criteria(rebuilt):
-    course = SurfaceCourse(
-        [get_surface("glass"), get_surface("sandpaper")],
-        [CourseChange(7000, 1, in_contact=True), CourseChange(13_000, 0, in_contact=False)],
-    )
-    frames, _ = simulate_session(Scene(), course, 17.0, 4)
+    frames, _ = stroked_over(glass_and_sandpaper(7000, 13_000))
     criteria = {"start_distance": 20.0, "stop_distance": 9.0, "surfaces": SurfaceSettings()}
     settings = ModellingSettings(order=10, method="published", **criteria)
     said = SurfaceChange("recalled", 2, 1, 13_300, 13_300)
