@@ -70,24 +70,6 @@ class Modelling(Part):
         self.frozen = False
         """Whether a person has frozen the model, so that no frames are modelled."""
 
-    @classmethod
-    def build(
-        cls,
-        session: Session,
-        on_update: Callable[[ModelUpdate, float], None],
-        process: ModellingProcess | None = None,
-    ) -> "Modelling | None":
-        """Return the modelling of the scene's texture, with a new process if there is none."""
-        scene = session.scene
-        process = process or ModellingProcess.from_scene(scene)
-        if process is None:
-            return None
-        if process.factory.sequential and scene.replay is not None:
-            from mmt.leader.surface_log import replayed_words
-
-            process.notify("begin", replayed_words(scene.replay))
-        return cls(session, process, on_update)
-
     def return_samples(self, on_samples: Callable[[NewSamples], None]) -> None:
         """Set the function to call with the samples of each judged update, from the first on."""
         self._on_samples = on_samples

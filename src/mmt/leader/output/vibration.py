@@ -13,15 +13,13 @@ from mmt.core.guards import VibrationSlew
 from mmt.leader.motion.hand import loss_metrics
 from mmt.leader.output.renderer import MotionFollowing, SynthesizedVibration, TouchDownRenderer
 from mmt.leader.part import Part, Session, Tick
-from mmt.scene import Actuator, Texture
+from mmt.scene import Actuator
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.devices.protocols import VibrationActuator
     from mmt.devices.reconnection import ReconnectingActuator
-    from mmt.leader.output.model_crossfade import Renderer
-    from mmt.leader.output.stream import StreamedVibration
     from mmt.leader.output.synthesis import Landing, StreamedMotion
 
 Mode = Literal["silent", "streamed", "fading", "synthesized"]
@@ -180,7 +178,7 @@ class VibrationPart(Part):
         self._slew = slew
         self.mode = switch.mode
         """Which vibration is played, as of the last tick."""
-        normal = _normal(session)
+        normal = "xyz".index(session.scene.normal)
         self._first, self._second = (axis for axis in range(3) if axis != normal)
         self._motion, self._landing = motion, landing
         self._inputs_before: tuple[float, ...] = ()
@@ -190,49 +188,6 @@ class VibrationPart(Part):
         self._on_output: list[Callable[[int, str, FloatArray], None]] = []
         if reconnecting is not None:
             reconnecting.watch(session.journal.event)
-
-    @classmethod
-    def build(
-        cls,
-        session: Session,
-        playout: "StreamedVibration | None",
-        motion: "StreamedMotion | None",
-        renderer: "Renderer | None",
-        generated: SynthesizedVibration | None,
-    ) -> "VibrationPart | None":
-        """Return the scene's actuator and switch.
-
-        Raises
-        ------
-        InputError
-            The actuator's driver cannot be used.
-        """
-        scene, table = session.scene, session.scene.actuator
-        if table is None:
-            return None
-        actuator, reconnecting = _actuator(table, session.acceleration_rate_hz)
-        crossfade_ms = scene.rendering.crossfade_ms if scene.rendering is not None else 0.0
-        switch = VibrationSwitch(
-            playout.buffer.pull if playout is not None else None,
-            renderer if generated is None else generated,
-            crossfade_samples=round(crossfade_ms * session.acceleration_rate_hz / 1000),
-            period_ns=session.period_ns,
-            samples_per_tick=session.samples_per_frame,
-        )
-        if renderer is not None and renderer.model is not None:
-            switch.use_model(True)
-        rate_hz = session.acceleration_rate_hz
-        step = math.inf if table.slew_m_s3 == "off" else table.slew_m_s3 / rate_hz
-        slew = VibrationSlew(table.limit_m_s2, step, session.samples_per_frame)
-        landing = None
-        if renderer is not None and generated is None:
-            from mmt.texture.touch_down import LEAST_RATE_HZ
-
-            if rate_hz >= LEAST_RATE_HZ:
-                from mmt.leader.output.synthesis import Landing
-
-                landing = Landing(_normal(session), session.rate_hz)
-        return cls(session, actuator, switch, slew, reconnecting, motion, landing)
 
     @property
     def name(self) -> str:
@@ -361,12 +316,7 @@ class VibrationPart(Part):
         return courses
 
 
-def _normal(session: Session) -> int:
-    """Return the number of the surface's normal axis."""
-    return "xyz".index((session.scene.texture or Texture()).normal)
-
-
-def _actuator(
+def build_actuator(
     table: Actuator, rate_hz: float
 ) -> "tuple[VibrationActuator, ReconnectingActuator | None]":
     """Return the scene's actuator, and the same again if it may be lost and come back, else None.
