@@ -181,7 +181,7 @@ def synthesizing(session: Session, parts: LeaderParts) -> Part | None:
         first.model, rate_remark = at_session_rate(saved, session.acceleration_rate_hz)
     several = scene.texture is not None and scene.texture.surfaces is not None
     if several or scene.is_given("model"):
-        from mmt.leader.output.model_crossfade import ModelCrossfade
+        from mmt.leader.output.renderer import ModelCrossfade
 
         samples = round(table.crossfade_ms * session.acceleration_rate_hz / 1000)
         second = made(seed=scene.session.seed + 1)

@@ -14,7 +14,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.running.ticking import TimeHistogram
-from mmt.leader.output.model_crossfade import Renderer, crossfaded
+from mmt.leader.output.renderer import Renderer, crossfaded
 
 BLOCK_MS: Final = 10
 """Length of a block, which is also its number of frames."""

@@ -11,7 +11,7 @@ from mmt.texture.settings import LONGEST_BRIDGED, Axis
 from mmt.texture.signals.biquad import MOTION_CUTOFF_HZ, BiquadFilter, bessel_low_pass
 
 if TYPE_CHECKING:
-    from mmt.leader.output.model_crossfade import ModelCrossfade
+    from mmt.leader.output.renderer import ModelCrossfade
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.synthesis.synthesizer import Synthesizer
 

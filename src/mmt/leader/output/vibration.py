@@ -1,6 +1,5 @@
 """The part that plays vibration, and its switch between the stream and the model."""
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args
@@ -11,7 +10,12 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.guards import VibrationSlew
 from mmt.leader.motion.hand import loss_metrics
-from mmt.leader.output.renderer import MotionFollowing, SynthesizedVibration, TouchDownRenderer
+from mmt.leader.output.renderer import (
+    MotionFollowing,
+    SynthesizedVibration,
+    TouchDownRenderer,
+    crossfaded,
+)
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Actuator
 
@@ -110,18 +114,8 @@ class VibrationSwitch:
         synthesized = model.render(*inputs) if model is not None else np.zeros(count)
         if self._share == self._target == 1.0:
             return synthesized
-        output = np.empty(count)
-        for index, heard in enumerate(streamed or [0.0] * count):
-            self._advance()
-            if self._share == 0.0:
-                value = heard
-            elif self._share == 1.0:
-                value = float(synthesized[index])
-            else:  # plain floats: for the few samples of a tick arrays take longer
-                angle = 0.5 * math.pi * self._share
-                value = math.cos(angle) * heard + math.sin(angle) * float(synthesized[index])
-            output[index] = value
-        return output
+        heard = np.array(streamed) if streamed else np.zeros(count)
+        return crossfaded(self._advance(count), heard, synthesized)
 
     def _pulled(self, now_ns: int, ticks: int) -> Sequence[float]:
         """Return the streamed samples of the elapsed ticks, none if nothing is streamed."""
@@ -133,11 +127,12 @@ class VibrationSwitch:
         times_ns = range(first_ns, now_ns + 1, self._period_ns)
         return [value for time_ns in times_ns for value in self._streamed(time_ns)]
 
-    def _advance(self) -> None:
-        if self._share < self._target:
-            self._share = min(self._target, self._share + self._step)
-        elif self._share > self._target:
-            self._share = max(self._target, self._share - self._step)
+    def _advance(self, count: int) -> FloatArray:
+        """Return the model's share in each of the next samples (n,)."""
+        steps = self._step * np.arange(1, count + 1)
+        share: FloatArray = np.clip(self._share + (steps if self._target else -steps), 0.0, 1.0)
+        self._share = float(share[-1])
+        return share
 
 
 class VibrationPart(Part):
