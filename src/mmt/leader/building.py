@@ -153,11 +153,7 @@ def modelling(session: Session, parts: LeaderParts) -> Part | None:
         from mmt.leader.surface_log import replayed_words
 
         process.notify("begin", replayed_words(replay))
-    parts.modelling = Modelling(
-        session,
-        process,
-        lambda update, seconds: parts.completing.update(update, seconds),  # noqa: PLW0108 - made later
-    )
+    parts.modelling = Modelling(session, process)
     return parts.modelling
 
 

@@ -1,7 +1,7 @@
 """The leader's view of the follower: pass its frames to the parts, and wait if it is lost."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -42,8 +42,6 @@ class RemoteFollower:
         Of the session.
     call
         Calls a verb of every part.
-    pass_on
-        Passes the newest frames (n,), and their arrival, to every part that uses them.
     feedback
         Handles the follower's further event, or None.
     """
@@ -56,17 +54,17 @@ class RemoteFollower:
         ending: Ending,
         *,
         call: Callable[..., None],
-        pass_on: Callable[[RecordArray, int], None],
         feedback: FeedbackSide | None,
     ) -> None:
         self._scene, self._log, self._journal, self._ending = scene, log, journal, ending
-        self._call, self._pass_on, self._feedback = call, pass_on, feedback
+        self._call, self._feedback = call, feedback
         self._fastest = LARGEST_SPEED if scene.replay is not None else 1.0
         self._numbering = SessionNumbering(round(1e9 / scene.session.rate_hz), self._fastest)
         self._commands = 0
         self.backfill = Backfill(
             scene.keep_frames(), self._numbering, call, self._request_frames, journal.note
         )
+        self._users: Sequence[Callable[[RecordArray, int], None]] = ()
         self.server: LeaderServer | None = None
         """None before `listen`."""
         self._clock_notes: ClockNotes | None = None
@@ -130,8 +128,12 @@ class RemoteFollower:
         """Session time: that of the newest frame."""
         return self._numbering.frames / self._scene.session.rate_hz
 
-    async def listen(self, pages: "Iterable[Page]") -> None:
+    async def listen(
+        self, pages: "Iterable[Page]", users: Sequence[Callable[[RecordArray, int], None]]
+    ) -> None:
         """Wait for the follower, and serve these pages.
+
+        `users` are called with the newest frames (n,) and their arrival.
 
         Raises
         ------
@@ -142,6 +144,7 @@ class RemoteFollower:
         from mmt.link.server import LeaderServer
 
         assert self._scene.link is not None  # noqa: S101 - the caller has looked
+        self._users = users
         self.server = LeaderServer(
             self._scene.link,
             self._scene.channels(),
@@ -226,7 +229,8 @@ class RemoteFollower:
             )
         if 0 <= newest != self._numbering.newest - len(frames) - left_out:
             self.backfill.missing.jumped(newest + left_out, frames)
-        self._pass_on(frames, arrival_ns)
+        for use in self._users:
+            use(frames, arrival_ns)
         if self._scene.replay is None:  # a replay may be faster or slower than its session
             self._rate.add(self._numbering.newest, int(frames["time_ns"][-1]))
         if self.time_s >= self._scene.session.duration_s:

@@ -78,7 +78,6 @@ class Leader:
                 self.session.journal,
                 self.ending,
                 call=self.parts.call,
-                pass_on=self.parts.on_frames,
                 feedback=self._extra_handler(),
             )
             if self.parts.modelling is not None:
@@ -189,7 +188,7 @@ class Leader:
             return
         self._steps = self.parts.verbs("tick")
         if self.remote is not None:
-            await self.remote.listen(self._pages())
+            await self.remote.listen(self._pages(), self.parts.verbs("on_frames"))
         self.parts.call("begin")
         prefer_even_ticks()
 

@@ -45,20 +45,13 @@ class Modelling(Part):
         Session of the run.
     process
         Process that runs the numerics; it is started when the parts connect.
-    on_update
-        Called on the event loop after each update, with the update and the seconds that the tasks
-        have worked on it.
     """
 
-    def __init__(
-        self,
-        session: Session,
-        process: ModellingProcess,
-        on_update: Callable[[ModelUpdate, float], None],
-    ) -> None:
+    def __init__(self, session: Session, process: ModellingProcess) -> None:
         self._session, self._process, self._factory = session, process, process.factory
         self._last_ns = 0
-        self._on_update = on_update
+        self.deliver: Callable[[ModelUpdate, float], None] = lambda *_: None
+        """Called on the event loop with each update and the seconds that the tasks worked on it."""
         self._on_samples: Callable[[NewSamples], None] = lambda _: None
         self._behind_segmenting = InFlight()
         self._make_tasks()
@@ -290,5 +283,5 @@ class Modelling(Part):
             if self._factory.is_finished(update):
                 self.finished = True
                 self._clear()
-            self._on_update(update, item.seconds)
+            self.deliver(update, item.seconds)
         self._behind_segmenting.remove()
