@@ -74,6 +74,7 @@ class Leader:
         if scene.link is not None:
             self.session.remote = self.remote = remote = RemoteFollower(
                 scene,
+                scene.link,
                 self.log,
                 self.session.journal,
                 self.ending,
@@ -99,8 +100,7 @@ class Leader:
     @property
     def port(self) -> int | None:
         """The port that is listened on, or None without a link."""
-        server = self.remote.server if self.remote is not None else None
-        return None if server is None else server.port
+        return None if self.remote is None else self.remote.server.port
 
     @property
     def time_s(self) -> float:
