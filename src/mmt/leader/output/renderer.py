@@ -1,26 +1,10 @@
 """What plays from a model or another method's generator, and the crossfade between two of them."""
 
-import math
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
-
-
-def crossfaded(share: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
-    """Return the mix of two uncorrelated signals that keeps their power (gains cosine and sine).
-
-    Parameters
-    ----------
-    share
-        Share of `after`, 0 to 1, shape (n,).
-    before, after
-        The signals, shape (n,).
-    """
-    angle = 0.5 * math.pi * share
-    mixed: FloatArray = np.cos(angle) * before + np.sin(angle) * after
-    return mixed
+from mmt.core.arrays import FloatArray, crossfaded
 
 
 class SynthesizedVibration(Protocol):
