@@ -100,10 +100,10 @@ class SharingServer:
         self._tasks: set[asyncio.Task[None]] = set()
         self._releasing: asyncio.Task[None] | None = None
         self._refusals = RepeatLimit()
+        self._pages = _pages(settings)
         self._host = LinkServer(
             settings,
             self._access,
-            _pages(settings),
             entrance=_LISTENERS,
             most=2 * settings.most,
             ping_s=PING_S,
@@ -128,7 +128,7 @@ class SharingServer:
 
     async def start(self) -> None:
         """Listen; see `LinkServer.start` for the errors."""
-        await self._host.start()
+        await self._host.start(self._pages)
         self._releasing = start_task(_release(), self._tasks)
 
     async def stop(self) -> None:

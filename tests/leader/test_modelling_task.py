@@ -60,9 +60,8 @@ class Modelled:
         monkeypatch.setattr(online_modeller, "OnlineModeller", self._make)
         self.updates = []
         self.seconds = []
-        settings = ModellingSettings()
-        process = InThread(settings, period_s)
-        self.task = Modelling(Session(Scene()), process, self._note)
+        self.task = Modelling(Session(Scene()), InThread(ModellingSettings(), period_s))
+        self.task.deliver = self._note
 
     @property
     def modeller(self) -> SlowModeller:
@@ -264,8 +263,8 @@ async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name):
         if update is not None and not (expected and factory.is_finished(expected[-1])):
             expected.append(update)
     found = []
-    process = ModellingProcess(settings, 0.5)
-    live = Modelling(Session(scene), process, lambda update, _: found.append(update))
+    live = Modelling(Session(scene), ModellingProcess(settings, 0.5))
+    live.deliver = lambda update, _: found.append(update)
     async with running(live):
         for block in blocks:  # faster than real time: the tasks work on several updates at once
             for part in np.array_split(block, 5):

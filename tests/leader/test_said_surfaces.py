@@ -50,12 +50,12 @@ async def test_what_is_no_known_surface_is_refused():
 
 async def test_a_scene_with_one_surface_takes_no_word():
     session = Session(Scene())
-    modelling = Modelling(session, ModellingProcess(ModellingSettings(), 1.0), lambda *_: None)
+    modelling = Modelling(session, ModellingProcess(ModellingSettings(), 1.0))
     with pytest.raises(InputError, match=r"no \[texture\.surfaces\]"):
         modelling.state_surface(1)
     modelling.close()
     settings = ModellingSettings(surfaces=SurfaceSettings())
-    several = Modelling(session, ModellingProcess(settings, 1.0), lambda *_: None)
+    several = Modelling(session, ModellingProcess(settings, 1.0))
     several.state_surface(1)
     several.close()
 

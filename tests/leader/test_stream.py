@@ -10,9 +10,11 @@ from frame_samples import made_frames
 from scipy import signal
 
 import mmt
+from mmt.leader.building import LeaderParts, playout
 from mmt.leader.output.stream import PlayoutBuffer, StreamedVibration
 from mmt.leader.output.synthesis import StreamedMotion
 from mmt.leader.output.three_axes import ThreeAxes
+from mmt.leader.parts import PARTS
 from mmt.scene import Link
 from mmt.testing.simulation.surfaces.textures import get_surface
 
@@ -61,7 +63,7 @@ def test_the_part_is_what_the_scene_says_and_tells_its_delay():
     session = SimpleNamespace(
         scene=scene, period_ns=500_000, samples_per_frame=2, rate_hz=2000.0, remote=remote
     )
-    part = StreamedVibration.build(session)
+    part = playout(session, LeaderParts())
     frames = made_frames(0, 400, ("acceleration",), samples_per_frame=2)
     frames["acceleration_m_s2"] = 0.0
     frames["acceleration_m_s2"][..., 1] = 3.0 * (-1.0) ** np.arange(800).reshape(400, 2)
@@ -89,8 +91,7 @@ def test_the_part_is_what_the_scene_says_and_tells_its_delay():
     "tables", [{"recording": {}}, {"rendering": {"before": "silent"}, "texture": {}}]
 )
 def test_a_scene_that_streams_nothing_has_no_playout(tables):
-    session = SimpleNamespace(scene=mmt.Scene.model_validate(WITH_A_HAND | tables))
-    assert StreamedVibration.build(session) is None
+    assert not PARTS["playout"].wanted(mmt.Scene.model_validate(WITH_A_HAND | tables))
 
 
 def coloured(rng, centre_hz, count):

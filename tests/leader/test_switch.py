@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mmt.devices.protocols import InterfaceState
-from mmt.leader.output.model_crossfade import ModelCrossfade
+from mmt.leader.output.renderer import ModelCrossfade
 from mmt.leader.output.synthesis import Landing
 from mmt.leader.output.vibration import VibrationSwitch
 

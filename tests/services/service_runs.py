@@ -96,7 +96,6 @@ class Together:
     def server(self) -> LeaderServer:
         """The leader's side of the link, once it listens."""
         assert self.leader.remote is not None
-        assert self.leader.remote.server is not None
         return self.leader.remote.server
 
     async def listen(self):

@@ -15,8 +15,8 @@ import mmt
 from mmt.core.errors import InputError
 from mmt.core.frames import frame_dtype, samples_per_frame
 from mmt.leader.output.model_output import ModelOutput
-from mmt.leader.output.synthesis import SynthesizingPart
 from mmt.leader.part import Session
+from mmt.leader.parts import build_parts
 from mmt.scene.files import scene_from_tables
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import build_model
@@ -149,7 +149,7 @@ async def test_every_way_into_a_session_resamples_a_model_of_another_rate(rate_h
     )
     told = []
     session = Session(scene, told.append)
-    saved, shared = SynthesizingPart.build(session), SynthesizingPart.build(session)
+    saved, shared = (build_parts(session, ["synthesizing"]).synthesizing for _ in range(2))
     assert saved is not None
     shared.synthesizer.model = None
     ModelOutput(session, synthesizing=saved).begin()

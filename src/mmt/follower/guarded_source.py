@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, cast
 from mmt.core.arrays import RecordArray, Vector, clipped, difference, step_towards
 from mmt.follower.command_guard import CommandGuard
 from mmt.follower.sources import FollowerSource
-from mmt.scene import Link, MotionLimits, Scene, Texture
+from mmt.scene import Link, MotionLimits, Scene
 
 if TYPE_CHECKING:
     from mmt.devices.streaming.source import DeviceSource
@@ -174,7 +174,7 @@ class GuardedSource:
             self.guard = CommandGuard(
                 link,
                 rate_hz,
-                (scene.texture or Texture()).normal,
+                scene.normal,
                 measures_position=self._measures_position,
                 say=say,
                 box_mm=None if limits is None else limits.box_mm,

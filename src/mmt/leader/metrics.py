@@ -54,7 +54,7 @@ class MetricsPart(Part):
         from mmt.core.output.exposition import counter, gauge, link_metrics
 
         remote = self._session.remote
-        if remote is None or remote.server is None:
+        if remote is None:
             return
         server, frames = remote.server, remote.backfill.missing.summary
         yield gauge("connected", "Whether a follower is connected.", server.connected)

@@ -181,7 +181,6 @@ class Parts:
 
     def __init__(self) -> None:
         self._all: list[Part] = []
-        self._on_frames: list[Callable[[RecordArray, int], None]] = []
 
     def __iter__(self) -> Iterator[Part]:
         return iter(self._all)
@@ -219,12 +218,6 @@ class Parts:
             except Exception as error:
                 reason = str(error) or type(error).__name__
                 raise MmtError(f"{part.name} cannot be connected: {reason}") from error
-        self._on_frames = self.verbs("on_frames")
-
-    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
-        """Pass the newest frames (n,) to every part that uses them."""
-        for use in self._on_frames:
-            use(frames, arrival_ns)
 
     def call(self, verb: str, *arguments: object) -> None:
         """Call a verb of every part that overrides it."""

@@ -1,7 +1,7 @@
 """The leader's view of the follower: pass its frames to the parts, and wait if it is lost."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -11,11 +11,11 @@ from mmt.core.errors import FAILED
 from mmt.core.frames import COMMAND_DTYPE, FeedbackSide
 from mmt.core.running.ending import Ending
 from mmt.core.running.process import ProcessMeter
-from mmt.core.sequence_numbers import SEQUENCES, Range
+from mmt.core.sequence_numbers import SEQUENCES
 from mmt.leader.backfill import Backfill
 from mmt.leader.numbering import FrameRateWatch, SessionNumbering
 from mmt.leader.run_log import Journal, RunLog
-from mmt.scene import LARGEST_SPEED, Scene
+from mmt.scene import LARGEST_SPEED, Link, Scene
 
 if TYPE_CHECKING:
     from mmt.link.clock_exchange import RemoteClock
@@ -36,14 +36,12 @@ class RemoteFollower:
 
     Parameters
     ----------
-    scene
-        The scene to run; it has a link.
+    scene, link
+        The scene to run, and its link.
     log, journal, ending
         Of the session.
     call
         Calls a verb of every part.
-    pass_on
-        Passes the newest frames (n,), and their arrival, to every part that uses them.
     feedback
         Handles the follower's further event, or None.
     """
@@ -51,41 +49,71 @@ class RemoteFollower:
     def __init__(
         self,
         scene: Scene,
+        link: Link,
         log: RunLog,
         journal: Journal,
         ending: Ending,
         *,
         call: Callable[..., None],
-        pass_on: Callable[[RecordArray, int], None],
         feedback: FeedbackSide | None,
     ) -> None:
-        self._scene, self._log, self._journal, self._ending = scene, log, journal, ending
-        self._call, self._pass_on, self._feedback = call, pass_on, feedback
-        self._fastest = LARGEST_SPEED if scene.replay is not None else 1.0
-        self._numbering = SessionNumbering(round(1e9 / scene.session.rate_hz), self._fastest)
+        self._scene, self._link, self._log = scene, link, log
+        self._journal, self._ending, self._call = journal, ending, call
+        fastest = LARGEST_SPEED if scene.replay is not None else 1.0
+        self._numbering = SessionNumbering(round(1e9 / scene.session.rate_hz), fastest)
         self._commands = 0
         self.backfill = Backfill(
-            scene.keep_frames(), self._numbering, call, self._request_frames, journal.note
+            scene.keep_frames(),
+            self._numbering,
+            call,
+            lambda ranges: self.server.request_frames(ranges),  # noqa: PLW0108 - made later
+            journal.note,
         )
-        self.server: LeaderServer | None = None
-        """None before `listen`."""
-        self._clock_notes: ClockNotes | None = None
+        self._users: Sequence[Callable[[RecordArray, int], None]] = ()
+        self.server = self._make_server(fastest, feedback)
+        self._clock_notes = ClockNotes(self.server.clock, journal.record)
         self._rate = FrameRateWatch(scene.session.rate_hz, journal.event)
+
+    def _make_server(self, fastest: float, feedback: FeedbackSide | None) -> "LeaderServer":
+        from mmt.link.endpoint import LeaderEvents, emulated_network
+        from mmt.link.server import LeaderServer
+
+        return LeaderServer(
+            self._link,
+            self._scene.channels(),
+            LeaderEvents(
+                on_follower=self._on_follower,
+                on_frames=self._on_frames,
+                on_event=lambda sentence: self._journal.record({"event": f"follower: {sentence}"}),
+                on_end=self._on_end,
+                on_lost=self._on_lost,
+                on_jump=self._on_jump,
+                on_backfill=self.backfill.receive,
+                on_gone=self.backfill.give_up,
+                on_settle=self.backfill.missing_ranges,
+                on_error=self._ending.fail,
+            ),
+            samples_per_frame=self._scene.session.samples_per_frame,
+            fastest=fastest,
+            session_id=self._log.session_id,
+            network=emulated_network(self._scene, "down", self._journal.event),
+            extra=feedback,
+        )
 
     @property
     def connected(self) -> bool:
         """Whether a follower is connected that has not ended the session."""
-        return self.server is not None and self.server.connected
+        return self.server.connected
 
     @property
-    def statistics(self) -> "LinkStatistics | None":
-        """Counts of the link, or None before `listen`."""
-        return self.server.statistics if self.server is not None else None
+    def statistics(self) -> "LinkStatistics":
+        """Counts of the link."""
+        return self.server.statistics
 
     @property
     def clock_offset_ns(self) -> int | None:
         """The follower's clock minus this one (ns), or None while it is not known."""
-        return self.server.clock.offset_ns if self.server is not None else None
+        return self.server.clock.offset_ns
 
     @property
     def follower_time_ns(self) -> int:
@@ -107,8 +135,7 @@ class RemoteFollower:
             if silent_ns > _SILENT_NS:
                 return [f"no frame for {silent_ns / 1e9:.1f} s"]
         found = [] if self._rate.fault is None else [self._rate.fault]
-        server = self.server
-        if server is not None and server.connected and server.clock.unknown_s > _UNSTAMPED_S:
+        if self.connected and self.server.clock.unknown_s > _UNSTAMPED_S:
             found.append(
                 f"the follower's clock is unknown after {_UNSTAMPED_S:g} s: it exchanges no time "
                 "stamps (clock), so frames have no date, and what is passed on by date (LSL, ROS) "
@@ -119,8 +146,8 @@ class RemoteFollower:
     @property
     def awaited(self) -> str:
         """What the session waits for, "" while frames come."""
-        if self._ending.awaits_peer and self._scene.link is not None:
-            return f"follower lost: waiting {self._scene.link.patience_s:g} s for its return"
+        if self._ending.awaits_peer:
+            return f"follower lost: waiting {self._link.patience_s:g} s for its return"
         if not self.connected:
             return "waiting for the follower"
         return "" if self.has_begun else "waiting for the first frame"
@@ -130,65 +157,38 @@ class RemoteFollower:
         """Session time: that of the newest frame."""
         return self._numbering.frames / self._scene.session.rate_hz
 
-    async def listen(self, pages: "Iterable[Page]") -> None:
+    async def listen(
+        self, pages: "Iterable[Page]", users: Sequence[Callable[[RecordArray, int], None]]
+    ) -> None:
         """Wait for the follower, and serve these pages.
+
+        `users` are called with the newest frames (n,) and their arrival.
 
         Raises
         ------
         MmtError
-            The port, the token or a certificate cannot be used.
+            The port or a certificate cannot be used.
         """
-        from mmt.link.endpoint import LeaderEvents, emulated_network
-        from mmt.link.server import LeaderServer
-
-        assert self._scene.link is not None  # noqa: S101 - the caller has looked
-        self.server = LeaderServer(
-            self._scene.link,
-            self._scene.channels(),
-            LeaderEvents(
-                on_follower=self._on_follower,
-                on_frames=self._on_frames,
-                on_event=lambda sentence: self._journal.record({"event": f"follower: {sentence}"}),
-                on_end=self._on_end,
-                on_lost=self._on_lost,
-                on_jump=self._on_jump,
-                on_backfill=self.backfill.receive,
-                on_gone=self.backfill.give_up,
-                on_settle=self.backfill.missing_ranges,
-                on_error=self._ending.fail,
-            ),
-            samples_per_frame=self._scene.session.samples_per_frame,
-            fastest=self._fastest,
-            session_id=self._log.session_id,
-            network=emulated_network(self._scene, "down", self._journal.event),
-            pages=pages,
-            extra=self._feedback,
-        )
-        self._clock_notes = ClockNotes(self.server.clock, self._journal.record)
-        await self.server.start()
+        self._users = users
+        await self.server.start(pages)
 
     async def dismiss(self) -> None:
         """Ask the follower to end, and receive missing frames that it still sends."""
-        if self.server is not None:
-            await self.server.request_stop(self._ending.outcome)
+        await self.server.request_stop(self._ending.outcome)
         self.backfill.close()
 
     async def close(self) -> None:
         """Stop listening, and record the clocks' offset at the end."""
         self._ending.cancel_timeout()
-        if self.server is not None:
-            await self.server.stop()
+        await self.server.stop()
         self.record_clocks(last=True)
 
     def record_clocks(self, *, last: bool = False) -> None:
         """Record the clocks' offset if it is time; call this several times a second."""
-        if self._clock_notes is not None:
-            self._clock_notes.record_if_due(last=last)
+        self._clock_notes.record_if_due(last=last)
 
     def command(self, now_ns: int, position_mm: Vector) -> None:
         """Ask the follower to take a position (mm); echo the newest frame's time."""
-        if self.server is None:
-            return
         echo_time_ns = self._numbering.follower_time_ns
         echo_age_ns = now_ns - self._numbering.arrival_ns if echo_time_ns else 0
         command = np.zeros(1, dtype=COMMAND_DTYPE)
@@ -198,8 +198,7 @@ class RemoteFollower:
 
     def send_extra(self, records: RecordArray) -> None:
         """Send records (n,) of the scene's further event."""
-        if self.server is not None:
-            self.server.send_extra(records)
+        self.server.send_extra(records)
 
     # --- what the link reports
 
@@ -226,7 +225,8 @@ class RemoteFollower:
             )
         if 0 <= newest != self._numbering.newest - len(frames) - left_out:
             self.backfill.missing.jumped(newest + left_out, frames)
-        self._pass_on(frames, arrival_ns)
+        for use in self._users:
+            use(frames, arrival_ns)
         if self._scene.replay is None:  # a replay may be faster or slower than its session
             self._rate.add(self._numbering.newest, int(frames["time_ns"][-1]))
         if self.time_s >= self._scene.session.duration_s:
@@ -238,22 +238,16 @@ class RemoteFollower:
         self._ending.stop(f"follower {reason}" if failed else "source ended")
 
     def _on_lost(self, reason: str) -> None:
-        assert self._scene.link is not None  # noqa: S101 - there is a link to lose
         if self._ending.reached:
             return
-        patience_s = self._scene.link.patience_s
+        patience_s = self._link.patience_s
         self._journal.event(f"follower lost ({reason}), waiting {patience_s:g} s for its return")
         self._call("on_lost")
         self._ending.start_timeout(patience_s, lambda: self._ending.stop("follower lost"))
 
     def _on_jump(self, jump: "ClockJump") -> None:
-        if self._clock_notes is not None:
-            sentence, details = self._clock_notes.jumped(jump)
-            self._journal.event(sentence, **details)
-
-    def _request_frames(self, ranges: list[Range]) -> None:
-        if self.server is not None:
-            self.server.request_frames(ranges)
+        sentence, details = self._clock_notes.jumped(jump)
+        self._journal.event(sentence, **details)
 
 
 class ClockNotes:

@@ -74,11 +74,11 @@ class Leader:
         if scene.link is not None:
             self.session.remote = self.remote = remote = RemoteFollower(
                 scene,
+                scene.link,
                 self.log,
                 self.session.journal,
                 self.ending,
                 call=self.parts.call,
-                pass_on=self.parts.on_frames,
                 feedback=self._extra_handler(),
             )
             if self.parts.modelling is not None:
@@ -100,8 +100,7 @@ class Leader:
     @property
     def port(self) -> int | None:
         """The port that is listened on, or None without a link."""
-        server = self.remote.server if self.remote is not None else None
-        return None if server is None else server.port
+        return None if self.remote is None else self.remote.server.port
 
     @property
     def time_s(self) -> float:
@@ -189,7 +188,7 @@ class Leader:
             return
         self._steps = self.parts.verbs("tick")
         if self.remote is not None:
-            await self.remote.listen(self._pages())
+            await self.remote.listen(self._pages(), self.parts.verbs("on_frames"))
         self.parts.call("begin")
         prefer_even_ticks()
 

@@ -62,8 +62,6 @@ class LeaderServer:
         Network emulated on the way to the follower; its settings can be changed over HTTP.
     session_id
         Identifier of the session in the logs of both sides.
-    pages
-        HTTP pages served beside the link, for clients with the token.
     extra
         Side of force feedback with the scene's further event, or None.
 
@@ -84,7 +82,6 @@ class LeaderServer:
         fastest: float = 100.0,
         network: "EmulatedNetwork | None" = None,
         session_id: str = "",
-        pages: Iterable[Page] = (),
         extra: FeedbackSide | None = None,
     ) -> None:
         self._events = events
@@ -112,7 +109,7 @@ class LeaderServer:
             0, encode_rejection(FRAMES, reason, times, size)
         )
         self.clock = ClockResponder(endpoint.reader, endpoint.outbox, endpoint.notify_jump)
-        self._host = LinkServer(settings, access, pages, busy=lambda: self._slot.in_session)
+        self._host = LinkServer(settings, access, busy=lambda: self._slot.in_session)
         self._backfill = BackfillReceiver(dtype, endpoint, events)
         self._slot = FollowerSlot(
             self._host,
@@ -150,9 +147,9 @@ class LeaderServer:
             clock=self.clock.statistics,
         )
 
-    async def start(self) -> None:
-        """Start to listen; see `LinkServer.start` for the errors."""
-        await self._host.start()
+    async def start(self, pages: Iterable[Page] = ()) -> None:
+        """Start to listen, and serve pages to clients with the token; see `LinkServer.start`."""
+        await self._host.start(pages)
 
     async def request_stop(self, reason: str) -> None:
         """Ask the follower to end, and wait until it has left, at most a second."""

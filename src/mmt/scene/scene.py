@@ -31,6 +31,7 @@ from mmt.scene.table import (
     import_problem,
     imported,
 )
+from mmt.texture.settings import Axis
 
 _Added = TypeVar("_Added", bound=PartTable)
 
@@ -124,6 +125,11 @@ class SceneTables(Table):
     def commands(self) -> bool:
         """Whether the leader has an interface: a real handle or a simulated hand."""
         return self.hand is not None or self.handle is not None
+
+    @property
+    def normal(self) -> Axis:
+        """The surface's normal axis."""
+        return (self.texture or Texture()).normal
 
     @property
     def streams(self) -> bool:

@@ -7,7 +7,7 @@ from annotated_types import Gt, Le
 
 from mmt.core.bounds import check_fields
 from mmt.core.errors import InputError
-from mmt.scene import Scene, Texture
+from mmt.scene import Scene
 from mmt.scene.files import load_scene, scene_from_tables
 
 MovedBy: TypeAlias = Literal["hand", "actions"]
@@ -67,8 +67,8 @@ def session_scene(settings: Settings) -> Scene:
         tables["link"]["port"] = 0
     if settings.moved_by == "hand":
         return scene_from_tables(tables, origin=origin)
-    normal = (scene.texture or Texture()).normal
-    options: dict[str, Any] = {"recovery_mm_s": scene.link.recovery_mm_s, "normal": normal}
+    recovery_mm_s = scene.link.recovery_mm_s
+    options: dict[str, Any] = {"recovery_mm_s": recovery_mm_s, "normal": scene.normal}
     box_mm = scene.motion_limits.box_mm if scene.motion_limits is not None else None
     if box_mm is not None:
         options["box_mm"] = [list(corner) for corner in box_mm]

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from mmt.leader.building import LeaderParts
     from mmt.leader.modelling.pipeline import Modelling
-    from mmt.leader.output.model_crossfade import Renderer
+    from mmt.leader.output.renderer import Renderer
     from mmt.texture.online.updates import NewSamples
 
 _LONGEST_START_S: Final = 120.0

@@ -25,7 +25,7 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import MmtError
 from mmt.core.running.process import SWITCH_INTERVAL_S
 from mmt.core.running.programs import handle_end_signals
-from mmt.leader.output.model_crossfade import ModelCrossfade
+from mmt.leader.output.renderer import ModelCrossfade
 from mmt_methods.generators.guarded import GeneratorFault, GuardedGenerator, told_as_fault
 from mmt_methods.generators.registry import load
 from mmt_methods.generators.vibration import RenderedBlock

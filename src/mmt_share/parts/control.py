@@ -8,7 +8,7 @@ from mmt.core.errors import InputError, printable
 from mmt.core.guards import FADE_TICKS
 from mmt.devices.leader_reports import InterfaceState
 from mmt.leader.part import Part, Session, Tick
-from mmt.scene import Link, Texture
+from mmt.scene import Link
 from mmt_share.control_messages import (
     ControlNews,
     SharedContact,
@@ -92,7 +92,7 @@ class ControlPart(Part):
         self._clutch: Clutch | None = None
         self._command_mm: Vector | None = None
         self._contact_ticks = 0
-        self._normal = "xyz".index((session.scene.texture or Texture()).normal)
+        self._normal = "xyz".index(session.scene.normal)
         self._sharing, self._feedback = sharing, feedback
         sharing.on_control = self.receive
         hand.control = self

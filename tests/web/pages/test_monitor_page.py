@@ -86,7 +86,7 @@ class Leading:
         modelling = self.service.parts.modelling
         assert modelling is not None
         for second in np.array_split(frames, round(seconds)):
-            self.service.parts.on_frames(second, 0)
+            self.service.parts.call("on_frames", second, 0)
             await modelling.finish(10.0)
 
 

@@ -45,20 +45,13 @@ class Modelling(Part):
         Session of the run.
     process
         Process that runs the numerics; it is started when the parts connect.
-    on_update
-        Called on the event loop after each update, with the update and the seconds that the tasks
-        have worked on it.
     """
 
-    def __init__(
-        self,
-        session: Session,
-        process: ModellingProcess,
-        on_update: Callable[[ModelUpdate, float], None],
-    ) -> None:
+    def __init__(self, session: Session, process: ModellingProcess) -> None:
         self._session, self._process, self._factory = session, process, process.factory
         self._last_ns = 0
-        self._on_update = on_update
+        self.deliver: Callable[[ModelUpdate, float], None] = lambda *_: None
+        """Called on the event loop with each update and the seconds that the tasks worked on it."""
         self._on_samples: Callable[[NewSamples], None] = lambda _: None
         self._behind_segmenting = InFlight()
         self._make_tasks()
@@ -69,24 +62,6 @@ class Modelling(Part):
         self.finished = False
         self.frozen = False
         """Whether a person has frozen the model, so that no frames are modelled."""
-
-    @classmethod
-    def build(
-        cls,
-        session: Session,
-        on_update: Callable[[ModelUpdate, float], None],
-        process: ModellingProcess | None = None,
-    ) -> "Modelling | None":
-        """Return the modelling of the scene's texture, with a new process if there is none."""
-        scene = session.scene
-        process = process or ModellingProcess.from_scene(scene)
-        if process is None:
-            return None
-        if process.factory.sequential and scene.replay is not None:
-            from mmt.leader.surface_log import replayed_words
-
-            process.notify("begin", replayed_words(scene.replay))
-        return cls(session, process, on_update)
 
     def return_samples(self, on_samples: Callable[[NewSamples], None]) -> None:
         """Set the function to call with the samples of each judged update, from the first on."""
@@ -308,5 +283,5 @@ class Modelling(Part):
             if self._factory.is_finished(update):
                 self.finished = True
                 self._clear()
-            self._on_update(update, item.seconds)
+            self.deliver(update, item.seconds)
         self._behind_segmenting.remove()

@@ -177,7 +177,7 @@ class MonitorPart(Part):
 
     def _publish_link(self) -> None:
         remote = self._session.remote
-        if remote is not None and remote.server is not None:
+        if remote is not None:
             self.viewers.publish("link", states.link_message(remote.server))
 
     def _live_message(self) -> bytes:

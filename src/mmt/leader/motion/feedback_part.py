@@ -1,19 +1,17 @@
 """The part that displays the remote force; only the module of the scene's method is imported."""
 
-import math
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from mmt.core.arrays import RecordArray
 from mmt.core.guards import FADE_TICKS, SILENCE_TICKS, ForceDisplay, GuardedDisplay
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.leader.part import Part, Session, Tick
-from mmt.scene import ForceFeedback, Texture
+from mmt.scene import ForceFeedback
 
 if TYPE_CHECKING:
     from mmt.contact.passivity import PassivitySettings
     from mmt.contact.rendering import HandContact
     from mmt.leader.motion.feedback_model import ModelSettings
-    from mmt.leader.motion.hand import HandPart
 
 
 class OtherForce(Protocol):
@@ -43,27 +41,6 @@ class ForceFeedbackPart(Part):
         self.feedback = feedback
         self._bound = bound
         self._given_ticks = 0
-
-    @classmethod
-    def build(
-        cls, session: Session, hand: "HandPart | None", other_force: OtherForce | None
-    ) -> "ForceFeedbackPart | None":
-        """Return the part of the scene's method, or None if there is no hand to display to."""
-        table = session.scene.force_feedback
-        if table is None or hand is None:
-            return None
-        normal = (session.scene.texture or Texture()).normal
-        step_n = math.inf if table.slew_n_s == "off" else table.slew_n_s / session.rate_hz
-        display = GuardedDisplay(hand.device, table.limit_n, step_n)
-        if other_force is not None:
-            settings = _model_settings(table, 1.0 / session.rate_hz, normal)
-            shown = other_force(display, limit_n=table.limit_n, settings=settings)
-            return cls(session, shown, display)
-        contact = None if hand.contact is None else hand.contact.model
-        feedback = build_feedback(
-            table, display, rate_hz=session.rate_hz, normal=normal, contact=contact
-        )
-        return cls(session, feedback, display)
 
     def on_frames(self, frames: RecordArray, _arrival_ns: int) -> None:
         """Use the newest frame's force, but not while control is away: then the force fades."""
@@ -134,16 +111,17 @@ def build_feedback(
     return ModelForce(
         interface,
         limit_n=table.limit_n,
-        settings=_model_settings(table, 1.0 / rate_hz, normal),
+        settings=model_settings(table, 1.0 / rate_hz, normal),
         silence_ticks=silence_ticks,
         opening_j=opening_j,
         hand=contact,
     )
 
 
-def _model_settings(
+def model_settings(
     table: ForceFeedback, tick_s: float, normal: Literal["x", "y", "z"]
 ) -> "ModelSettings":
+    """Return the settings of a method that models the contact."""
     from mmt.contact.estimation import EstimationSettings
     from mmt.contact.rendering import RenderingSettings
     from mmt.leader.motion.feedback_model import ModelSettings

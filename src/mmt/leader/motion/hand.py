@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from mmt.core.arrays import RecordArray, Vector
 from mmt.leader.part import Part, Session, Tick
-from mmt.scene import Link, Simulated
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
@@ -62,43 +61,6 @@ class HandPart(Part):
         """The last command sent to the follower (mm), or None before the first."""
         if handle is not None:
             handle.watch(session.journal.event)
-
-    @classmethod
-    def build(cls, session: Session) -> "HandPart | None":
-        """Return the scene's hand, or None if the scene has none.
-
-        Raises
-        ------
-        InputError
-            The handle's driver cannot be used.
-        """
-        scene = session.scene
-        if scene.hand is not None:
-            from mmt.testing.simulation import nominal_compliance_mm_n
-            from mmt.testing.simulation.hand import SimulatedHand
-
-            compliance_mm_n = nominal_compliance_mm_n(scene.simulated or Simulated())
-            hand = SimulatedHand(scene.hand, scene.session.seed, compliance_mm_n=compliance_mm_n)
-            return cls(session, hand)
-        if scene.handle is None:
-            return None
-        from mmt.devices.drivers import load_device
-
-        device: LeaderInterface = load_device(
-            scene.handle.driver, scene.handle.options, role="handle"
-        )
-        contact = None
-        if scene.handle.hand_force == "contact":
-            from mmt.leader.motion.hand_contact import FollowerContact
-
-            contact = FollowerContact(session, scene.handle.surface_stiffness_n_mm)
-        if scene.handle.on_lost == "stop":
-            return cls(session, device, contact=contact)
-        from mmt.devices.reconnection import OperatorHandle
-
-        link = scene.link or Link()
-        handle = OperatorHandle(device, link.recovery_mm_s / scene.session.rate_hz)
-        return cls(session, handle, handle, contact)
 
     @property
     def name(self) -> str:

@@ -10,7 +10,6 @@ from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import CONTACT, CONTACT_DTYPE
 from mmt.devices.leader_reports import InterfaceState
 from mmt.leader.part import Session
-from mmt.scene import Texture
 
 _M: Final = 1e-3
 _LEAST_N: Final = 0.05
@@ -38,7 +37,7 @@ class FollowerContact:
     def __init__(self, session: Session, stiffness_n_mm: float) -> None:
         scene = session.scene
         self._session = session
-        self._normal = "xyz".index((scene.texture or Texture()).normal)
+        self._normal = "xyz".index(scene.normal)
         self._reader = ContactSamples(self._normal)
         feedback = scene.force_feedback
         given = {} if feedback is None else {"contact_n": feedback.contact_n}

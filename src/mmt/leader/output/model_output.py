@@ -79,6 +79,8 @@ class ModelOutput(Part):
         self._vibration = vibration
         if recording is not None:
             recording.before_end = self.record_last
+        if modelling is not None:
+            modelling.deliver = self.update
         self.takes_over = self.rendered is not None
         """Whether the model is good enough to be rendered, whatever a person has fixed."""
         self.forced: Literal["streamed", "synthesized"] | None = None

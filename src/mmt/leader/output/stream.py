@@ -18,9 +18,8 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.output.concealment import LONGEST_FRAMES, Concealment, FadeOut, build_concealment
+from mmt.leader.output.concealment import LONGEST_FRAMES, Concealment, FadeOut
 from mmt.leader.part import Part, Session
-from mmt.scene import Texture
 from mmt.texture.settings import VibrationAxis
 from mmt.texture.signals.biquad import (
     VIBRATION_CUTOFF_HZ,
@@ -224,13 +223,20 @@ class StreamedVibration(Part):
         Rate of the frames.
     samples_per_frame
         Samples of acceleration in a frame.
+    session
+        Session of the run, whose follower's clock gives the age; None outside a run.
     """
 
     def __init__(
-        self, buffer: PlayoutBuffer, axis: VibrationAxis, rate_hz: float, samples_per_frame: int = 1
+        self,
+        buffer: PlayoutBuffer,
+        axis: VibrationAxis,
+        rate_hz: float,
+        samples_per_frame: int = 1,
+        session: Session | None = None,
     ) -> None:
         self.buffer = buffer
-        self._session: Session | None = None
+        self._session = session
         high_pass = butterworth_high_pass(VIBRATION_CUTOFF_HZ, samples_per_frame * rate_hz)
         self._samples_per_frame = samples_per_frame
         self._axis: int | slice
@@ -241,23 +247,6 @@ class StreamedVibration(Part):
             self._axis, self._high_pass = "xyz".index(axis), BiquadFilter(high_pass)
         self._next: int | None = None
         self._peak = 0.0
-
-    @classmethod
-    def build(cls, session: Session) -> "StreamedVibration | None":
-        """Return the scene's playout, or None if no vibration is ever streamed."""
-        scene, table = session.scene, session.scene.playout
-        if table is None or not scene.streams:
-            return None
-        texture = scene.texture or Texture()
-        buffer = PlayoutBuffer(
-            table.delay_ms,
-            table.longest_delay_ms,
-            session.period_ns,
-            build_concealment(scene.concealment, scene.session.seed, session.samples_per_frame),
-        )
-        made = cls(buffer, texture.axis, session.rate_hz, session.samples_per_frame)
-        made._session = session
-        return made
 
     def status(self) -> dict[str, Any]:
         """Return the current delay."""

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Final
 
 from mmt.core.arrays import RecordArray
 from mmt.devices.leader_reports import InterfaceState
-from mmt.leader.part import Part, Session
-from mmt.scene import Link, Texture
+from mmt.leader.part import Part
 from mmt.texture.settings import LONGEST_BRIDGED, Axis
 from mmt.texture.signals.biquad import MOTION_CUTOFF_HZ, BiquadFilter, bessel_low_pass
 
 if TYPE_CHECKING:
-    from mmt.leader.output.model_crossfade import ModelCrossfade
+    from mmt.leader.output.renderer import ModelCrossfade
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.synthesis.synthesizer import Synthesizer
 
@@ -58,43 +57,6 @@ class SynthesizingPart(Part):
         self.synthesizer = synthesizer
         self.crossfade = crossfade
         self.rate_remark = rate_remark
-
-    @classmethod
-    def build(cls, session: Session) -> "SynthesizingPart | None":
-        """Return the part with the scene's saved model, or None without rendering or actuator.
-
-        Raises
-        ------
-        InputError
-            The scene names a model that cannot be read.
-        """
-        scene, table = session.scene, session.scene.rendering
-        if table is None or scene.actuator is None:
-            return None
-        from mmt.texture.synthesis.synthesizer import Synthesizer
-
-        def made(seed: int, limit_m_s2: float = scene.actuator.limit_m_s2) -> Synthesizer:
-            return Synthesizer(
-                seed=seed,
-                renewal_samples=table.renewal_samples,
-                limit_m_s2=limit_m_s2,
-            )
-
-        first, rate_remark = made(scene.session.seed), ""
-        if table.model is not None:
-            from mmt.models import find_model
-            from mmt.texture.model.texture_model import TextureModel
-
-            saved = TextureModel.load(find_model(table.model))
-            first.model, rate_remark = at_session_rate(saved, session.acceleration_rate_hz)
-        several = scene.texture is not None and scene.texture.surfaces is not None
-        if not several and not scene.is_given("model"):
-            return cls(first, rate_remark=rate_remark)
-        from mmt.leader.output.model_crossfade import ModelCrossfade
-
-        samples = round(table.crossfade_ms * session.acceleration_rate_hz / 1000)
-        crossfade = ModelCrossfade(first, made(scene.session.seed + 1), crossfade_samples=samples)
-        return cls(crossfade, crossfade, rate_remark)
 
 
 class Landing:
@@ -152,13 +114,6 @@ class StreamedMotion(Part):
         self._idle_ticks = 0
         self.velocity_mm_s = (0.0, 0.0)
         self.force_n = 0.0
-
-    @classmethod
-    def build(cls, session: Session) -> "StreamedMotion":
-        """Return the motion that drives the scene's model."""
-        scene = session.scene
-        limit_mm_s = (scene.link or Link()).limit_mm_s
-        return cls((scene.texture or Texture()).normal, session.rate_hz, limit_mm_s)
 
     def on_frames(self, frames: RecordArray, _arrival_ns: int) -> None:
         """Follow the newest frames (n,)."""

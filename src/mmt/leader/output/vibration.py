@@ -1,27 +1,24 @@
 """The part that plays vibration, and its switch between the stream and the model."""
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, crossfaded
 from mmt.core.errors import InputError
 from mmt.core.guards import VibrationSlew
 from mmt.leader.motion.hand import loss_metrics
 from mmt.leader.output.renderer import MotionFollowing, SynthesizedVibration, TouchDownRenderer
 from mmt.leader.part import Part, Session, Tick
-from mmt.scene import Actuator, Texture
+from mmt.scene import Actuator
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.devices.protocols import VibrationActuator
     from mmt.devices.reconnection import ReconnectingActuator
-    from mmt.leader.output.model_crossfade import Renderer
-    from mmt.leader.output.stream import StreamedVibration
     from mmt.leader.output.synthesis import Landing, StreamedMotion
 
 Mode = Literal["silent", "streamed", "fading", "synthesized"]
@@ -112,18 +109,8 @@ class VibrationSwitch:
         synthesized = model.render(*inputs) if model is not None else np.zeros(count)
         if self._share == self._target == 1.0:
             return synthesized
-        output = np.empty(count)
-        for index, heard in enumerate(streamed or [0.0] * count):
-            self._advance()
-            if self._share == 0.0:
-                value = heard
-            elif self._share == 1.0:
-                value = float(synthesized[index])
-            else:  # plain floats: for the few samples of a tick arrays take longer
-                angle = 0.5 * math.pi * self._share
-                value = math.cos(angle) * heard + math.sin(angle) * float(synthesized[index])
-            output[index] = value
-        return output
+        heard = np.array(streamed) if streamed else np.zeros(count)
+        return crossfaded(self._advance(count), heard, synthesized)
 
     def _pulled(self, now_ns: int, ticks: int) -> Sequence[float]:
         """Return the streamed samples of the elapsed ticks, none if nothing is streamed."""
@@ -135,11 +122,12 @@ class VibrationSwitch:
         times_ns = range(first_ns, now_ns + 1, self._period_ns)
         return [value for time_ns in times_ns for value in self._streamed(time_ns)]
 
-    def _advance(self) -> None:
-        if self._share < self._target:
-            self._share = min(self._target, self._share + self._step)
-        elif self._share > self._target:
-            self._share = max(self._target, self._share - self._step)
+    def _advance(self, count: int) -> FloatArray:
+        """Return the model's share in each of the next samples (n,)."""
+        steps = self._step * np.arange(1, count + 1)
+        share: FloatArray = np.clip(self._share + (steps if self._target else -steps), 0.0, 1.0)
+        self._share = float(share[-1])
+        return share
 
 
 class VibrationPart(Part):
@@ -180,7 +168,7 @@ class VibrationPart(Part):
         self._slew = slew
         self.mode = switch.mode
         """Which vibration is played, as of the last tick."""
-        normal = _normal(session)
+        normal = "xyz".index(session.scene.normal)
         self._first, self._second = (axis for axis in range(3) if axis != normal)
         self._motion, self._landing = motion, landing
         self._inputs_before: tuple[float, ...] = ()
@@ -190,49 +178,6 @@ class VibrationPart(Part):
         self._on_output: list[Callable[[int, str, FloatArray], None]] = []
         if reconnecting is not None:
             reconnecting.watch(session.journal.event)
-
-    @classmethod
-    def build(
-        cls,
-        session: Session,
-        playout: "StreamedVibration | None",
-        motion: "StreamedMotion | None",
-        renderer: "Renderer | None",
-        generated: SynthesizedVibration | None,
-    ) -> "VibrationPart | None":
-        """Return the scene's actuator and switch.
-
-        Raises
-        ------
-        InputError
-            The actuator's driver cannot be used.
-        """
-        scene, table = session.scene, session.scene.actuator
-        if table is None:
-            return None
-        actuator, reconnecting = _actuator(table, session.acceleration_rate_hz)
-        crossfade_ms = scene.rendering.crossfade_ms if scene.rendering is not None else 0.0
-        switch = VibrationSwitch(
-            playout.buffer.pull if playout is not None else None,
-            renderer if generated is None else generated,
-            crossfade_samples=round(crossfade_ms * session.acceleration_rate_hz / 1000),
-            period_ns=session.period_ns,
-            samples_per_tick=session.samples_per_frame,
-        )
-        if renderer is not None and renderer.model is not None:
-            switch.use_model(True)
-        rate_hz = session.acceleration_rate_hz
-        step = math.inf if table.slew_m_s3 == "off" else table.slew_m_s3 / rate_hz
-        slew = VibrationSlew(table.limit_m_s2, step, session.samples_per_frame)
-        landing = None
-        if renderer is not None and generated is None:
-            from mmt.texture.touch_down import LEAST_RATE_HZ
-
-            if rate_hz >= LEAST_RATE_HZ:
-                from mmt.leader.output.synthesis import Landing
-
-                landing = Landing(_normal(session), session.rate_hz)
-        return cls(session, actuator, switch, slew, reconnecting, motion, landing)
 
     @property
     def name(self) -> str:
@@ -361,12 +306,7 @@ class VibrationPart(Part):
         return courses
 
 
-def _normal(session: Session) -> int:
-    """Return the number of the surface's normal axis."""
-    return "xyz".index((session.scene.texture or Texture()).normal)
-
-
-def _actuator(
+def build_actuator(
     table: Actuator, rate_hz: float
 ) -> "tuple[VibrationActuator, ReconnectingActuator | None]":
     """Return the scene's actuator, and the same again if it may be lost and come back, else None.

@@ -198,8 +198,6 @@ class LinkServer:
         Where to listen; port 0 takes any free one.
     access
         What clients must present.
-    pages
-        Pages served beside Socket.IO.
     entrance
         Who connects, for the errors.
     busy, most
@@ -213,7 +211,6 @@ class LinkServer:
         self,
         settings: ServedTable,
         access: Access,
-        pages: Iterable[Page] = (),
         *,
         entrance: Entrance = FOLLOWERS,
         busy: Callable[[], bool] = lambda: False,
@@ -243,8 +240,6 @@ class LinkServer:
         )
         self.application = guarded_application(access)
         self.server.attach(self.application)
-        for add_page in pages:
-            add_page(self.application, access)
         self.sockets = ServerSockets(self.server, self.application)
         self._listener = Listener(self.application, entrance, busy, most, origins)
 
@@ -253,8 +248,8 @@ class LinkServer:
         """The port that is listened on, 0 before `start`."""
         return self._listener.port
 
-    async def start(self) -> None:
-        """Start to listen.
+    async def start(self, pages: Iterable[Page] = ()) -> None:
+        """Start to listen, and serve these pages beside Socket.IO.
 
         Raises
         ------
@@ -264,6 +259,8 @@ class LinkServer:
             The host or the port cannot be used.
         """
         settings = self._settings
+        for add_page in pages:
+            add_page(self.application, self._access)
         await self._listener.start(
             settings.host, settings.port, self._access, allowed=settings.open
         )
