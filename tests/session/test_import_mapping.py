@@ -22,7 +22,7 @@ X, Y, Z = VECTORS.T
 
 
 def mapped(values, columns=None, *, file=None, times=None, more=None, **options):
-    source = SourceColumns("a.npz", values, tuple(values), file or {}, times or {})
+    source = SourceColumns(values, tuple(values), file or {}, times or {})
     return to_samples(replace(source, **more or {}), ImportOptions(columns or {}, **options))
 
 
@@ -162,7 +162,7 @@ SOUND = {"time_s": TIME_S, "f": VECTORS, "x": X, "none": X[:0], "short": X[:9]}
     ],
 )
 def test_what_cannot_be_mapped_is_refused_by_name(values, columns, reason):
-    with pytest.raises(InputError, match=f"^a.npz: .*{reason}"):
+    with pytest.raises(InputError, match=f"{reason}"):
         mapped({**SOUND, **values}, columns)
     if not columns:
         with pytest.raises(InputError, match=r"no column time_s, .*--rate HZ"):
@@ -219,7 +219,6 @@ def test_axes_that_are_mapped_count_more_than_an_array_of_the_standard_name():
     for columns in (axes, {"force": "F"}, {**axes, "force": "F"}):
         found = mapped(values, columns, file=file)
         np.testing.assert_allclose(found.values["force"], VECTORS / 1e3)
-        assert found.origin == "a.npz"
     scaled = mapped(values, {"force": "c_V*2.5"}).values["force"]
     np.testing.assert_array_equal(scaled[:, 2], 2.5 * X)
 
@@ -260,7 +259,7 @@ def test_an_orientation_is_four_components_or_an_array_in_the_order_of_its_name(
         ({"q": VECTORS}, r"mapped to q, which is no array of shape \(n, 4\)"),
         ({**axes, "q.a.w": turns, "q.b.w": turns}, "mapped to q, which is no array"),
     ):
-        with pytest.raises(InputError, match=f"^a.npz: .*{reason}"):
+        with pytest.raises(InputError, match=f"{reason}"):
             mapped({**rest, **values}, {"orientation": "q"})
     with pytest.raises(InputError, match="orientation_w is missing"):
         mapped({**rest, **axes}, {f"orientation_{axis}": f"/p.turn.{axis}" for axis in "xyz"})
