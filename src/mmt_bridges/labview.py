@@ -58,7 +58,7 @@ def read_tdms(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
             began_utc_ns=None if first is None else int(first.astype(np.int64)),
             **columns_of(
                 {name: channel[:] for name, channel in channels.items() if wanted(name)},
-                {name: unit for name, c in channels.items() if (unit := _unit(file, c))},
+                {name: _unit(file, channel) for name, channel in channels.items()},
             ),
         )
 

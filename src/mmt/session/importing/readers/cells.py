@@ -237,7 +237,8 @@ def columns_of(arrays: Mapping[str, Any], told: Mapping[str, str] | None = None)
     Units that a file has `told` count unless the values are dates; see `numbers_in`. Labels are
     the texts (n,) of columns without any number.
     """
-    values, labels, units = {}, {}, dict(told or {})
+    values, labels = {}, {}
+    units = {name: unit for name, unit in (told or {}).items() if unit}
     for name, array in arrays.items():
         try:
             values[name], unit = numbers_in(array, name)

@@ -63,8 +63,7 @@ def read_schema(path: Path) -> tuple[list[str], Mapping[bytes, bytes], dict[str,
     """
     schema = _read(lambda parquet: parquet.read_schema(path))
     leaves = list(_leaves(schema))
-    told = {name: told_unit(field.metadata or {}) for name, field in leaves}
-    units = {name: unit for name, unit in told.items() if unit}
+    units = {name: told_unit(field.metadata or {}) for name, field in leaves}
     return [name for name, _ in leaves], schema.metadata or {}, units
 
 
