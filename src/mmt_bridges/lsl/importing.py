@@ -12,14 +12,8 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.extras import require
 from mmt.session.data import JsonObject
-from mmt.session.importing.columns import (
-    STANDARD_NAMES,
-    SourceColumns,
-    distinct,
-    parsed_events,
-    reading,
-)
-from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.columns import SourceColumns, distinct, parsed_events, reading
+from mmt.session.importing.options import STANDARD_NAMES, ImportOptions
 from mmt_bridges.lsl.streams import MANUFACTURER, UTC_AHEAD
 
 _STANDARD = frozenset(STANDARD_NAMES.values())

@@ -13,8 +13,8 @@ from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.core.quaternions import LARGEST_OFF
 from mmt.core.units import unit_factor
-from mmt.session.importing.columns import MESSAGE_PARTS, STANDARD_NAMES
-from mmt.session.importing.options import ImportOptions, quantity_of
+from mmt.session.importing.columns import MESSAGE_PARTS
+from mmt.session.importing.options import STANDARD_NAMES, ImportOptions, quantity_of
 
 _OF_TOOL: Final = "(?:(?:robot[0-9]?)?(?:cursor|eef?|tool|tip|tcp|probe|stylus|pen|device))?"
 _WORDS: Final = {

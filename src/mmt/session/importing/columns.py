@@ -11,9 +11,8 @@ import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError, short_message
-from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, axes_of
-from mmt.session.data import JsonObject, axis_columns, json_object, parsed_json
-from mmt.session.importing.options import ImportOptions
+from mmt.session.data import JsonObject, json_object, parsed_json
+from mmt.session.importing.options import STANDARD_NAMES, ImportOptions
 from mmt.session.importing.samples import ROW_NUMBER
 
 MESSAGE_PARTS: Final = {
@@ -33,19 +32,6 @@ _NAMES_OF_UNITS: Final = ("unit", "units", "unit_string", "ni_unitdescription")
 
 SHOWN_COLUMNS = 12
 _SHOWN_CHARACTERS = 60
-
-STANDARD_NAMES: Final[Mapping[str, str]] = {
-    "time": "time_s",
-    "time_fraction": "time_fraction_s",
-    **{f"{channel}_time": f"{channel}_time_s" for channel in ALL_CHANNELS},
-    **{str(channel): name for channel, name in FIELD_OF_CHANNEL.items()},
-    **{
-        f"{channel}_{axis}": name
-        for channel in ALL_CHANNELS
-        for axis, name in zip(axes_of(channel), axis_columns(channel), strict=True)
-    },
-}
-"""Name of the column for each target that is not mapped."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,14 +13,8 @@ from mmt.core.frames import ALL_CHANNELS, CHANNELS, FIELD_OF_CHANNEL, Channel, a
 from mmt.core.units import DATE, QUANTITIES, unit_factor, unit_in_name
 from mmt.session.data import FRAME_PERIOD_S, sample_times
 from mmt.session.importing.column_names import components_mapped, ends_in, normalised
-from mmt.session.importing.columns import (
-    MESSAGE_PARTS,
-    SHOWN_COLUMNS,
-    STANDARD_NAMES,
-    SourceColumns,
-    listed,
-)
-from mmt.session.importing.options import ImportOptions, Source
+from mmt.session.importing.columns import MESSAGE_PARTS, SHOWN_COLUMNS, SourceColumns, listed
+from mmt.session.importing.options import STANDARD_NAMES, ImportOptions, Source
 from mmt.session.importing.samples import (
     PAUSE_S,
     Samples,

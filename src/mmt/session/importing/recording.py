@@ -15,17 +15,11 @@ from mmt.core.rotations import turn_into_scene
 from mmt.session.data import RecordedSession
 from mmt.session.formats import find_format, suffixes
 from mmt.session.importing.checks import ImportReport, assess
-from mmt.session.importing.columns import (
-    STANDARD_NAMES,
-    SourceColumns,
-    named,
-    reading,
-    wanted_names,
-)
+from mmt.session.importing.columns import SourceColumns, named, reading, wanted_names
 from mmt.session.importing.framing import on_the_grid, to_frames
 from mmt.session.importing.joining import joined
 from mmt.session.importing.mapping import to_samples
-from mmt.session.importing.options import ImportOptions, quantity_of
+from mmt.session.importing.options import STANDARD_NAMES, ImportOptions, quantity_of
 from mmt.session.importing.reading_child import TEXTS, read_limited
 from mmt.session.importing.samples import ROW_NUMBER, Samples
 from mmt.session.importing.stamps import Stamps
