@@ -87,6 +87,12 @@ def test_a_channel_has_its_own_times_those_of_all_or_a_rate():
     stamped = {"/imu.vector": VECTORS, "/imu.other": VECTORS, "f": VECTORS}
     found = mapped(stamped, {"acceleration": "/imu"}, times={"/imu.vector": TIME_S})
     np.testing.assert_array_equal(found.times["acceleration"], TIME_S)
+    parts = {f"imu[{place}]": X for place in range(3)}
+    clocks = dict.fromkeys(parts, TIME_S)
+    found = mapped(parts, {"acceleration": "imu"}, times=clocks)
+    np.testing.assert_array_equal(found.times["acceleration"], TIME_S)
+    with pytest.raises(InputError, match="there is no column time_s"):
+        mapped(parts, {"acceleration": "imu"}, times={**clocks, "imu[2]": TIME_S + 1})
     found = mapped({"/v": X}, {"speed": "/v"}, times={"/v": TIME_S})
     np.testing.assert_array_equal(found.times["position"], TIME_S)
     ticks = {"sec": np.repeat([7.0, np.nan], 25), "nsec": np.tile(np.arange(25) * 1e7, 2), "f": Z}

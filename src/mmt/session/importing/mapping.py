@@ -364,12 +364,12 @@ class _Mapping:
 
 
 def _with_vectors(columns: SourceColumns) -> dict[str, Any]:
-    """Return values and units, with columns named a[0], a[1], ... also joined to an array a."""
+    """Return values, units and times, with columns a[0], a[1], ... also joined to an array a."""
     arrays: dict[str, list[tuple[int, str]]] = {}
     for name, column in columns.values.items():
         if (found := re.fullmatch(r"(.+)[\[(](\d+)[\])]", name)) and column.ndim == 1:
             arrays.setdefault(found[1], []).append((int(found[2]), name))
-    values, units = dict(columns.values), dict(columns.units)
+    values, units, times = dict(columns.values), dict(columns.units), dict(columns.times)
     for base, elements in arrays.items():
         names = [name for _, name in sorted(elements)]
         longest = max(len(values[name]) for name in names) if columns.ends_left_out else 0
@@ -378,4 +378,7 @@ def _with_vectors(columns: SourceColumns) -> dict[str, Any]:
         if alike and base not in values:
             values[base] = np.column_stack(parts)
             units |= {base: units[names[0]]} if names[0] in units else {}
-    return {"values": values, "units": units}
+            clocks = [times[name] for name in names if name in times]
+            if len(clocks) == len(names) and all(np.array_equal(clocks[0], c) for c in clocks):
+                times[base] = clocks[0]
+    return {"values": values, "units": units, "times": times}
