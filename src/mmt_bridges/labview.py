@@ -36,12 +36,11 @@ def read_tdms(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         npTDMS is not installed, the file is missing or not TDMS, or a wanted channel does not hold
         numbers.
     """
-    origin = f"import {path}"
     require("nptdms")
     import nptdms
 
     with (
-        reading(origin, "a TDMS file"),
+        reading("a TDMS file"),
         path.open("rb") as stream,
         nptdms.TdmsFile.open(stream) as file,
     ):
@@ -53,15 +52,13 @@ def read_tdms(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         begins = {name: _begin(channel.properties) for name, channel in waves.items()}
         first = min((begin for begin in begins.values() if begin is not None), default=None)
         return SourceColumns(
-            origin=origin,
             names=names,
             times={name: _times_s(c, begins[name], first) for name, c in waves.items()},
             notes=notes,
             began_utc_ns=None if first is None else int(first.astype(np.int64)),
             **columns_of(
                 {name: channel[:] for name, channel in channels.items() if wanted(name)},
-                origin,
-                {name: unit for name, c in channels.items() if (unit := _unit(file, c))},
+                {name: _unit(file, channel) for name, channel in channels.items()},
             ),
         )
 

@@ -47,19 +47,19 @@ def test_a_comma_is_a_decimal_sign_only_where_it_must_be(thousands, decimals, mi
     for value in thousands:
         number(f"{value:,}")
     if max(thousands) < 1000:
-        number.check("a.csv")
+        number.check()
     else:
         with pytest.raises(InputError, match="--decimal"):
-            number.check("a.csv")
+            number.check()
     number = cells.Numbers(ImportOptions(missing=missing))
     found = [number(f"{v / 1000:.{decimals}f}".replace(".", ",")) for v in (1, *thousands)]
-    number.check("a.csv")
+    number.check()
     np.testing.assert_allclose(found, np.array([1, *thousands]) / 1000, atol=0.51 / 10**decimals)
     for cell in ("7", 2.5, "1.5"):
-        number.check("a.csv")
+        number.check()
         number(cell)
     with pytest.raises(InputError, match=r"with a point.*--decimal"):
-        number.check("a.csv")
+        number.check()
 
 
 @settings(max_examples=30)
@@ -69,7 +69,7 @@ def test_a_sign_before_thousands_is_known_by_the_other_before_decimals(values, d
     texts = [f"{value:,.{decimals}f}" + "." * (not decimals) for value in [1234.5, *values]]
     number = cells.Numbers(ImportOptions())
     found = [number(text.translate(swapped) if german else text) for text in texts]
-    number.check("a.csv")
+    number.check()
     np.testing.assert_allclose(found, [1234.5, *values], atol=0.51 / 10**decimals)
 
 
@@ -100,9 +100,9 @@ def test_several_signs_of_one_kind_are_those_of_thousands(texts, numbers):
     found = list(map(number, texts))
     if numbers is None:
         with pytest.raises(InputError, match="--decimal"):
-            number.check("a.csv")
+            number.check()
     else:
-        number.check("a.csv")
+        number.check()
         assert found == numbers
 
 
@@ -126,7 +126,7 @@ def test_the_decimal_sign_that_is_said_wins(value, comma, decimals):
     text = f"{value:,.{decimals}f}".translate(str.maketrans(",.", ".,") if comma else {})
     number = cells.Numbers(ImportOptions(decimal="," if comma else "."))
     assert number(text) == pytest.approx(value, abs=0.51 / 10**decimals)
-    number.check("a.csv")
+    number.check()
 
 
 @given(st.sampled_from(["D", "m", "s", "ms", "us", "ns"]), st.sampled_from(["M8", "m8"]))
@@ -136,7 +136,7 @@ def test_arrays_of_any_type_are_their_numbers(tick, kind):
     ticks[3, 1] = "NaT"
     arrays = {"t": ticks.T, "n": counts.astype("S"), "w": counts[:, :1], "texts": ["01:00"]}
     arrays |= {"few": np.ones((16, 17)), "many": np.ones((17, 18))}
-    found = cells.columns_of(arrays, "a.npz", {"n": "mm", "t": "mm"})
+    found = cells.columns_of(arrays, {"n": "mm", "t": "mm"})
     seconds = counts * (np.timedelta64(1, tick) / np.timedelta64(1, "s"))
     np.testing.assert_allclose(found["values"].pop("t"), np.where(np.isnat(ticks), np.nan, seconds))
     np.testing.assert_array_equal(found["values"].pop("n"), counts)
@@ -149,8 +149,8 @@ def test_arrays_of_any_type_are_their_numbers(tick, kind):
     "values", [["1", "x"], [date(2026, 1, 31)], [{}], [1j], [b"\xff", b"1"], ["1,000", "1.5"]]
 )
 def test_an_array_of_something_else_is_refused_by_name(values):
-    with pytest.raises(InputError, match=r"a\.npz: F\b"):
-        cells.columns_of({"F": values}, "a.npz")
+    with pytest.raises(InputError, match=r"^F\b"):
+        cells.columns_of({"F": values})
 
 
 @settings(max_examples=30)
@@ -161,11 +161,11 @@ def test_an_array_of_something_else_is_refused_by_name(values):
 )
 def test_hexadecimal_cells_are_of_the_width_they_are_written_in(values, digits, change):
     texts = [f"0x{change(f'{v & (16**digits - 1):0{digits}x}')}" for v in values]
-    found, unit = cells.numbers_in(texts, "a", "a.json")
+    found, unit = cells.numbers_in(texts, "a")
     assert unit == ""
     np.testing.assert_array_equal(found, values)
     with pytest.raises(InputError, match=r"a are written with 0x and .* or with 0x and 3 digits"):
-        cells.numbers_in([*texts, "0x123"], "a", "a.json")
+        cells.numbers_in([*texts, "0x123"], "a")
 
 
 @settings(max_examples=30)
@@ -178,12 +178,12 @@ def test_hexadecimal_cells_are_of_the_width_they_are_written_in(values, digits, 
 )
 def test_a_unit_in_every_cell_is_that_of_the_column(values, unit, blank, form, other):
     texts = [form.format(value) + blank + unit for value in values]
-    found, told = cells.numbers_in([*texts, ""], "a", "a.json")
+    found, told = cells.numbers_in([*texts, ""], "a")
     assert told == unit
     np.testing.assert_array_equal(found[:-1], [float(form.format(v)) for v in values])
     assert np.isnan(found[-1])
     with pytest.raises(InputError, match="numbers of a are written with"):
-        cells.numbers_in([*texts, f"1{other}"], "a", "a.json")
+        cells.numbers_in([*texts, f"1{other}"], "a")
 
 
 @pytest.mark.parametrize(
@@ -200,31 +200,31 @@ def test_decimals_that_are_uncertain_are_told(texts, told):
     number = cells.Numbers(ImportOptions())
     for text in texts:
         number(text)
-    with pytest.raises(InputError, match=rf"^a\.csv: there are numbers {told}\(--decimal \. or "):
-        number.check("a.csv")
+    with pytest.raises(InputError, match=rf"^there are numbers {told}\(--decimal \. or "):
+        number.check()
 
 
 def test_columns_of_texts_are_labels():
     arrays = {"who": np.array([b" acc ", b"", b"g"]), "z": np.array(["1 N", "2 N"])}
-    found = cells.columns_of(arrays, "a.npz", {"z": "mN", "who": "V"})
+    found = cells.columns_of(arrays, {"z": "mN", "who": "V"})
     assert found["labels"]["who"].tolist() == ["acc", "", "g"]
     assert found["values"]["z"].tolist() == [1.0, 2.0]
     assert found["units"] == {"z": "N", "who": "V"}
-    with pytest.raises(InputError, match=r"^a\.npz: who does not hold numbers"):
-        cells.columns_of({"who": np.array(["a", "1"])}, "a.npz")
-    with pytest.raises(InputError, match=r"^a\.npz: who does not hold numbers"):
-        cells.columns_of({"who": np.array([["a", "b"]])}, "a.npz")
-    with pytest.raises(InputError, match=r"^a\.npz: the numbers of z are written with N or with m"):
-        cells.columns_of({"z": np.array(["1 N", "2 mN"])}, "a.npz")
+    with pytest.raises(InputError, match=r"^who does not hold numbers"):
+        cells.columns_of({"who": np.array(["a", "1"])})
+    with pytest.raises(InputError, match=r"^who does not hold numbers"):
+        cells.columns_of({"who": np.array([["a", "b"]])})
+    with pytest.raises(InputError, match=r"^the numbers of z are written with N or with m"):
+        cells.columns_of({"z": np.array(["1 N", "2 mN"])})
     with pytest.raises(InputError, match=r"written with N or with nothing: write all alike$"):
-        cells.columns_of({"z": np.array(["1 N", "2"])}, "a.npz")
+        cells.columns_of({"z": np.array(["1 N", "2"])})
 
 
 def test_complex_arrays_without_imaginary_parts_are_real():
-    found, unit = cells.numbers_in(np.array([1 + 0j, 2]), "f", "a.mat")
+    found, unit = cells.numbers_in(np.array([1 + 0j, 2]), "f")
     assert (found.tolist(), found.dtype, unit) == ([1.0, 2.0], np.float64, "")
-    with pytest.raises(InputError, match=r"^a\.mat: f "):
-        cells.numbers_in(np.array([1 + 1j]), "f", "a.mat")
+    with pytest.raises(InputError, match=r"^f "):
+        cells.numbers_in(np.array([1 + 1j]), "f")
 
 
 @pytest.mark.parametrize("text", ["1_000", "_1", "rubbish", "0xFG", "1.5 furlongs"])

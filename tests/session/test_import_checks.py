@@ -42,7 +42,7 @@ def report_of(
         if channel != "acceleration":
             frames[FIELD_OF_CHANNEL[channel]] = vectors
     stamps = {**dict.fromkeys(values, clock(rows=count)), **(clocks or {})}
-    samples = Samples("a.npz", values, {}, {}, told=frozenset({"force"}))
+    samples = Samples(values, {}, {}, told=frozenset({"force"}))
     return assess(frames, samples, stamps, options or ImportOptions(), resampled=resampled)
 
 

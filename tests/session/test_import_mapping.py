@@ -22,7 +22,7 @@ X, Y, Z = VECTORS.T
 
 
 def mapped(values, columns=None, *, file=None, times=None, more=None, **options):
-    source = SourceColumns("a.npz", values, tuple(values), file or {}, times or {})
+    source = SourceColumns(values, tuple(values), file or {}, times or {})
     return to_samples(replace(source, **more or {}), ImportOptions(columns or {}, **options))
 
 
@@ -87,6 +87,12 @@ def test_a_channel_has_its_own_times_those_of_all_or_a_rate():
     stamped = {"/imu.vector": VECTORS, "/imu.other": VECTORS, "f": VECTORS}
     found = mapped(stamped, {"acceleration": "/imu"}, times={"/imu.vector": TIME_S})
     np.testing.assert_array_equal(found.times["acceleration"], TIME_S)
+    parts = {f"imu[{place}]": X for place in range(3)}
+    clocks = dict.fromkeys(parts, TIME_S)
+    found = mapped(parts, {"acceleration": "imu"}, times=clocks)
+    np.testing.assert_array_equal(found.times["acceleration"], TIME_S)
+    with pytest.raises(InputError, match="there is no column time_s"):
+        mapped(parts, {"acceleration": "imu"}, times={**clocks, "imu[2]": TIME_S + 1})
     found = mapped({"/v": X}, {"speed": "/v"}, times={"/v": TIME_S})
     np.testing.assert_array_equal(found.times["position"], TIME_S)
     ticks = {"sec": np.repeat([7.0, np.nan], 25), "nsec": np.tile(np.arange(25) * 1e7, 2), "f": Z}
@@ -162,7 +168,7 @@ SOUND = {"time_s": TIME_S, "f": VECTORS, "x": X, "none": X[:0], "short": X[:9]}
     ],
 )
 def test_what_cannot_be_mapped_is_refused_by_name(values, columns, reason):
-    with pytest.raises(InputError, match=f"^a.npz: .*{reason}"):
+    with pytest.raises(InputError, match=f"{reason}"):
         mapped({**SOUND, **values}, columns)
     if not columns:
         with pytest.raises(InputError, match=r"no column time_s, .*--rate HZ"):
@@ -219,7 +225,6 @@ def test_axes_that_are_mapped_count_more_than_an_array_of_the_standard_name():
     for columns in (axes, {"force": "F"}, {**axes, "force": "F"}):
         found = mapped(values, columns, file=file)
         np.testing.assert_allclose(found.values["force"], VECTORS / 1e3)
-        assert found.origin == "a.npz"
     scaled = mapped(values, {"force": "c_V*2.5"}).values["force"]
     np.testing.assert_array_equal(scaled[:, 2], 2.5 * X)
 
@@ -260,7 +265,7 @@ def test_an_orientation_is_four_components_or_an_array_in_the_order_of_its_name(
         ({"q": VECTORS}, r"mapped to q, which is no array of shape \(n, 4\)"),
         ({**axes, "q.a.w": turns, "q.b.w": turns}, "mapped to q, which is no array"),
     ):
-        with pytest.raises(InputError, match=f"^a.npz: .*{reason}"):
+        with pytest.raises(InputError, match=f"{reason}"):
             mapped({**rest, **values}, {"orientation": "q"})
     with pytest.raises(InputError, match="orientation_w is missing"):
         mapped({**rest, **axes}, {f"orientation_{axis}": f"/p.turn.{axis}" for axis in "xyz"})

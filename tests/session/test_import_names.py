@@ -53,7 +53,7 @@ def test_the_unit_is_among_the_attributes():
 @pytest.mark.parametrize(
     ("damage", "error", "text"),
     [
-        (Exception, InputError("a.csv: empty"), "empty"),
+        (Exception, InputError("import a.csv: empty"), "empty"),
         (Exception, InputError("empty"), "empty"),
         (Exception, ValueError("bad"), "this is not a table: bad"),
         *((damage, OSError(2, "No such file"), "No such file") for damage in (Exception, KeyError)),
@@ -62,9 +62,13 @@ def test_the_unit_is_among_the_attributes():
     ],
 )
 def test_what_goes_wrong_in_a_reader_names_the_file(damage, error, text):
-    with pytest.raises(InputError) as caught, columns.reading("a.csv", "a table", (damage,)):
+    with (
+        pytest.raises(InputError) as caught,
+        columns.named("import a.csv"),
+        columns.reading("a table", (damage,)),
+    ):
         raise error
-    assert str(caught.value) == f"a.csv: {text}"
+    assert str(caught.value) == f"import a.csv: {text}"
 
 
 FORMS = (str, str.encode, lambda text: np.array([text]), lambda text: np.array(text.encode(), "O"))
@@ -77,10 +81,10 @@ def test_what_stands_beside_the_columns_comes_back(form, name, truth, began):
     stored = {"scene_json": form(json.dumps(scene)), "events_json": form(json.dumps([scene] * 2))}
     for annotations in (truth, np.frombuffer(truth, "u1")):
         stored |= {"annotations": annotations, "began_utc_ns": np.array([began])}
-        found = columns.beside_columns(stored, "a.h5")
+        found = columns.beside_columns(stored)
         assert [*found.values()] == [scene, [scene] * 2, truth, began]
     nothing = {"scene": None, "events": [], "annotations": b"", "began_utc_ns": None}
-    assert columns.beside_columns({"events_json": None}, "a.h5") == nothing
+    assert columns.beside_columns({"events_json": None}) == nothing
 
 
 @pytest.mark.parametrize(
@@ -95,5 +99,5 @@ def test_what_stands_beside_the_columns_comes_back(form, name, truth, began):
 )
 def test_what_cannot_stand_beside_the_columns_is_refused_by_name(name, values, reason):
     for value in values:
-        with pytest.raises(InputError, match=f"^a.h5: {reason}"):
-            columns.beside_columns({name: value}, "a.h5")
+        with pytest.raises(InputError, match=f"^{reason}"):
+            columns.beside_columns({name: value})

@@ -292,7 +292,7 @@ def test_units_are_those_in_which_gravity_and_a_hand_are_known(name, given, told
     still = ChannelReport("force", 9, 1e3, 0.0, 0, (0.0,) * 3, (9.0, 9.0, 9.0), (9.0,) * 3)
     lying = ChannelReport("acceleration", 9, 1e3, 0.0, 0, (0.0,) * 3, (0.6, 0.0, 0.8), (1.0,) * 3)
     report = ImportReport((still, lying), 0.1, (), frozenset(told))
-    proposal = Proposal([], ImportOptions({"position_x": name}, given), (), SourceColumns("a", {}))
+    proposal = Proposal([], ImportOptions({"position_x": name}, given), (), SourceColumns({}))
     assert proposal.weighed(report).options.units == expected
     unmoved = ImportReport((still,), None, ())
     assert proposal.weighed(unmoved).options.units == given
@@ -307,7 +307,7 @@ def test_units_are_those_in_which_gravity_and_a_hand_are_known(name, given, told
 )
 def test_the_command_that_imports_is_said(path, command):
     options = ImportOptions({"time": "t"}, blanks_as_gaps=True)
-    proposal = Proposal([], options, (), SourceColumns("a", {}))
+    proposal = Proposal([], options, (), SourceColumns({}))
     assert proposal.command(Path(path)) == f"mmt session import {command}"
 
 

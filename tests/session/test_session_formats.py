@@ -26,7 +26,7 @@ def read(path):
 
 
 def read_folder(path, wanted, options):
-    return SourceColumns(f"import {path}", {}, frames=np.load(path / "frames.npy"))
+    return SourceColumns({}, frames=np.load(path / "frames.npy"))
 """
 
 

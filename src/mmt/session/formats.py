@@ -7,8 +7,9 @@ a folder recognized by a file in it has that file's path, as in ``import/meta/in
 - A reader is called with the path and returns a `RecordedSession`.
 - A writer is called with the path and the session.
 - An importer is called with the path, a function that tells whether a column of a given name is
-  wanted, and the `ImportOptions`; it returns `SourceColumns`. It runs in a child process, see
-  `mmt.session.importing.reading_child`: what it returns must be picklable.
+  wanted, and the `ImportOptions`; it returns `SourceColumns`. Its errors need not name the file.
+  It runs in a child process, see `mmt.session.importing.reading_child`: what it returns must be
+  picklable.
 
 ``join.NAME``, such as ``join.lerobot``, is a function of sessions and a folder that makes a data
 set of them (keywords ``fps``, ``task``, ``replace``). ``model.SUFFIX`` is a function that reads a

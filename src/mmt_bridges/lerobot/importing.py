@@ -19,7 +19,7 @@ from mmt.core.errors import InputError
 from mmt.core.files.untrusted import require_fetched
 from mmt.core.frames import FRAMES_HZ
 from mmt.session.data import RecordedSession
-from mmt.session.importing.columns import SourceColumns, distinct, reading
+from mmt.session.importing.columns import SourceColumns, distinct, named, reading
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.readers.parquet_file import read_numbers, read_parquet, read_schema
 from mmt_bridges.lerobot.rows import (
@@ -65,68 +65,69 @@ def read_lerobot(
         pyarrow is not installed, the data set is of another format or not valid, or has no such
         episode.
     """
-    origin = f"import {folder}"
-    info = _info(folder, origin)
-    files, notes = _whole_files(folder, origin)
-    with reading(origin, "a data set with numbered episodes", (ValueError, TypeError)):
+    info = _info(folder)
+    files, notes = _whole_files(folder)
+    with reading("a data set with numbered episodes", (ValueError, TypeError)):
         of_rows = {
-            file: read_numbers(file, ["episode_index"], origin)["episode_index"].ravel().astype(int)
+            file: read_numbers(file, ["episode_index"])["episode_index"].ravel().astype(int)
             for file in files
         }
     episodes = np.unique(np.concatenate(list(of_rows.values()))).tolist()
     if not episodes:
-        raise InputError(f"{origin}: it has no rows{_because(notes)}")
+        raise InputError(f"it has no rows{_because(notes)}")
     if info["episodes"] > len(episodes):
         notes.append(f"{INFO_FILE} counts {info['episodes']} episodes, {len(episodes)} are here")
     asked = str(episodes[0] if options.episode is None else options.episode)
     number = int(asked) if asked.isdecimal() else -1
     if number not in episodes:
         raise InputError(
-            f"{origin}: --episode {asked}: its episodes are {_ranges(episodes)}{_because(notes)}"
+            f"--episode {asked}: its episodes are {_ranges(episodes)}{_because(notes)}"
         )
-    origin += f", episode {number}"
     if options.episode is None and len(episodes) > 1:
         others = f"this is episode {number} of {len(episodes)}; --episode takes another"
         notes.insert(0, others)
     chosen = {file: np.flatnonzero(of_rows[file] == number) for file in files}
-    rows = _Rows({file: places for file, places in chosen.items() if len(places)}, info, origin)
-    file = frames_file(folder, number)
-    if file.is_file() and not options.columns:
-        try:
-            columns = read_parquet(file, wanted, options)
-        except InputError as error:
-            differ: str | None = str(error)
-        else:
-            differ = None if columns.frames is None else _differ(columns.frames, rows)
-            if differ is None:
-                return replace(columns, notes=notes, episode=number)
-        notes.append(f"{file.name} is not of these rows ({differ}): the rows alone were read")
-        rows.origin = f"{origin} ({notes[-1]})"
-    columns = rows.read(wanted)
-    return replace(columns, notes=[*notes, *rows.notes], episode=number)
+    origin = f"import {folder}, episode {number}"
+    with named(origin):
+        rows = _Rows({file: places for file, places in chosen.items() if len(places)}, info)
+        file = frames_file(folder, number)
+        if file.is_file() and not options.columns:
+            try:
+                columns = read_parquet(file, wanted, options)
+            except InputError as error:
+                differ: str | None = f"import {file}: {error}"
+            else:
+                differ = None if columns.frames is None else _differ(columns.frames, rows)
+                if differ is None:
+                    return replace(columns, notes=notes, episode=number, origin=origin)
+            notes.append(f"{file.name} is not of these rows ({differ}): the rows alone were read")
+            origin += f" ({notes[-1]})"
+    with named(origin):
+        columns = rows.read(wanted)
+    return replace(columns, notes=[*notes, *rows.notes], episode=number, origin=origin)
 
 
-def _whole_files(folder: Path, origin: str) -> tuple[list[Path], list[str]]:
+def _whole_files(folder: Path) -> tuple[list[Path], list[str]]:
     """Return the files with rows that can be read, and a note for each of the others."""
     files = sorted((folder / DATA_FOLDER).glob("*/[!.]*.parquet"))
     if not files:
-        raise InputError(f"{origin}: there is no file in {folder / DATA_FOLDER}")
+        raise InputError(f"there is no file in {folder / DATA_FOLDER}")
     whole, notes = [], []
     for file in files:
         name = file.relative_to(folder)
         try:
-            with reading(f"{origin}: {name} was left out", "a file"):
+            with reading("a file"):
                 require_fetched(file)
-            stored, _, _ = read_schema(file, f"{origin}: {name} was left out")
+            stored, _, _ = read_schema(file)
             lacking = sorted({"episode_index", "frame_index"} - set(stored))
             if lacking:
                 notes.append(f"{name} was left out: it has no column {lacking[0]}")
             else:
                 whole.append(file)
         except InputError as error:
-            notes.append(str(error).removeprefix(f"{origin}: "))
+            notes.append(f"{name} was left out: {error}")
     if not whole:
-        raise InputError(f"{origin}: {notes[0]}")
+        raise InputError(notes[0])
     return whole, notes
 
 
@@ -161,7 +162,7 @@ def _differ(frames: RecordArray, rows: "_Rows") -> str | None:
     return None
 
 
-def _info(folder: Path, origin: str) -> dict[str, Any]:
+def _info(folder: Path) -> dict[str, Any]:
     try:
         info = json.loads((folder / INFO_FILE).read_text(encoding="utf-8-sig"))
         version = str(info["codebase_version"])
@@ -169,14 +170,14 @@ def _info(folder: Path, origin: str) -> dict[str, Any]:
         found = {"fps": float(info["fps"]), "episodes": int(info.get("total_episodes") or 0)}
         valid = 0 < found["fps"] < float("inf")
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        raise InputError(f"{origin}: {INFO_FILE} is not that of a LeRobot data set") from error
+        raise InputError(f"{INFO_FILE} is not that of a LeRobot data set") from error
     if version not in _FORMATS:
         raise InputError(
-            f"{origin}: its format is {version}, read are {', '.join(_FORMATS)}; LeRobot has "
+            f"its format is {version}, read are {', '.join(_FORMATS)}; LeRobot has "
             "scripts that convert older ones"
         )
     if not valid:
-        raise InputError(f"{origin}: {INFO_FILE} has no rate (fps)")
+        raise InputError(f"{INFO_FILE} has no rate (fps)")
     return {**found, "features": features}
 
 
@@ -189,8 +190,6 @@ class _Rows:
         Files that hold these rows, and their places in each.
     info
         Rate and features of the data set.
-    origin
-        Name of the source, for errors.
 
     Raises
     ------
@@ -198,13 +197,11 @@ class _Rows:
         A row has no number.
     """
 
-    def __init__(
-        self, files: Mapping[Path, npt.NDArray[Any]], info: Mapping[str, Any], origin: str
-    ) -> None:
-        self.info, self.origin = info, origin
+    def __init__(self, files: Mapping[Path, npt.NDArray[Any]], info: Mapping[str, Any]) -> None:
+        self.info = info
         self.notes: list[str] = []
         self._files = files
-        stored = set.intersection(*(set(read_schema(file, origin)[0]) for file in files))
+        stored = set.intersection(*(set(read_schema(file)[0]) for file in files))
         self.features: dict[str, Sequence[str]] = {
             name: self._named(name, feature)
             for name, feature in info["features"].items()
@@ -238,10 +235,10 @@ class _Rows:
         wanted = list(dict.fromkeys(names))
         parts: dict[str, list[npt.NDArray[Any]]] = {name: [] for name in wanted}
         for file, places in self._files.items():
-            for name, column in read_numbers(file, wanted, self.origin).items():
+            for name, column in read_numbers(file, wanted).items():
                 part = column[places]
                 parts[name].append(part[:, 0] if part.shape[1:] == (1,) else part)
-        with reading(self.origin, "a data set whose files agree", (ValueError, TypeError)):
+        with reading("a data set whose files agree", (ValueError, TypeError)):
             return {name: np.concatenate(each) for name, each in parts.items()}
 
     def _times(self, number: npt.NDArray[Any], time_s: npt.NDArray[Any] | None) -> FloatArray:
@@ -275,7 +272,7 @@ class _Rows:
             if not np.array_equal(one, other, equal_nan=column.dtype.kind == "f"):
                 files = ", ".join(file.name for file in self._files)
                 raise InputError(
-                    f"{self.origin}: {np.sum(self._twice)} rows have the frame_index of another "
+                    f"{np.sum(self._twice)} rows have the frame_index of another "
                     f"row, and another {name}: several recordings have this episode's number "
                     f"({files})"
                 )
@@ -291,20 +288,20 @@ class _Rows:
         needed = {name for name in self.features if wanted(name)}
         needed |= {name for column, (name, _) in columns.items() if wanted(column)}
         read = self.numbers(needed)
-        with reading(self.origin, "a data set of numbers", (ValueError, TypeError)):
+        with reading("a data set of numbers", (ValueError, TypeError)):
             values: dict[str, FloatArray] = {n: read[n].astype(np.float64) for n in sorted(needed)}
         for column, (name, place) in columns.items():
             if name in needed and wanted(column):
                 values[column] = self._component(values[name], place, column, name)
         names = [name for name in (*self.features, *columns) if name not in OF_EVERY_DATA_SET]
         times = dict.fromkeys((*names, *values), self.time_s)
-        return SourceColumns(origin=self.origin, values=values, names=names, times=times)
+        return SourceColumns(values=values, names=names, times=times)
 
     def _component(self, values: FloatArray, place: int, column: str, name: str) -> FloatArray:
         upright = values if values.ndim == 2 else values[:, None]
         if len(self.features[name]) != upright.shape[1]:
             raise InputError(
-                f"{self.origin}: {column} cannot be told: {INFO_FILE} has "
+                f"{column} cannot be told: {INFO_FILE} has "
                 f"{len(self.features[name])} names for the {upright.shape[1]} numbers of {name}; "
                 f"map it by number, as {name}[{place}]"
             )

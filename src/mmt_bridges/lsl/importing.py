@@ -12,14 +12,8 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.extras import require
 from mmt.session.data import JsonObject
-from mmt.session.importing.columns import (
-    STANDARD_NAMES,
-    SourceColumns,
-    distinct,
-    parsed_events,
-    reading,
-)
-from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.columns import SourceColumns, distinct, parsed_events, reading
+from mmt.session.importing.options import STANDARD_NAMES, ImportOptions
 from mmt_bridges.lsl.streams import MANUFACTURER, UTC_AHEAD
 
 _STANDARD = frozenset(STANDARD_NAMES.values())
@@ -35,11 +29,10 @@ def read_xdf(path: Path, wanted: Callable[[str], bool], _options: ImportOptions)
     InputError
         pyxdf is not installed, or the file is missing or not an XDF file.
     """
-    origin = f"import {path}"
     require("pyxdf")
     import pyxdf
 
-    with reading(origin, "an XDF file"), path.open("rb") as file:
+    with reading("an XDF file"), path.open("rb") as file:
         found, _ = pyxdf.load_xdf(file, dejitter_timestamps=False)
         called, notes = distinct([stream["info"]["name"][0] for stream in found])
         streams = [_Stream(name, stream) for name, stream in zip(called, found, strict=True)]
@@ -57,7 +50,6 @@ def read_xdf(path: Path, wanted: Callable[[str], bool], _options: ImportOptions)
                     units |= {name: unit} if unit else {}
                     values |= {name: column.astype(np.float64)} if wanted(name) else {}
         return SourceColumns(
-            origin=origin,
             values=values,
             names=list(times),
             units=units,
@@ -98,7 +90,7 @@ class _Stream:
         """Yield the events, if this is a leader's stream of events."""
         if self._of_mmt and not self.numeric:
             texts = ", ".join(sample[0] for sample in self._stream["time_series"])
-            yield from parsed_events(f"[{texts}]", self._name, "its events")
+            yield from parsed_events(f"[{texts}]", f"its events: {self._name}")
 
     def utc_ns(self, time_s: float) -> int:
         """Convert a time by the recording computer's clock to UTC since 1970."""

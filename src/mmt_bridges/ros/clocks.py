@@ -69,9 +69,7 @@ class SourceStamps:
         return ""
 
 
-def choose_clock(
-    sources: Sequence[SourceStamps], choice: StampChoice, origin: str
-) -> tuple[bool, list[str]]:
+def choose_clock(sources: Sequence[SourceStamps], choice: StampChoice) -> tuple[bool, list[str]]:
     """Return whether to use the times of receipt, and notes on this choice.
 
     Header stamps are used if every source has them and all agree, unless `choice` names a clock.
@@ -91,7 +89,7 @@ def choose_clock(
             problems.append(f"the headers of {first.topic} and {last.topic} are of two clocks")
     if choice == "header" and problems:
         raise InputError(
-            f"{origin}: --stamps header: {problems[0]}; --stamps receipt takes the times of receipt"
+            f"--stamps header: {problems[0]}; --stamps receipt takes the times of receipt"
         )
     receipt = choice == "receipt" or bool(problems)
     if choice in {"header", "receipt"} or not any(source.has_two() for source in sources):

@@ -64,18 +64,17 @@ def read_bag(path: Path, wanted: Callable[[str], bool], options: ImportOptions) 
     InputError
         rosbags is not installed, or the file is missing or not a bag.
     """
-    origin = f"import {path}"
     require("rosbags")
     if not path.exists():
-        raise InputError(f"{origin}: No such file or directory")
+        raise InputError("No such file or directory")
     notes: list[str] = []
     gathered = _Gathered(wanted)
-    with reading(origin, "a ROS bag that can be read"):
+    with reading("a ROS bag that can be read"):
         for stored, message in decoded_messages(path, notes):
             gathered.add(stored, message)
     if not gathered.names and notes:
-        raise InputError(f"{origin}: this is not a ROS bag that can be read: {notes[0]}")
-    return gathered.columns(origin, options, notes)
+        raise InputError(f"this is not a ROS bag that can be read: {notes[0]}")
+    return gathered.columns(options, notes)
 
 
 class _Source(SourceStamps):
@@ -151,12 +150,12 @@ class _Gathered:
             source.keeps[field] = any(map(self._wanted, names))
         return source.keeps[field]
 
-    def columns(self, origin: str, options: ImportOptions, notes: list[str]) -> SourceColumns:
+    def columns(self, options: ImportOptions, notes: list[str]) -> SourceColumns:
         """Return the columns, with their times by one clock."""
         labels, of_several = _labels(list(self._sources.values()))
         notes += of_several
         used = [source for source in self._sources.values() if source.values]
-        receipt, remarks = choose_clock(used, options.stamps, origin)
+        receipt, remarks = choose_clock(used, options.stamps)
         starts_ns = (int(source.times_ns(receipt=receipt).min()) for source in used)
         origin_ns = min(starts_ns, default=0)
         values, times, names = {}, {}, set()
@@ -192,7 +191,6 @@ class _Gathered:
                     times[name] = ordered_s if whole else time_s[rows[own]]
                     units |= {name: "m"} if field in source.in_metres else {}
         return SourceColumns(
-            origin=origin,
             values=values,
             names=sorted(names),
             units=units,

@@ -13,8 +13,8 @@ from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.core.quaternions import LARGEST_OFF
 from mmt.core.units import unit_factor
-from mmt.session.importing.columns import MESSAGE_PARTS, STANDARD_NAMES
-from mmt.session.importing.options import ImportOptions, quantity_of
+from mmt.session.importing.columns import MESSAGE_PARTS
+from mmt.session.importing.options import STANDARD_NAMES, ImportOptions, quantity_of
 
 _OF_TOOL: Final = "(?:(?:robot[0-9]?)?(?:cursor|eef?|tool|tip|tcp|probe|stylus|pen|device))?"
 _WORDS: Final = {
@@ -269,9 +269,7 @@ _ROUNDED: Final = 1e-6
 """Deviation of a norm from 1 that is left as it is: that of rounding to single precision."""
 
 
-def components_mapped(
-    options: ImportOptions, values: Mapping[str, FloatArray], origin: str
-) -> ImportOptions:
+def components_mapped(options: ImportOptions, values: Mapping[str, FloatArray]) -> ImportOptions:
     """Return the options with four components mapped in place of an orientation as a whole.
 
     That is an array (n, 4) whose name tells its order, or a message with the members w to z.
@@ -280,7 +278,7 @@ def components_mapped(
     Raises
     ------
     InputError
-        It is neither; `origin` is the name of the file.
+        It is neither.
     """
     columns = dict(options.columns)
     text = columns.pop("orientation", None)
@@ -291,7 +289,7 @@ def components_mapped(
         order = next((order for order in ("wxyz", "xyzw") if order in told), None)
         if order is None:
             raise InputError(
-                f"{origin}: orientation is mapped to {name}, whose name does not tell its order, "
+                f"orientation is mapped to {name}, whose name does not tell its order, "
                 "as q_wxyz or q_xyzw would: map its four components, as in --map "
                 f"orientation_w={name}[0]"
             )
@@ -300,7 +298,7 @@ def components_mapped(
         parts = {f"orientation_{axis}": f"{within[0]}.{axis}" for axis in "wxyz"}
     elif text is not None:
         raise InputError(
-            f"{origin}: orientation is mapped to {name}, which is no array of shape (n, 4), and no "
+            f"orientation is mapped to {name}, which is no array of shape (n, 4), and no "
             "message with w, x, y and z"
         )
     else:

@@ -11,9 +11,8 @@ import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError, short_message
-from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, axes_of
-from mmt.session.data import JsonObject, axis_columns, json_object, parsed_json
-from mmt.session.importing.options import ImportOptions
+from mmt.session.data import JsonObject, json_object, parsed_json
+from mmt.session.importing.options import STANDARD_NAMES, ImportOptions
 from mmt.session.importing.samples import ROW_NUMBER
 
 MESSAGE_PARTS: Final = {
@@ -34,26 +33,11 @@ _NAMES_OF_UNITS: Final = ("unit", "units", "unit_string", "ni_unitdescription")
 SHOWN_COLUMNS = 12
 _SHOWN_CHARACTERS = 60
 
-STANDARD_NAMES: Final[Mapping[str, str]] = {
-    "time": "time_s",
-    "time_fraction": "time_fraction_s",
-    **{f"{channel}_time": f"{channel}_time_s" for channel in ALL_CHANNELS},
-    **{str(channel): name for channel, name in FIELD_OF_CHANNEL.items()},
-    **{
-        f"{channel}_{axis}": name
-        for channel in ALL_CHANNELS
-        for axis, name in zip(axes_of(channel), axis_columns(channel), strict=True)
-    },
-}
-"""Name of the column for each target that is not mapped."""
-
 
 @dataclass(frozen=True, eq=False)
 class SourceColumns:
     """Content of a file, unchanged."""
 
-    origin: str
-    """Name of the file in error messages."""
     values: Mapping[str, FloatArray]
     """Columns (n,) and arrays (n, k) by name."""
     names: Sequence[str] = ()
@@ -79,6 +63,8 @@ class SourceColumns:
     if the file has no dates."""
     episode: int | str | None = None
     """The episode or trial that was read, or None if the file has none."""
+    origin: str = ""
+    """What errors name, if it is not ``import`` and the path."""
 
 
 def told_unit(attributes: Mapping[Any, Any]) -> str:
@@ -92,15 +78,24 @@ def told_unit(attributes: Mapping[Any, Any]) -> str:
 
 
 @contextmanager
-def reading(
-    origin: str, kind: str, damage: tuple[type[Exception], ...] = (Exception,)
-) -> Iterator[None]:
-    """Convert exceptions of the block to errors that name the file and the expected kind.
+def named(origin: str) -> Iterator[None]:
+    """Put the origin, as ``import a.csv``, before an error of the block that names none yet."""
+    try:
+        yield
+    except InputError as error:
+        text = str(error)
+        named_text = text if text.startswith("import ") else f"{origin}: {text}"
+        raise InputError(named_text) from error.__cause__ or error
+
+
+@contextmanager
+def reading(kind: str, damage: tuple[type[Exception], ...] = (Exception,)) -> Iterator[None]:
+    """Convert exceptions of the block to errors that name the expected kind of file.
 
     Parameters
     ----------
-    origin, kind
-        The file and its expected kind, for messages.
+    kind
+        The expected kind, for messages.
     damage
         Exceptions that the reader raises on a file of another kind; by default any.
 
@@ -112,14 +107,13 @@ def reading(
     caught: tuple[type[Exception], ...] = (*damage, OSError)
     try:
         yield
-    except InputError as error:
-        texts = str(error)
-        raise InputError(texts if texts.startswith(origin) else f"{origin}: {texts}") from error
+    except InputError:
+        raise
     except caught as error:
         other = (
             f"this is not {kind}: {short_message(error)}" if isinstance(error, damage) else error
         )
-        raise InputError(f"{origin}: {getattr(error, 'strerror', None) or other}") from error
+        raise InputError(str(getattr(error, "strerror", None) or other)) from error
 
 
 class Wanted(frozenset[str]):
@@ -164,7 +158,7 @@ def listed(names: Sequence[str]) -> str:
     return f"the first of {len(names)} columns are {shown}"
 
 
-def beside_columns(stored: Mapping[str, Any], origin: str) -> dict[str, Any]:
+def beside_columns(stored: Mapping[str, Any]) -> dict[str, Any]:
     """Parse the data beside the columns of an exported session, as fields of `SourceColumns`.
 
     `stored` has values of the file by the names in `OF_THE_SESSION`; any may be missing or None.
@@ -176,12 +170,12 @@ def beside_columns(stored: Mapping[str, Any], origin: str) -> dict[str, Any]:
     """
     given = {name: stored[name] for name in OF_THE_SESSION if stored.get(name) is not None}
     truth = given.get("annotations", b"")
-    scene = json_object(text_in(given.get("scene_json", "{}")), f"{origin}: scene")
+    scene = json_object(text_in(given.get("scene_json", "{}")), "scene")
     return {
         "scene": scene if "scene_json" in given else None,
-        "events": parsed_events(text_in(given.get("events_json", "[]")), "events", origin),
+        "events": parsed_events(text_in(given.get("events_json", "[]")), "events"),
         "annotations": truth if isinstance(truth, bytes) else np.asarray(truth).tobytes(),
-        "began_utc_ns": parsed_date(given.get(BEGAN), origin),
+        "began_utc_ns": parsed_date(given.get(BEGAN)),
     }
 
 
@@ -191,7 +185,7 @@ def text_in(value: Any) -> str:
     return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 
-def parsed_events(text: str, name: str, origin: str) -> Sequence[JsonObject]:
+def parsed_events(text: str, name: str) -> Sequence[JsonObject]:
     """Parse the events of an exported session.
 
     Raises
@@ -199,13 +193,13 @@ def parsed_events(text: str, name: str, origin: str) -> Sequence[JsonObject]:
     InputError
         The text is not a list of JSON objects; `name` is its name in the file.
     """
-    events = parsed_json(text, f"{origin}: {name}")
+    events = parsed_json(text, name)
     if not isinstance(events, list) or not all(isinstance(event, dict) for event in events):
-        raise InputError(f"{origin}: {name} is not a list of JSON objects")
+        raise InputError(f"{name} is not a list of JSON objects")
     return events
 
 
-def parsed_date(value: Any, origin: str) -> int | None:
+def parsed_date(value: Any) -> int | None:
     """Return the date of an exported session (UTC in ns since 1970), or None if it has none.
 
     Raises
@@ -217,4 +211,4 @@ def parsed_date(value: Any, origin: str) -> int | None:
     try:
         return int(np.int64(int(found[0]))) if len(found) else None
     except (ValueError, OverflowError) as error:
-        raise InputError(f"{origin}: {BEGAN} is not a number of nanoseconds") from error
+        raise InputError(f"{BEGAN} is not a number of nanoseconds") from error

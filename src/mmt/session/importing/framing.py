@@ -62,7 +62,7 @@ def to_frames(
         if len(repeated):
             row = int(repeated[0]) + 1
             raise InputError(
-                f"{samples.origin}: the time of {channel} is {assessed.time_s[row]:.9g} s in "
+                f"the time of {channel} is {assessed.time_s[row]:.9g} s in "
                 f"{samples.row_name(channel, row)} and in the row before; such stamps can be "
                 "used only where the rows follow a clock, and these do not (--rate HZ says the "
                 "rows a second)"
@@ -165,7 +165,7 @@ def _frames(
     if len(numbers) == 0:
         spans = (f"{c} has {t[0]:.11g} to {t[-1]:.11g} s" for c, t in samples.times.items())
         raise InputError(
-            f"{samples.origin}: no frame can be made: its channels share no time in which "
+            f"no frame can be made: its channels share no time in which "
             f"their samples are close enough together ({', '.join(spans)}); are the times in "
             "seconds (else say their unit, as in --unit time=ms)? Otherwise allow a longer gap "
             "(--longest-gap), or move a file's times (--offset)"

@@ -45,16 +45,13 @@ def joined(
     whole, begin_ns = parts[0], dates_ns[0]
     for part, name, date_ns in zip(parts[1:], names[1:], dates_ns[1:], strict=True):
         if twice := set(part.values) & set(whole.values):
-            raise InputError(
-                f"{whole.origin}: {name} has {', '.join(sorted(twice))} too; map it in one file"
-            )
+            raise InputError(f"{name} has {', '.join(sorted(twice))} too; map it in one file")
         apart_ns = None if date_ns is None or begin_ns is None else date_ns - begin_ns
         offset_s, notes = _offset(whole, part, (names[0], name), offsets.get(name), apart_ns)
         moved = {id(time_s): time_s + offset_s for time_s in part.times.values()}
         times = {channel: moved[id(time_s)] for channel, time_s in part.times.items()}
         whole = replace(
             whole,
-            origin=f"{whole.origin}, {name}",
             values={**whole.values, **part.values},
             times={**whole.times, **times},
             row_names={**whole.row_names, **part.row_names},
@@ -96,7 +93,7 @@ def _matched_s(first: Samples, second: Samples, name: str) -> float:
     product = correlate(one, other, mode="full", method="fft")
     if not np.max(product, initial=0.0) > _CLEAR * np.median(np.abs(product)):
         raise InputError(
-            f"{second.origin}: --offset {name}={MATCHED}: no shock stands out in both files; tap "
+            f"--offset {name}={MATCHED}: no shock stands out in both files; tap "
             f"once on what is recorded by both, or say the seconds (--offset {name}=S)"
         )
     lag = correlation_lags(len(one), len(other))[int(np.argmax(product))]

@@ -13,14 +13,8 @@ from mmt.core.frames import ALL_CHANNELS, CHANNELS, FIELD_OF_CHANNEL, Channel, a
 from mmt.core.units import DATE, QUANTITIES, unit_factor, unit_in_name
 from mmt.session.data import FRAME_PERIOD_S, sample_times
 from mmt.session.importing.column_names import components_mapped, ends_in, normalised
-from mmt.session.importing.columns import (
-    MESSAGE_PARTS,
-    SHOWN_COLUMNS,
-    STANDARD_NAMES,
-    SourceColumns,
-    listed,
-)
-from mmt.session.importing.options import ImportOptions, Source
+from mmt.session.importing.columns import MESSAGE_PARTS, SHOWN_COLUMNS, SourceColumns, listed
+from mmt.session.importing.options import STANDARD_NAMES, ImportOptions, Source
 from mmt.session.importing.samples import (
     PAUSE_S,
     Samples,
@@ -55,8 +49,7 @@ def _to_length(values: FloatArray, length: int) -> FloatArray:
 class _Mapping:
     def __init__(self, columns: SourceColumns, options: ImportOptions) -> None:
         self._columns = replace(columns, **_with_vectors(columns))
-        self._options = components_mapped(options, self._columns.values, columns.origin)
-        self._origin = columns.origin
+        self._options = components_mapped(options, self._columns.values)
         self._notes: dict[str, None] = {}
         self._told: set[str] = set()
         self._by_name: dict[str, str] = {}
@@ -78,7 +71,7 @@ class _Mapping:
                 vectors = _to_length(vectors, len(time_s))
             if len(time_s) != len(vectors):
                 raise InputError(
-                    f"{self._origin}: {channel} has {len(vectors)} rows, its times "
+                    f"{channel} has {len(vectors)} rows, its times "
                     f"({name}) {len(time_s)}{'' if len(time_s) else _OF_FORMULAS + _OF_RATE}"
                 )
             if (order := self._order(time_s, name)) is not None:
@@ -98,13 +91,13 @@ class _Mapping:
             times[channel] = next(filter(same, times.values()), time_s)
         if not self._has_part:
             raise InputError(
-                f"{self._origin}: --episode {self._options.episode}: it has no such episode or "
+                f"--episode {self._options.episode}: it has no such episode or "
                 "trial, nor such a part whose time begins anew"
             )
         if not values:
             fields = ", ".join(FIELD_OF_CHANNEL[channel] for channel in CHANNELS)
             raise InputError(
-                f"{self._origin}: it holds none of {fields}, and "
+                f"it holds none of {fields}, and "
                 f"nothing is mapped to them (--map force_z=NAME); "
                 f"{listed(self._columns.names)}; mmt session inspect proposes a command"
             )
@@ -112,7 +105,6 @@ class _Mapping:
             units = ", ".join(list(self._by_name.values())[:SHOWN_COLUMNS])
             self._note(f"by the columns' names: {units}; --unit says another, as position_z=mm")
         return Samples(
-            origin=self._origin,
             values=values,
             times=times,
             row_names={channel: names[channel] for channel in values},
@@ -138,7 +130,7 @@ class _Mapping:
                 return np.column_stack([0.0 * whole, 0.0 * whole, whole])
             if whole.ndim != 2 or whole.shape[1] != 3:
                 raise InputError(
-                    f"{self._origin}: {channel} has shape {whole.shape}, it must have shape "
+                    f"{channel} has shape {whole.shape}, it must have shape "
                     f"(n, 3); a column of it is mapped as in --map {channel}_x=NAME[0]"
                 )
             return whole
@@ -156,7 +148,7 @@ class _Mapping:
         for axis in axes:
             if axis not in given:
                 raise InputError(
-                    f"{self._origin}: {channel}_{axis} is missing (the column "
+                    f"{channel}_{axis} is missing (the column "
                     f"{STANDARD_NAMES[f'{channel}_{axis}']}); map it, to 0 where there is none: "
                     f"--map {channel}_{axis}=0"
                 )
@@ -171,13 +163,10 @@ class _Mapping:
         if len(shapes) != 1:
             empty = next((axis for axis, values in given.items() if values.shape == (0,)), None)
             if empty is not None:
-                raise InputError(
-                    f"{self._origin}: {channel}_{empty} has no value in any row{_OF_FORMULAS}"
-                )
+                raise InputError(f"{channel}_{empty} has no value in any row{_OF_FORMULAS}")
             sizes = ", ".join(" x ".join(map(str, shape)) for shape in sorted(shapes))
             raise InputError(
-                f"{self._origin}: the axes of {channel} end in different rows: "
-                f"{sizes or 'all are constants'}"
+                f"the axes of {channel} end in different rows: {sizes or 'all are constants'}"
             )
         shape = shapes.pop()
         return np.stack([np.broadcast_to(given[axis], shape) for axis in axes], axis=-1)
@@ -196,7 +185,7 @@ class _Mapping:
         source = self._source(target, quantity)
         if isinstance(source, float) and quantity == "time":
             raise InputError(
-                f"{self._origin}: {target} is mapped to the number {source:g}, it must be a "
+                f"{target} is mapped to the number {source:g}, it must be a "
                 "column; for a file without times give --rate HZ"
             )
         if source is None or isinstance(source, float):
@@ -205,7 +194,7 @@ class _Mapping:
         if source.component is not None:
             if values.ndim != 2 or source.component >= values.shape[1]:
                 raise InputError(
-                    f"{self._origin}: {target} is mapped to component {source.component} of "
+                    f"{target} is mapped to component {source.component} of "
                     f"{source.name}, which has shape {values.shape}; components count from 0"
                 )
             values = values[:, source.component]
@@ -213,7 +202,7 @@ class _Mapping:
         lacks_rows = quantity in ("time", "speed") and values.ndim == 0
         if target not in ALL_CHANNELS and (values.ndim > 1 + sampled or lacks_rows):
             raise InputError(
-                f"{self._origin}: {source.name} has shape {values.shape}, it must have shape (n,) "
+                f"{source.name} has shape {values.shape}, it must have shape (n,) "
                 f"for {target}; a component is mapped as in --map {target}={source.name}[0]"
             )
         factor = source.factor * self._factor(target, quantity, source)
@@ -247,7 +236,7 @@ class _Mapping:
             seconds_s, np.rint(seconds_s), equal_nan=True
         ):
             raise InputError(
-                f"{self._origin}: time_fraction is added to whole seconds, one a row; {name}, to "
+                f"time_fraction is added to whole seconds, one a row; {name}, to "
                 "which time is mapped, does not hold these"
             )
         return seconds_s + added_s
@@ -262,14 +251,14 @@ class _Mapping:
         if asked.name in self._columns.labels:
             text = max(self._columns.labels[asked.name].ravel().tolist(), key=len)
             raise InputError(
-                f"{self._origin}: {asked.name} does not hold numbers: {text[:40]!r} is none, nor a "
+                f"{asked.name} does not hold numbers: {text[:40]!r} is none, nor a "
                 "date as 2026-01-31 10:30:00.5; --missing says what stands for none"
             )
         dotted = f"{asked.name}."
         doubled = [n for n in names if n.startswith(dotted) and n[len(dotted) :].isdecimal()]
         if len(doubled) > 1 and not set(doubled) - set(columns):
             raise InputError(
-                f"{self._origin}: {asked.name} stands in {len(doubled)} columns: which of "
+                f"{asked.name} stands in {len(doubled)} columns: which of "
                 f"{', '.join(doubled[:SHOWN_COLUMNS])} is it? (--map {target}=NAME)"
             )
         if source is None:
@@ -278,7 +267,7 @@ class _Mapping:
         numbered = bool(names) and all(name.isdecimal() for name in names)
         if numbered and text.isdecimal() and int(text):
             raise InputError(
-                f"{self._origin}: {target} is mapped to column {text}, which is not there; "
+                f"{target} is mapped to column {text}, which is not there; "
                 f"{listed(names)} (a constant is written {text}.0)"
             )
         try:
@@ -296,8 +285,7 @@ class _Mapping:
         told = (note for note in self._columns.notes if note.startswith(f"{source.name} "))
         why = next(told, "")[len(source.name) + 1 :] if source.name in names else ""
         raise InputError(
-            f"{self._origin}: {target} is mapped to {source.name}, which {why or 'is not there'}; "
-            f"{listed(names)}"
+            f"{target} is mapped to {source.name}, which {why or 'is not there'}; {listed(names)}"
         )
 
     def _factor(self, target: str, quantity: str, source: Source) -> float:
@@ -317,7 +305,7 @@ class _Mapping:
             return factor
         if source.factor == 1.0:
             raise InputError(
-                f"{self._origin}: {target} is mapped to {name}, which is in {unit!r} by the file; "
+                f"{target} is mapped to {name}, which is in {unit!r} by the file; "
                 f"of {quantity}, known are {QUANTITIES[quantity]}: say the unit (--unit "
                 f"{target}=UNIT), or scale it to the first (--map {target}={name}*FACTOR)"
             )
@@ -330,7 +318,7 @@ class _Mapping:
             if found is not None:
                 return found
             raise InputError(
-                f"{self._origin}: there is no column time_s, nor one that is mapped to it (--map "
+                f"there is no column time_s, nor one that is mapped to it (--map "
                 f"time=NAME); for a file without times give --rate HZ; "
                 f"{listed(self._columns.names)}"
             )
@@ -376,12 +364,12 @@ class _Mapping:
 
 
 def _with_vectors(columns: SourceColumns) -> dict[str, Any]:
-    """Return values and units, with columns named a[0], a[1], ... also joined to an array a."""
+    """Return values, units and times, with columns a[0], a[1], ... also joined to an array a."""
     arrays: dict[str, list[tuple[int, str]]] = {}
     for name, column in columns.values.items():
         if (found := re.fullmatch(r"(.+)[\[(](\d+)[\])]", name)) and column.ndim == 1:
             arrays.setdefault(found[1], []).append((int(found[2]), name))
-    values, units = dict(columns.values), dict(columns.units)
+    values, units, times = dict(columns.values), dict(columns.units), dict(columns.times)
     for base, elements in arrays.items():
         names = [name for _, name in sorted(elements)]
         longest = max(len(values[name]) for name in names) if columns.ends_left_out else 0
@@ -390,4 +378,7 @@ def _with_vectors(columns: SourceColumns) -> dict[str, Any]:
         if alike and base not in values:
             values[base] = np.column_stack(parts)
             units |= {base: units[names[0]]} if names[0] in units else {}
-    return {"values": values, "units": units}
+            clocks = [times[name] for name in names if name in times]
+            if len(clocks) == len(names) and all(np.array_equal(clocks[0], c) for c in clocks):
+                times[base] = clocks[0]
+    return {"values": values, "units": units, "times": times}

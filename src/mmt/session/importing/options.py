@@ -6,18 +6,25 @@ from dataclasses import dataclass, field, fields
 from typing import Final
 
 from mmt.core.errors import InputError
-from mmt.core.frames import ALL_CHANNELS, axes_of, check_acceleration_rate
+from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, axes_of, check_acceleration_rate
 from mmt.core.units import QUANTITIES, unit_factor
+from mmt.session.data import axis_columns
 from mmt.session.importing.stamps import StampChoice
 
-TARGETS: Final = (
-    "time",
-    "time_fraction",
-    *(f"{channel}_time" for channel in ALL_CHANNELS),
-    *ALL_CHANNELS,
-    *(f"{channel}_{axis}" for channel in ALL_CHANNELS for axis in axes_of(channel)),
-    "speed",
-)
+STANDARD_NAMES: Final[Mapping[str, str]] = {
+    "time": "time_s",
+    "time_fraction": "time_fraction_s",
+    **{f"{channel}_time": f"{channel}_time_s" for channel in ALL_CHANNELS},
+    **{str(channel): name for channel, name in FIELD_OF_CHANNEL.items()},
+    **{
+        f"{channel}_{axis}": name
+        for channel in ALL_CHANNELS
+        for axis, name in zip(axes_of(channel), axis_columns(channel), strict=True)
+    },
+}
+"""Name of the column for each target but the speed, if it is not mapped."""
+
+TARGETS: Final = (*STANDARD_NAMES, "speed")
 """Targets to map columns to: times, parts of a second to add to time, vectors (n, 3) and
 quaternions (n, 4), single axes of them, and speed for position."""
 

@@ -26,8 +26,8 @@ from mmt.session.importing.column_names import (
     target_of,
     target_of_column,
 )
-from mmt.session.importing.columns import STANDARD_NAMES, SourceColumns, Wanted, wanted_names
-from mmt.session.importing.options import ImportOptions, quantity_of
+from mmt.session.importing.columns import SourceColumns, Wanted, wanted_names
+from mmt.session.importing.options import STANDARD_NAMES, ImportOptions, quantity_of
 from mmt.session.importing.reading_child import read_limited
 from mmt.session.importing.recording import (
     check_kinds,

@@ -15,11 +15,11 @@ from mmt.core.rotations import turn_into_scene
 from mmt.session.data import RecordedSession
 from mmt.session.formats import find_format, suffixes
 from mmt.session.importing.checks import ImportReport, assess
-from mmt.session.importing.columns import STANDARD_NAMES, SourceColumns, reading, wanted_names
+from mmt.session.importing.columns import SourceColumns, named, reading, wanted_names
 from mmt.session.importing.framing import on_the_grid, to_frames
 from mmt.session.importing.joining import joined
 from mmt.session.importing.mapping import to_samples
-from mmt.session.importing.options import ImportOptions, quantity_of
+from mmt.session.importing.options import STANDARD_NAMES, ImportOptions, quantity_of
 from mmt.session.importing.reading_child import TEXTS, read_limited
 from mmt.session.importing.samples import ROW_NUMBER, Samples
 from mmt.session.importing.stamps import Stamps
@@ -111,29 +111,31 @@ def import_columns(
         See `mmt.session.files.import_session`.
     """
     each = options_of_each(options, files) if len(files) > 1 else [options]
-    columns = read[0]
+    columns, others = read[0], [file.name for file in files[1:]]
     frames, resampled = columns.frames, False
     asked_hz = options.acceleration_rate_hz
     episode = options.episode if columns.episode is None else None
-    others = replace(options, reading_memory_gb=None, reading_time_s=None, episode=episode)
-    plain = replace(others, acceleration_rate_hz=None) == ImportOptions()
-    if (
+    given = replace(options, reading_memory_gb=None, reading_time_s=None, episode=episode)
+    plain = replace(given, acceleration_rate_hz=None) == ImportOptions()
+    unchanged = (
         plain
         and len(read) == 1
         and frames is not None
         and asked_hz in (None, FRAMES_HZ * samples_per_frame(frames.dtype))
-    ):
-        samples, stamps = _of_frames(columns.origin, frames)
-        later_ns = 0
-    else:
-        samples = _gathered(read, each, [file.name for file in files], options)
-        frames, stamps, resampled = to_frames(
-            samples, options.longest_gap_s, options.stamps, options.acceleration_rate_hz
-        )
-        samples = replace(samples, notes=(*samples.notes, *_turn(frames, options)))
-        later_ns = int(frames["time_ns"][0])
-        if _date_ns(columns, each[0]) is not None:
-            later_ns += _first_ns(frames, stamps, resampled=resampled)
+    )
+    with named(", ".join([columns.origin, *others])):
+        if frames is not None and unchanged:
+            samples, stamps = _of_frames(frames)
+            later_ns = 0
+        else:
+            samples = _gathered(read, each, [file.name for file in files], options)
+            frames, stamps, resampled = to_frames(
+                samples, options.longest_gap_s, options.stamps, options.acceleration_rate_hz
+            )
+            samples = replace(samples, notes=(*samples.notes, *_turn(frames, options)))
+            later_ns = int(frames["time_ns"][0])
+            if _date_ns(columns, each[0]) is not None:
+                later_ns += _first_ns(frames, stamps, resampled=resampled)
     began_ns = columns.began_utc_ns
     session = RecordedSession(
         frames=frames,
@@ -158,13 +160,14 @@ def _gathered(
     own = [is_timed(c, replace(o, rate_hz=None)) for c, o in zip(read, each, strict=True)]
     rates = [None if timed and not all(own) else options.rate_hz for timed in own]
     each = [replace(o, rate_hz=rate_hz) for o, rate_hz in zip(each, rates, strict=True)]
-    parts = [to_samples(c, o) for c, o in zip(read, each, strict=True)]
-    if options.blanks_as_gaps:
-        parts = [part.without_blanks() for part in parts]
-    if all(part.sequence is None for part in parts):
-        parts = [part.without_repeats() for part in parts]
-    for part in parts:
-        part.check()
+    numbered = any("sequence" in columns.values for columns in read)
+    parts = []
+    for columns, own_options in zip(read, each, strict=True):
+        with named(columns.origin):
+            part = to_samples(columns, own_options)
+            part = part.without_blanks() if options.blanks_as_gaps else part
+            parts.append(part if numbered else part.without_repeats())
+            parts[-1].check()
     return joined(parts, names, options.offsets, list(map(_date_ns, read, each)))
 
 
@@ -207,16 +210,16 @@ def _first_ns(frames: RecordArray, stamps: Mapping[Channel, Stamps], *, resample
     return round(float(found.time_s[last]) * 1e9)
 
 
-def _of_frames(origin: str, frames: RecordArray) -> tuple[Samples, dict[Channel, Stamps]]:
+def _of_frames(frames: RecordArray) -> tuple[Samples, dict[Channel, Stamps]]:
     """Return the samples and stamps of frames (n,) that are imported unchanged."""
     if len(frames) < 2:
-        raise InputError(f"{origin}: it holds {len(frames)} frames, at least 2 are needed")
+        raise InputError(f"it holds {len(frames)} frames, at least 2 are needed")
     whole = RecordedSession(frames)
     vectors, numbers = whole.vectors(), frames["sequence"].astype(np.int64)
     values = {c: vectors[FIELD_OF_CHANNEL[c]].astype(np.float64) for c in whole.channels}
     stamps = on_the_grid(values, whole.time_s, numbers, whole.samples_per_frame)
     times = {channel: each.time_s for channel, each in stamps.items()}
-    return Samples(origin, values, times, dict.fromkeys(values, ROW_NUMBER.format)), stamps
+    return Samples(values, times, dict.fromkeys(values, ROW_NUMBER.format)), stamps
 
 
 def read_columns(
@@ -241,7 +244,9 @@ def read_columns(
             f"{', '.join(suffixes('import'))}, or the name that of a folder with a ROS 2 bag or a "
             "LeRobot data set"
         )
-    if path.is_file():
-        with reading(f"import {path}", "a file that can be read"):
-            require_fetched(path)
-    return read_limited(path, options, read_apart, read, path, wanted, options)
+    with named(f"import {path}"):
+        if path.is_file():
+            with reading("a file that can be read"):
+                require_fetched(path)
+        columns = read_limited(path, options, read_apart, read, path, wanted, options)
+    return replace(columns, origin=columns.origin or f"import {path}")

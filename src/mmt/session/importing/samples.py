@@ -41,8 +41,6 @@ class Samples:
     Channels of one rate share one array of times.
     """
 
-    origin: str
-    """Name of the file in error messages."""
     values: Mapping[Channel, FloatArray]
     times: Mapping[Channel, FloatArray]
     row_names: Mapping[Channel, Callable[[int], str]]
@@ -70,7 +68,7 @@ class Samples:
                 value = values[rows[0], axes[0]]
                 what = "empty or NaN" if np.isnan(value) else value
                 raise InputError(
-                    f"{self.origin}: {channel}_{axes_of(channel)[axes[0]]} is {what} in "
+                    f"{channel}_{axes_of(channel)[axes[0]]} is {what} in "
                     f"{self.row_name(channel, rows[0])}, and {len(set(rows.tolist())) - 1} "
                     "more rows are no such numbers as frames hold; --blanks-as-gaps leaves out "
                     "what is empty"
@@ -82,7 +80,7 @@ class Samples:
         rows = np.flatnonzero(np.abs(norms - 1.0) > LARGEST_OFF)
         if len(rows):
             raise InputError(
-                f"{self.origin}: orientation is {norms[rows[0]]:.3g} long in "
+                f"orientation is {norms[rows[0]]:.3g} long in "
                 f"{self.row_name('orientation', rows[0])}, and {len(rows) - 1} more rows are no "
                 "unit quaternions"
             )
@@ -130,20 +128,18 @@ class Samples:
 
     def _check_time(self, channel: Channel, time_s: FloatArray) -> None:
         if len(time_s) < 2:
-            raise InputError(
-                f"{self.origin}: {channel} has {len(time_s)} rows, at least 2 are needed"
-            )
+            raise InputError(f"{channel} has {len(time_s)} rows, at least 2 are needed")
         bad = np.flatnonzero(~np.isfinite(time_s))
         if len(bad):
             raise InputError(
-                f"{self.origin}: the time of {channel} is {time_s[bad[0]]} in "
+                f"the time of {channel} is {time_s[bad[0]]} in "
                 f"{self.row_name(channel, bad[0])}; --blanks-as-gaps leaves out such rows"
             )
         falls = np.flatnonzero(np.diff(time_s) < 0)
         if len(falls):
             row = int(falls[0]) + 1
             raise InputError(
-                f"{self.origin}: the time of {channel} is {time_s[row]:.15g} s in "
+                f"the time of {channel} is {time_s[row]:.15g} s in "
                 f"{self.row_name(channel, row)}, after {time_s[row - 1]:.15g} s; times must not "
                 "fall (--rate HZ takes even rows without them)"
             )
@@ -152,19 +148,19 @@ class Samples:
         longest = int(np.argmax(steps_s))
         if span_s > _LONGEST_S and steps_s[longest] > span_s / 2:
             raise InputError(
-                f"{self.origin}: the time of {channel} jumps by {steps_s[longest]:.9g} s in "
+                f"the time of {channel} jumps by {steps_s[longest]:.9g} s in "
                 f"{self.row_name(channel, longest + 1)}, as of a clock that was set; import the "
                 "parts by themselves, or say the rows a second (--rate HZ)"
             )
         if span_s > _LONGEST_S:
             raise InputError(
-                f"{self.origin}: the times of {channel} span {span_s:.3g} s, a session lasts 49 "
+                f"the times of {channel} span {span_s:.3g} s, a session lasts 49 "
                 "days at most; say their unit, as in --unit time=ms (or us, ns)"
             )
         typical_s = float(np.median(steps_s))
         if 0 < typical_s < 1 / _HIGHEST_RATE_HZ:
             raise InputError(
-                f"{self.origin}: {channel} has {1 / typical_s:.2g} rows a second; say the unit of "
+                f"{channel} has {1 / typical_s:.2g} rows a second; say the unit of "
                 "its times, as in --unit time=d for dates of Excel and MATLAB"
             )
 

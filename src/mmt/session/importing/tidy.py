@@ -129,7 +129,7 @@ def _of_one_trial(
         return replace(columns, notes=(*columns.notes, note))
     chosen = str([*whole, *trials][0] if asked is None else asked)
     if chosen not in trials:
-        raise InputError(f"{columns.origin}: --episode {asked}: {told}")
+        raise InputError(f"--episode {asked}: {told}")
     rows = labels == chosen
     kept = {
         field: {n: c[rows[: len(c)]] for n, c in getattr(table, field).items() if np.size(c) > 1}
@@ -210,7 +210,7 @@ def _taken_apart(
         said = [note] if any(map(wanted, table.values)) else []
         return replace(columns, notes=(*columns.notes, *said))
     if len(sensors) > _MOST:
-        raise InputError(f"{columns.origin}: {told}, {_MOST} can be: keep what is needed")
+        raise InputError(f"{told}, {_MOST} can be: keep what is needed")
     note = f"{told}: {_shown(sensors)}"
     if blank := int(np.sum(labels == "")):
         note += f"; {blank} rows that name none were left out"
@@ -243,7 +243,7 @@ def _apart(
     for sensor in sensors:
         rows = labels == sensor
         of_rows = (t if len(t) == 1 else t[rows[: len(t)]] for t in told.values())
-        unit = _one_unit(table, list(of_rows), sensor)
+        unit = _one_unit(list(of_rows), sensor)
         for name, column in table.values.items():
             if name in keys or not np.isfinite(own := column[rows[: len(column)]]).any():
                 continue
@@ -383,7 +383,7 @@ def _in_told_unit(columns: SourceColumns) -> SourceColumns:
         own = [n for n in plain if unit_name(name).lower().removesuffix("s") == f"{n}_unit".lower()]
         certain = own or (not several and beside[owner, quantity] == 1)
         if certain and of_rows and all(map(is_unit, {*texts.tolist()} - {""})):
-            unit = _one_unit(columns, [texts], "the table")
+            unit = _one_unit([texts], "the table")
             fits = [quantity, ""] if quantity else [*CHANNELS, "", "orientation", "speed"]
             of_it = own or [n for n in channels if n in plain and channels[n] in fits]
             units = {**dict.fromkeys(of_it, unit), **units}
@@ -396,9 +396,9 @@ def _told_units(columns: SourceColumns) -> dict[str, npt.NDArray[np.str_]]:
     return {name: texts for name, texts in columns.labels.items() if gives_unit(name)}
 
 
-def _one_unit(columns: SourceColumns, told: list[npt.NDArray[np.str_]], sensor: str) -> str:
+def _one_unit(told: list[npt.NDArray[np.str_]], sensor: str) -> str:
     """Return the unit in columns of units, which must be one in all rows."""
     units = sorted({text for each in told for text in each.tolist() if text})
     if len(units) > 1:
-        raise InputError(f"{columns.origin}: {sensor} is in {' and in '.join(units)}: keep one")
+        raise InputError(f"{sensor} is in {' and in '.join(units)}: keep one")
     return "".join(units)

@@ -42,18 +42,16 @@ def read_archive(
         The file is missing or not an archive, an array does not hold numbers, or the session's
         scene or events are not valid.
     """
-    origin = f"import {path}"
-    with reading(origin, "an .npz archive"):
+    with reading("an .npz archive"):
         every = {n: list(_columns(n, np.zeros(0, kind))) for n, kind in _kinds(path).items()}
         asked = {name for name, columns in every.items() if any(map(wanted, columns))}
         arrays, names = load_arrays(path, lambda n: n in {*OF_THE_SESSION, *asked} or wanted(n))
     plain = {name: array for name, array in arrays.items() if name not in OF_THE_SESSION}
     columns = {n: c for name, array in plain.items() for n, c in _columns(name, array).items()}
     return SourceColumns(
-        origin=origin,
         names=[column for name in names for column in every.get(name, [name])],
-        **columns_of({n: c for n, c in columns.items() if wanted(n)}, origin),
-        **beside_columns(arrays, origin),
+        **columns_of({n: c for n, c in columns.items() if wanted(n)}),
+        **beside_columns(arrays),
     )
 
 
@@ -82,20 +80,14 @@ def read_array(path: Path, wanted: Callable[[str], bool], _options: ImportOption
     InputError
         The file is missing, or not an array of numbers.
     """
-    origin = f"import {path}"
-    with reading(origin, "a .npy array"):
+    with reading("a .npy array"):
         array = np.load(path, allow_pickle=False)
     if not isinstance(array, np.ndarray) or array.ndim > 2:
-        raise InputError(f"{origin}: this is not an array of shape (n,) or (n, k)")
-    if array.dtype.names:
-        columns = dict(_members(array))
-    else:
-        columns = _numbered(numbers_in(array, "it", origin)[0])
-    return SourceColumns(
-        origin=origin,
-        names=list(columns),
-        **columns_of({n: a for n, a in columns.items() if wanted(n)}, origin),
-    )
+        raise InputError("this is not an array of shape (n,) or (n, k)")
+    fields = array.dtype.names is not None
+    columns = dict(_members(array)) if fields else _numbered(numbers_in(array, "it")[0])
+    read = columns_of({n: a for n, a in columns.items() if wanted(n)})
+    return SourceColumns(names=list(columns), **read)
 
 
 def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOptions) -> SourceColumns:
@@ -108,11 +100,10 @@ def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOption
     InputError
         scipy is not installed, or the file is missing or not valid.
     """
-    origin = f"import {path}"
     require("scipy")
     from scipy.io import wavfile
 
-    with reading(origin, "a .wav file"), warnings.catch_warnings(record=True) as odd:
+    with reading("a .wav file"), warnings.catch_warnings(record=True) as odd:
         warnings.simplefilter("always")
         rate_hz, samples = wavfile.read(path)
         if not len(samples):
@@ -130,7 +121,6 @@ def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOption
         columns["acceleration_m_s2"] = full_scale * scaled
         frames = _frames(columns["acceleration_m_s2"], rate_hz)
     return SourceColumns(
-        origin=origin,
         values={name: values for name, values in columns.items() if wanted(name)},
         names=list(columns),
         units=units,
@@ -139,7 +129,7 @@ def read_sound(path: Path, wanted: Callable[[str], bool], _options: ImportOption
         notes=["the file ends before its header says: it was read as far as it goes"]
         if cut
         else [],
-        began_utc_ns=parsed_date(told.get(BEGAN), origin),
+        began_utc_ns=parsed_date(told.get(BEGAN)),
     )
 
 

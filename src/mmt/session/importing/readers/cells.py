@@ -121,7 +121,7 @@ class Numbers:
             return self._of_signs(found[1]), found[2]
         raise ValueError(text)
 
-    def unit_in(self, column: str, values: FloatArray, origin: str) -> str:
+    def unit_in(self, column: str, values: FloatArray) -> str:
         """Return the unit that all cells of a column had whose numbers are `values` (n,), or "".
 
         Raises
@@ -133,7 +133,7 @@ class Numbers:
         if len(forms) > 1 or 0 < forms.total() < np.isfinite(values).sum():
             others = "" if len(forms) > 1 else " or with nothing"
             raise InputError(
-                f"{origin}: the numbers of {column} are written with {' or with '.join(forms)}"
+                f"the numbers of {column} are written with {' or with '.join(forms)}"
                 f"{others}: write all alike"
             )
         return next((form for form in forms if not form.startswith("0x")), "")
@@ -158,7 +158,7 @@ class Numbers:
             self._commas = self._commas or text
         return value
 
-    def check(self, origin: str) -> None:
+    def check(self, name: str = "") -> None:
         """Check that the decimal sign of the cells so far is certain.
 
         Raises
@@ -170,7 +170,7 @@ class Numbers:
         if comma and (self._points or not self._commas):
             sign = "a comma" if "," in comma else "points before thousands"
             raise InputError(
-                f"{origin}: there are numbers with {sign} ({comma}) and "
+                f"{name}there are numbers with {sign} ({comma}) and "
                 f"{'with a point' if self._points else 'no other decimals'}: say which is the "
                 "decimal sign (--decimal . or --decimal ,)"
             )
@@ -192,7 +192,7 @@ class Numbers:
         return True
 
 
-def numbers_in(values: Any, name: str, origin: str) -> tuple[FloatArray, str]:
+def numbers_in(values: Any, name: str) -> tuple[FloatArray, str]:
     """Return an array's numbers, and the unit of its texts: `DATE` of dates or times, else "".
 
     Texts are parsed as the cells of tables. Vectors become (n,), and arrays with samples along the
@@ -213,15 +213,15 @@ def numbers_in(values: Any, name: str, origin: str) -> tuple[FloatArray, str]:
         try:
             found = [number(cell, name) for cell in cells]
         except (ValueError, TypeError) as error:
-            raise InputError(f"{origin}: {name} does not hold numbers: {error}") from error
-        number.check(f"{origin}: {name}")
+            raise InputError(f"{name} does not hold numbers: {error}") from error
+        number.check(f"{name}: ")
         unit = DATE if cells and seconds_of(cells[0]) is not None else ""
         array = np.array(found, dtype=np.float64).reshape(array.shape)
-        unit = number.unit_in(name, array, origin) or unit
+        unit = number.unit_in(name, array) or unit
     elif array.dtype.kind == "c" and not array.imag.any():
         array = array.real
     elif array.dtype.kind not in "iufb":
-        raise InputError(f"{origin}: {name} holds {array.dtype}, not numbers")
+        raise InputError(f"{name} holds {array.dtype}, not numbers")
     numbers: FloatArray = array.astype(np.float64)
     if numbers.ndim == 2:
         if numbers.shape[0] <= _MOST_COMPONENTS < numbers.shape[1]:
@@ -231,18 +231,17 @@ def numbers_in(values: Any, name: str, origin: str) -> tuple[FloatArray, str]:
     return numbers, unit
 
 
-def columns_of(
-    arrays: Mapping[str, Any], origin: str, told: Mapping[str, str] | None = None
-) -> dict[str, Any]:
+def columns_of(arrays: Mapping[str, Any], told: Mapping[str, str] | None = None) -> dict[str, Any]:
     """Return arrays as the fields ``values``, ``units`` and ``labels`` of `SourceColumns`.
 
     Units that a file has `told` count unless the values are dates; see `numbers_in`. Labels are
     the texts (n,) of columns without any number.
     """
-    values, labels, units = {}, {}, dict(told or {})
+    values, labels = {}, {}
+    units = {name: unit for name, unit in (told or {}).items() if unit}
     for name, array in arrays.items():
         try:
-            values[name], unit = numbers_in(array, name, origin)
+            values[name], unit = numbers_in(array, name)
         except InputError:
             cells = np.ravel(array).tolist()
             number = Numbers(ImportOptions()).reads

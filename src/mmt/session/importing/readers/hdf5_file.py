@@ -54,11 +54,10 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
     InputError
         h5py is not installed, or the file is missing or not an HDF5 file.
     """
-    origin = f"import {path}"
     require("h5py")
     import h5py
 
-    with reading(origin, "an HDF5 file"), h5py.File(path, "r") as file:
+    with reading("an HDF5 file"), h5py.File(path, "r") as file:
         lost, of_groups = list[str](), dict[str, str]()
         sets = list(_data_sets(file, lost, of_groups))
         names, notes = distinct([name for name, _, _ in sets])
@@ -66,24 +65,15 @@ def read_hdf5(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         unwritten = (_unwritten(name, item) for name, (_, item, _) in read.items())
         unused = (_unused(name, item) for name, (_, item, _) in read.items())
         notes = [*notes, *lost[:SHOWN_COLUMNS], *filter(None, (*unwritten, *unused))]
-        found = {
-            name: (_values(file, item, fields), told_unit(item.attrs))
-            for name, (_, item, fields) in read.items()
-        }
+        values = {name: np.array(unit) for name, unit in of_groups.items() if wanted(name)}
+        values |= {name: _values(file, item, fields) for name, (_, item, fields) in read.items()}
+        told = {name: told_unit(item.attrs) for name, (_, item, _) in read.items()}
         exported = file.keys() >= _OF_MMT
         own = {"scene_json": "scene", "events_json": "events", "annotations": "annotations"}
         stored = {name: file[path][()] for name, path in own.items() if path in file and exported}
         stored |= {BEGAN: file.attrs.get(BEGAN)} if exported else {}
-    told = {name: unit for name, (_, unit) in found.items() if unit}
-    values = {name: np.array(unit) for name, unit in of_groups.items() if wanted(name)}
-    values |= {name: values for name, (values, _) in found.items()}
-    return SourceColumns(
-        origin=origin,
-        names=names,
-        **columns_of(values, origin, told),
-        notes=notes,
-        **beside_columns(stored, origin),
-    )
+    columns = columns_of(values, told)
+    return SourceColumns(names=names, notes=notes, **columns, **beside_columns(stored))
 
 
 def _data_sets(

@@ -34,8 +34,8 @@ def read_json(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         The file is missing or not JSON, a row is of another kind than the first, or a wanted
         column does not hold numbers or lists of one length.
     """
-    origin, notes = f"import {path}", list[str]()
-    with reading(origin, "JSON", (ValueError, RecursionError)), ExitStack() as stack:
+    notes = list[str]()
+    with reading("JSON", (ValueError, RecursionError)), ExitStack() as stack:
         with path.open("rb") as begin:
             encoding = json.detect_encoding(begin.read(4))
         file = stack.enter_context(path.open(encoding=encoding))
@@ -56,7 +56,7 @@ def read_json(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         else:
             raise InputError("it holds neither rows nor arrays")
         arrays = {name: _array(column, name) for name, column in columns.items() if wanted(name)}
-    return SourceColumns(origin=origin, names=names, notes=notes, **columns_of(arrays, origin))
+    return SourceColumns(names=names, notes=notes, **columns_of(arrays))
 
 
 def _of_pandas(content: dict[str, Any]) -> Any:

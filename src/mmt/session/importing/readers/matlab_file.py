@@ -42,18 +42,17 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
     InputError
         The file is missing or not a MATLAB file, or is of version 7.3 and h5py is not installed.
     """
-    origin = f"import {path}"
     require("scipy")
     from scipy.io import loadmat
 
-    with reading(origin, "a MATLAB file"):
+    with reading("a MATLAB file"):
         try:
             content = loadmat(path, squeeze_me=True, struct_as_record=True, appendmat=False)
         except NotImplementedError:  # version 7.3 is HDF5
             return read_hdf5(path, wanted, options)
         own = content.keys() & OF_THE_SESSION if content.keys() >= _OF_MMT else ()
         belongings = {name: content.pop(name) for name in own}
-        beside = beside_columns(belongings, origin)
+        beside = beside_columns(belongings)
     variables = {
         name: values
         for variable, content in content.items()
@@ -63,9 +62,8 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
     named, units = _named(variables)
     variables = {name: c for columns in named.values() for name, c in columns.items()} | variables
     return SourceColumns(
-        origin=origin,
         names=[name for name in variables if name not in named],
-        **columns_of({n: v for n, v in variables.items() if wanted(n)}, origin, units),
+        **columns_of({n: v for n, v in variables.items() if wanted(n)}, units),
         **beside,
     )
 

@@ -41,21 +41,19 @@ def read_parquet(
         pyarrow is not installed, the file is missing or not Parquet, a wanted column does not
         hold numbers, or the session's scene or events are not valid.
     """
-    origin = f"import {path}"
-    names, metadata, units = read_schema(path, origin)
-    values = read_numbers(path, [name for name in names if wanted(name)], origin)
+    names, metadata, units = read_schema(path)
+    values = read_numbers(path, [name for name in names if wanted(name)])
     stored = {n: metadata.get(f"mmt.{n.removesuffix('_json')}".encode()) for n in OF_THE_SESSION}
     own = _OF_FRAMES & set(names) if {"sequence", "time_ns", "time_s"} <= set(names) else ()
     return SourceColumns(
-        origin=origin,
         names=names,
-        **columns_of(values, origin, units),
-        frames=_frames(read_numbers(path, own, origin)) if own else None,
-        **beside_columns(stored, origin),
+        **columns_of(values, units),
+        frames=_frames(read_numbers(path, own)) if own else None,
+        **beside_columns(stored),
     )
 
 
-def read_schema(path: Path, origin: str) -> tuple[list[str], Mapping[bytes, bytes], dict[str, str]]:
+def read_schema(path: Path) -> tuple[list[str], Mapping[bytes, bytes], dict[str, str]]:
     """Return the names of a file's columns, its metadata, and the units in that of the columns.
 
     Raises
@@ -63,10 +61,9 @@ def read_schema(path: Path, origin: str) -> tuple[list[str], Mapping[bytes, byte
     InputError
         pyarrow is not installed, or the file is missing or not Parquet.
     """
-    schema = _read(lambda parquet: parquet.read_schema(path), origin)
+    schema = _read(lambda parquet: parquet.read_schema(path))
     leaves = list(_leaves(schema))
-    told = {name: told_unit(field.metadata or {}) for name, field in leaves}
-    units = {name: unit for name, unit in told.items() if unit}
+    units = {name: told_unit(field.metadata or {}) for name, field in leaves}
     return [name for name, _ in leaves], schema.metadata or {}, units
 
 
@@ -79,7 +76,7 @@ def _leaves(fields: Iterable[Any], prefix: str = "") -> Iterator[tuple[str, Any]
             yield f"{prefix}{field.name}", field
 
 
-def read_numbers(path: Path, names: Iterable[str], origin: str) -> dict[str, npt.NDArray[Any]]:
+def read_numbers(path: Path, names: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
     """Return columns, (n,) or (n, k), of a file; of lists within lists k is the number of all.
 
     They hold numbers, or what `mmt.session.importing.readers.cells.numbers_in` takes for such.
@@ -90,8 +87,6 @@ def read_numbers(path: Path, names: Iterable[str], origin: str) -> dict[str, npt
         The file.
     names
         Columns to read; may be empty.
-    origin
-        Name of the source in error messages.
 
     Raises
     ------
@@ -101,27 +96,27 @@ def read_numbers(path: Path, names: Iterable[str], origin: str) -> dict[str, npt
     names = list(names)
     if not names:
         return {}
-    stored = _read(lambda parquet: parquet.read_schema(path).names, origin)
+    stored = _read(lambda parquet: parquet.read_schema(path).names)
     whole = [each for each in stored if any(f"{n}.".startswith(f"{each}.") for n in names)]
-    table = _read(lambda parquet: parquet.read_table(path, columns=whole), origin)
+    table = _read(lambda parquet: parquet.read_table(path, columns=whole))
     while any(hasattr(kind, "get_field_index") for kind in table.schema.types):
         table = table.flatten()
     lacking = set(names) - set(table.column_names)
     if lacking:
-        raise InputError(f"{origin}: {path.name} has no column {', '.join(sorted(lacking))}")
-    return {name: _numbers(table.column(name), name, origin) for name in names}
+        raise InputError(f"{path.name} has no column {', '.join(sorted(lacking))}")
+    return {name: _numbers(table.column(name), name) for name in names}
 
 
-def _read(read: Callable[[Any], Any], origin: str) -> Any:
+def _read(read: Callable[[Any], Any]) -> Any:
     require("pyarrow")
     import pyarrow
     import pyarrow.parquet
 
-    with reading(origin, "a Parquet file", (OSError, pyarrow.ArrowException)):
+    with reading("a Parquet file", (OSError, pyarrow.ArrowException)):
         return read(pyarrow.parquet)
 
 
-def _numbers(column: Any, name: str, origin: str) -> npt.NDArray[Any]:
+def _numbers(column: Any, name: str) -> npt.NDArray[Any]:
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -133,8 +128,8 @@ def _numbers(column: Any, name: str, origin: str) -> npt.NDArray[Any]:
         given, flat = array.is_valid().to_numpy(zero_copy_only=False), array.flatten()
         width = len(flat) // given.sum() if given.any() else 0
         if not set(pc.list_value_length(array).to_pylist()) <= {width, None}:
-            raise InputError(f"{origin}: the lists of {name} are not all of one length")
-        inner = _numbers(pa.chunked_array([flat]), name, origin)
+            raise InputError(f"the lists of {name} are not all of one length")
+        inner = _numbers(pa.chunked_array([flat]), name)
         rows = inner.reshape(-1, width * inner.size // max(1, len(inner)))
         if given.all():
             return rows

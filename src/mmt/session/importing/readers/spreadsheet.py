@@ -23,17 +23,16 @@ def read_spreadsheet(
     InputError
         openpyxl is not installed, the file is missing or not a workbook, or see `read_table`.
     """
-    origin = f"import {path}"
     require("openpyxl")
     import openpyxl
 
-    with reading(origin, "an .xlsx workbook with a table"), path.open("rb") as file:
+    with reading("an .xlsx workbook with a table"), path.open("rb") as file:
         book: Any = openpyxl.load_workbook(file, read_only=True, data_only=True)
         try:
-            sheet = _sheet(book, options.sheet, origin)
+            sheet = _sheet(book, options.sheet)
             sheet.reset_dimensions()  # some programs state too small ones
             rows = _padded(sheet.iter_rows(values_only=True))
-            columns = read_table(origin, rows, wanted, options)
+            columns = read_table(rows, wanted, options)
         finally:
             book.close()
         if options.sheet is not None or len(book.sheetnames) == 1:
@@ -51,11 +50,11 @@ def _padded(rows: Iterable[Sequence[Cell]]) -> Iterator[Sequence[Cell]]:
         yield [*row, *[None] * (width - len(row))]
 
 
-def _sheet(book: Any, name: str | None, origin: str) -> Any:
+def _sheet(book: Any, name: str | None) -> Any:
     if name is None:
         return book.active if book.active in book.worksheets else book.worksheets[0]
     if name not in book.sheetnames and name.isdecimal():
         name = dict(enumerate(book.sheetnames, start=1)).get(int(name), name)
     if name not in book.sheetnames:
-        raise InputError(f"{origin}: --sheet {name}: there are {', '.join(book.sheetnames)}")
+        raise InputError(f"--sheet {name}: there are {', '.join(book.sheetnames)}")
     return book[name]

@@ -32,10 +32,7 @@ _FEW: Final = 0.01
 
 
 def read_table(
-    origin: str,
-    rows: Iterable[Sequence[Cell]],
-    wanted: Callable[[str], bool],
-    options: ImportOptions,
+    rows: Iterable[Sequence[Cell]], wanted: Callable[[str], bool], options: ImportOptions
 ) -> SourceColumns:
     """Return the wanted columns of a table.
 
@@ -55,7 +52,7 @@ def read_table(
     """
     start, rest, first = find_numbers(rows, options)
     if not any(map(count_filled, start)):
-        raise InputError(f"{origin}: the file is empty")
+        raise InputError("the file is empty")
     header = read_header(start, first, options)
     below = start[header.begin :]
     places = {name: place for name, place in header.places.items() if wanted(name)}
@@ -67,13 +64,13 @@ def read_table(
         name: partial(_coded, codes[name]) if name in codes else partial(number, column=name)
         for name in places
     }
-    columns, lines, notes = _read_rows(origin, chain(below, rest), header, places, read, number)
+    columns, lines, notes = _read_rows(chain(below, rest), header, places, read, number)
     labels = {name: np.array([unit]) for name, unit in header.stated.items() if wanted(name)} | {
         name: np.array([*texts, ""])[np.nan_to_num(columns.pop(name), nan=-1).astype(int)]
         for name, texts in codes.items()
     }
-    number.check(origin)
-    in_cells = {n: number.unit_in(n, np.asarray(values), origin) for n, values in columns.items()}
+    number.check()
+    in_cells = {n: number.unit_in(n, np.asarray(values)) for n, values in columns.items()}
     told = {name: unit for name, unit in in_cells.items() if unit}
     dated = [
         n
@@ -81,14 +78,13 @@ def read_table(
         if any(p < len(row) and seconds_of(row[p]) is not None for row in below)
     ]
     return SourceColumns(
-        origin=origin,
         values={name: values for name, values in columns.items() if name != BEGAN},
         names=header.names,
         units={**header.units, **told, **dict.fromkeys(dated, DATE)},
         row_name=partial(name_of, "line {}".format, lines),
         ends_left_out=True,
         notes=(*header.notes, *notes),
-        began_utc_ns=parsed_date(columns.get(BEGAN), origin),
+        began_utc_ns=parsed_date(columns.get(BEGAN)),
         labels=labels,
     )
 
@@ -110,7 +106,6 @@ def _coded(code: Mapping[str, int], cell: Cell) -> float | None:
 
 
 def _read_rows(
-    origin: str,
     rows: Iterable[Sequence[Cell]],
     header: Header,
     places: Mapping[str, int],
@@ -137,7 +132,7 @@ def _read_rows(
                 title = title_in(row) or title
                 continue
             raise InputError(
-                f"{origin}: {name} is {text_of(cell)[:_SHOWN_CHARACTERS]!r} in line {line}, it "
+                f"{name} is {text_of(cell)[:_SHOWN_CHARACTERS]!r} in line {line}, it "
                 "must be a number, or a date as 2026-01-31 10:30:00.5; --missing says what is none"
             ) from error
         if not row:
@@ -156,7 +151,7 @@ def _read_rows(
         widths.append(len(row))
     if texts and not lines:
         raise InputError(
-            f"{origin}: below the names no line holds numbers alone; the first, line {texts[0]}, "
+            f"below the names no line holds numbers alone; the first, line {texts[0]}, "
             f"begins with {below[:_SHOWN_CHARACTERS]!r}: numbers are written as 0.5 or 5e-1, with "
             "their unit in the header"
         )

@@ -55,9 +55,8 @@ def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions)
     InputError
         The file is missing or not text, or see `read_table`.
     """
-    origin = f"import {path}"
     damage = (UnicodeDecodeError, csv.Error, EOFError, zlib.error, gzip.BadGzipFile)
-    with reading(origin, "text in columns", damage):
+    with reading("text in columns", damage):
         encoding, sign = _encoding(path), options.delimiter or ";"
         with _opened(path, encoding) as stream:
             read = _without_labels(_lines(stream, []), [], sign)
@@ -68,7 +67,7 @@ def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions)
         cut: list[str] = []
         with _opened(path, encoding) as stream:
             rows = _rows(_without_labels(_lines(stream, cut), cut, sign), delimiter)
-            columns = read_table(origin, rows, wanted, options)
+            columns = read_table(rows, wanted, options)
         return replace(columns, notes=(*columns.notes, *cut))
 
 
