@@ -181,7 +181,7 @@ def test_each_criterion_has_a_panel_with_its_thresholds_beside_the_curves(evalua
     figure = figures.completion_over_time([by_distance, evaluations[1]])
     figure.draw_without_rendering()
     for axis, of, thresholds in zip(
-        figure.axes, ("distance", "share"), ({7.5, 4.243}, {0.65, 0.86}), strict=True
+        figure.axes, ("distance", "share"), ({7.5, 4.243}, {0.65, 0.84}), strict=True
     ):
         assert of in axis.get_ylabel()
         assert {float(text.get_text().split()[1]) for text in axis.texts} == thresholds

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_samples import scattered, speed_of
+from scipy import stats
 
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
@@ -15,7 +16,13 @@ from mmt.texture.field import cells as field_cells
 from mmt.texture.field import covariance, observations
 from mmt.texture.field.cells import FieldCells
 from mmt.texture.field.observations import BLOCK_VARIANCE, MOMENT_VARIANCE, choose, observe
-from mmt.texture.field.posterior import DB, LevelField, right_probability
+from mmt.texture.field.posterior import (
+    DB,
+    TAIL_SCALE,
+    LevelField,
+    Prediction,
+    right_probability,
+)
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import JND_DB
 from mmt.texture.space import ANISOTROPIC, ISOTROPIC, TextureSamples
@@ -100,7 +107,8 @@ def test_mean_and_deviation_are_those_of_the_formulas_written_out(directed):
     weights = np.exp(np.array(evidence) - max(evidence))
     weights /= weights.sum()
     mean = weights @ each_mean
-    variance = weights @ (np.array(each_variance) + np.square(each_mean - mean))
+    of_each = stats.t(3).var() * TAIL_SCALE**2 * np.array(each_variance)
+    variance = weights @ (of_each + np.square(each_mean - mean))
     mean = mean + middle + [1.5 * u + 0.5 * v for u, v, _ in wanted]
     found = field.level_db(asked)
     np.testing.assert_allclose(found[0], DB * mean, atol=0.02)  # negligible settings are left out
@@ -278,12 +286,17 @@ def test_the_corner_of_the_space_is_its_last_cell(directed):
             replace(cells, keys=beyond).check()
 
 
-def test_one_jnd_of_deviation_leaves_what_one_standard_deviation_holds():
-    found = right_probability(JND_DB, np.square([JND_DB, 0.5 * JND_DB, 1e-9, 1e9]))
-    np.testing.assert_allclose(found[:2], [0.682689, 0.954500], atol=1e-6)
-    assert found[2] == 1.0
-    assert 0.0 <= found[3] < 1e-8
-    assert right_probability(1.0, np.array([1e-12]), 2.0)[0] == 0.0
+def test_errors_have_students_t_distribution():
+    variances = np.square([0.5 * JND_DB, JND_DB, 3.0 * JND_DB])
+    for off in (0.0, 0.7, -2.0):
+        found = right_probability(JND_DB, variances, off)
+        law = stats.t(3, loc=off, scale=TAIL_SCALE * np.sqrt(variances))
+        np.testing.assert_allclose(found, law.cdf(JND_DB) - law.cdf(-JND_DB), rtol=1e-12)
+    one = Prediction(np.ones(1), np.zeros((1, 3)), variances[np.newaxis])
+    np.testing.assert_allclose(one.deviation, law.std())
+    assert right_probability(JND_DB, np.array([1e-12]))[0] == 1.0
+    assert 0.0 <= right_probability(JND_DB, np.array([1e12]))[0] < 1e-5
+    assert 0.0 <= right_probability(1.0, np.array([1e-12]), 2.0)[0] < 1e-12
 
 
 @DIRECTED

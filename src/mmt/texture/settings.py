@@ -74,7 +74,7 @@ START_SHARE: Final = 0.65
 """Expected share at which rendering starts: about two strokes in three, early enough for a person
 who waits for it. Decision 55 compares other values."""
 
-STOP_SHARE: Final = 0.86
+STOP_SHARE: Final = 0.84
 """Expected share at which modelling ends; most textures reach it within half a minute."""
 
 

@@ -8,7 +8,7 @@ strokes (`StrokingDensity`). It is the expectation of a share that `mmt lab comp
 It does not include errors of the spectrum's shape, which has no posterior here, or of vibration
 that the stream does not contain, such as that far below the corner of the high-pass.
 
-*Level.* The posterior is a mixture of normal distributions, one for each setting of its
+*Level.* The posterior is a mixture of Student's t distributions, one for each setting of its
 hyperparameters. The probability is the mixture's within one JND of its mean.
 
 *One step ahead.* A second of stroking at c whose power scatters with variance r reduces the
