@@ -88,12 +88,11 @@ def main() -> None:
 
 async def run(listeners: Listeners) -> RecordedSession:
     """Run the demo's services; return their recording."""
-    scene_file = example_scenes()["demo"]
     with tempfile.TemporaryDirectory() as directory:
         file = Path(directory) / "session.mcap"
         overrides = {"session.duration_s": DURATION_S, "recording.file": str(file)}
-        scene = load_scene(scene_file, overrides, tables=["sharing"])
-        found = await run_services(scene_file, scene, DURATION_S, None, side_services=[listeners])
+        scene = load_scene(example_scenes()["demo"], overrides, tables=["sharing"])
+        found = await run_services(scene, side_services=[listeners])
         if found.failed:
             raise MmtError("; ".join(found.errors))
         for task in listeners.tasks:

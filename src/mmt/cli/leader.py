@@ -14,10 +14,10 @@ from mmt.cli.common import MODEL_NAME, OPTIONS, Force, run_app, write_line
 from mmt.cli.options import with_flags, with_options
 from mmt.cli.running.display import telling_of_report
 from mmt.cli.running.service import (
+    LastingSideService,
     SceneFile,
     ServiceOptions,
     ServiceRun,
-    SideService,
     Version,
     create_side_services,
     start_side_services,
@@ -113,7 +113,7 @@ class LeaderRun(ServiceRun["Leader"]):
         scene: Scene,
         options: ServiceOptions,
         report: Path | None,
-        side_services: Sequence[SideService] = (),
+        side_services: Sequence[LastingSideService] = (),
     ) -> None:
         super().__init__("leader", scene, options)
         self._report = report

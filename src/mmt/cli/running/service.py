@@ -46,13 +46,17 @@ Version: TypeAlias = Annotated[
 
 
 class SideService(Protocol):
-    """A service for other people beside the leader, such as a page, perhaps longer than it runs."""
+    """A service for other people that a command runs beside the leader, such as a page."""
 
     def start_on_event(self, sentence: str) -> Coroutine[Any, Any, str] | None:
         """Return a coroutine that starts the service on this event of the leader, or None.
 
         The coroutine returns a text for the terminal.
         """
+
+
+class LastingSideService(SideService, Protocol):
+    """A service that may run longer than the session."""
 
     @property
     def after_session(self) -> str | None:
@@ -67,7 +71,7 @@ class SideService(Protocol):
 
 def create_side_services(
     flags: Iterable[Flag], scene: Scene, *, terminal: bool = True
-) -> list[SideService]:
+) -> list[LastingSideService]:
     """Return the side services of these flags, not started.
 
     Parameters
