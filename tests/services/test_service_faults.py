@@ -11,7 +11,7 @@ from service_runs import MadeSource, Together, run_session, small_scene
 from mmt.core.errors import MmtError
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
 from mmt.devices.protocols import InterfaceState
-from mmt.leader.modelling import pipeline
+from mmt.leader.modelling import process
 from mmt.leader.motion.feedback import StreamedForce
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
@@ -63,7 +63,7 @@ async def test_bad_frames_are_counted_and_the_model_never_sees_them(tmp_path, mo
         return segment(self, frames)
 
     monkeypatch.setattr(OnlineModeller, "segment", watched)
-    monkeypatch.setattr(pipeline, "ModellingProcess", InThread)
+    monkeypatch.setattr(process, "ModellingProcess", InThread)
     scene = small_scene(tmp_path, texture={"update_period_s": 0.1}, rendering={})
     leader, follower = await run_session(scene, MadeSource(bad_blocks()))
     assert (leader.outcome, leader.problem) == ("source ended", None)
