@@ -1,4 +1,4 @@
-"""Array types shared by every layer, vectors as plain floats, and the crossfade of two signals.
+"""Array types shared by every layer, and vectors as plain floats.
 
 Code that runs once a tick is several times slower on NumPy scalars than on floats.
 """
@@ -66,18 +66,3 @@ def bounded(vector: Vector, most: float) -> Vector:
         return bounded((0.5 * vector[0], 0.5 * vector[1], 0.5 * vector[2]), most)
     share = most / length
     return (share * vector[0], share * vector[1], share * vector[2])
-
-
-def crossfaded(share: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
-    """Return the mix of two uncorrelated signals that keeps their power (gains cosine and sine).
-
-    Parameters
-    ----------
-    share
-        Share of `after`, 0 to 1, shape (n,).
-    before, after
-        The signals, shape (n,).
-    """
-    angle = 0.5 * math.pi * share
-    mixed: FloatArray = np.cos(angle) * before + np.sin(angle) * after
-    return mixed

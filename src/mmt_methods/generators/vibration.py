@@ -12,9 +12,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, crossfaded
+from mmt.core.arrays import FloatArray
 from mmt.core.running.ticking import TimeHistogram
-from mmt.leader.output.renderer import Renderer
+from mmt.leader.output.renderer import Renderer, crossfaded
 
 BLOCK_MS: Final = 10
 """Length of a block, which is also its number of frames."""

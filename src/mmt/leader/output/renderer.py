@@ -1,10 +1,11 @@
 """What plays from a model or another method's generator, and the crossfade between two of them."""
 
+import math
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, crossfaded
+from mmt.core.arrays import FloatArray
 
 
 class SynthesizedVibration(Protocol):
@@ -113,3 +114,18 @@ class ModelCrossfade:
             following, self._next = self._next, None
             self.cross_to(following)
         return crossfaded(share, before, now)
+
+
+def crossfaded(share: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
+    """Return the mix of two uncorrelated signals that keeps their power (gains cosine and sine).
+
+    Parameters
+    ----------
+    share
+        Share of `after`, 0 to 1, shape (n,).
+    before, after
+        The signals, shape (n,).
+    """
+    angle = 0.5 * math.pi * share
+    mixed: FloatArray = np.cos(angle) * before + np.sin(angle) * after
+    return mixed

@@ -6,11 +6,16 @@ from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, crossfaded
+from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.guards import VibrationSlew
 from mmt.leader.motion.hand import loss_metrics
-from mmt.leader.output.renderer import MotionFollowing, SynthesizedVibration, TouchDownRenderer
+from mmt.leader.output.renderer import (
+    MotionFollowing,
+    SynthesizedVibration,
+    TouchDownRenderer,
+    crossfaded,
+)
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Actuator
 
