@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mmt.testing.simulation.surfaces.vibration import Stroke
+from mmt.testing.simulation.surfaces.known_surfaces import Stroke
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space import InputSpace, TextureSamples
 

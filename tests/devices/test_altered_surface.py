@@ -9,8 +9,8 @@ from mmt.testing.simulation.strokes import REACH_MM
 from mmt.testing.simulation.surfaces.alterations import Level, Patches
 from mmt.testing.simulation.surfaces.altered_surface import AlteredSurface
 from mmt.testing.simulation.surfaces.drawn_textures import FINAL, draw_texture
+from mmt.testing.simulation.surfaces.known_surfaces import Stroke
 from mmt.testing.simulation.surfaces.textures import SURFACES, get_surface
-from mmt.testing.simulation.surfaces.vibration import Stroke
 from mmt_lab.harness.experiment import DRAWN, chosen_textures
 
 FAST = Stroke(120.0, 1.2)

@@ -13,6 +13,7 @@ import mmt
 from mmt.core.errors import InputError
 from mmt.testing.simulation.instruments import Instruments
 from mmt.testing.simulation.robot import TipState
+from mmt.testing.simulation.surfaces.known_surfaces import Stroke
 from mmt.testing.simulation.surfaces.model_surface import ModelSurface
 from mmt.testing.simulation.surfaces.modes import Grain, Line, Resonance
 from mmt.testing.simulation.surfaces.surface import HIGH_PASS_POLE, Surface
@@ -23,7 +24,6 @@ from mmt.testing.simulation.surfaces.textures import (
     get_surface,
     surface_from_annotations,
 )
-from mmt.testing.simulation.surfaces.vibration import Stroke
 
 NAMES = sorted(name for name, surface in SURFACES.items() if surface.isotropic)
 

@@ -19,8 +19,8 @@ from mmt.core.files.untrusted import load_arrays
 from mmt.evaluation.model_errors import root_mean_square
 from mmt.testing.emulated.haptuator import coil_acceleration_m_s2
 from mmt.testing.emulated.openhaptics.phantom import series_n_mm
+from mmt.testing.simulation.surfaces.known_surfaces import Stroke
 from mmt.testing.simulation.surfaces.textures import get_surface
-from mmt.testing.simulation.surfaces.vibration import Stroke
 
 _RATE_HZ: Final = 1000
 _POWER_SAMPLES: Final = 5

@@ -33,8 +33,7 @@ from mmt.scene import (
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ, nominal_compliance_mm_n
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.hand import SimulatedHand
-from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface
-from mmt.testing.simulation.surfaces.vibration import Stroke
+from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface, Stroke
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.settings import Inputs, ModellingSettings

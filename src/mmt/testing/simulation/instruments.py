@@ -16,11 +16,10 @@ from mmt.core.arrays import RecordArray, Vector
 from mmt.core.frames import frame_dtype, frame_struct, ordered_channels
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ, NoiseRows
 from mmt.testing.simulation.robot import TipState
-from mmt.testing.simulation.surfaces.vibration import Stroke
+from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface, Stroke
 
 if TYPE_CHECKING:
     from mmt.testing.simulation.surfaces.course import SurfaceCourse
-    from mmt.testing.simulation.surfaces.known_surfaces import KnownSurface
 
 GRAVITY_M_S2: Final = 9.80665  # as in `mmt.core.units`, which a simulated follower does not load
 

@@ -20,9 +20,10 @@ from mmt.testing.simulation.surfaces.alterations import LAGS, Bursts, Level, Pat
 from mmt.testing.simulation.surfaces.known_surfaces import (
     ALTERED_VERSION,
     KnownSurface,
+    Stroke,
+    VibrationSource,
     encode_truth,
 )
-from mmt.testing.simulation.surfaces.vibration import Stroke, VibrationSource
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,11 @@ from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.surfaces.known_surfaces import (
     COURSE_VERSION,
     KnownSurface,
+    Stroke,
+    VibrationSource,
     encode_truth,
 )
 from mmt.testing.simulation.surfaces.textures import get_surface, surface_from_annotations
-from mmt.testing.simulation.surfaces.vibration import Stroke, VibrationSource
 
 When = Literal["lifted", "contact", "either"]
 

@@ -3,7 +3,7 @@
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,6 @@ import numpy.typing as npt
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.testing.simulation import RATE_HZ
-from mmt.testing.simulation.surfaces.vibration import VibrationSource
 
 VERSION: Final = 1
 """Version of the annotations of a texture that is the same in all directions."""
@@ -29,6 +28,40 @@ ALTERED_VERSION: Final = 5
 """Version of the annotations of an altered surface."""
 
 _POWER_GRID: Final = 4096
+
+
+class Stroke(NamedTuple):
+    """What the tip does on the surface."""
+
+    speed_mm_s: float
+    force_n: float
+    heading: tuple[float, float] = (1.0, 0.0)
+    """Unit vector of its velocity in the plane."""
+    position_mm: tuple[float, float] = (0.0, 0.0)
+    """Its place in the plane."""
+
+
+class VibrationSource(ABC):
+    """Makes the vibration of a surface at the surface's rate."""
+
+    @property
+    def friction_coefficient(self) -> float | None:
+        """Friction of the surface that a course has reached, or None without a course."""
+        return None
+
+    @abstractmethod
+    def run(self, count: int, stroke: Stroke) -> list[tuple[float, float]]:
+        """Return the next samples of a stroke that stays the same meanwhile.
+
+        Returns
+        -------
+        samples
+            The acceleration (m/s2) along the normal and along the heading, `count` times.
+        """
+
+    def step(self, stroke: Stroke) -> tuple[float, float]:
+        """Return the next sample; see `run`."""
+        return self.run(1, stroke)[0]
 
 
 class KnownSurface(ABC):

@@ -25,9 +25,10 @@ from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.surfaces.known_surfaces import (
     MODEL_VERSION,
     KnownSurface,
+    Stroke,
+    VibrationSource,
     encode_truth,
 )
-from mmt.testing.simulation.surfaces.vibration import Stroke, VibrationSource
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.space import InputSpace
 

@@ -27,10 +27,11 @@ from mmt.testing.simulation.surfaces.known_surfaces import (
     GRAINED_VERSION,
     VERSION,
     KnownSurface,
+    Stroke,
+    VibrationSource,
     encode_truth,
 )
 from mmt.testing.simulation.surfaces.modes import Grain, Line, Mode, Resonance, maps_at
-from mmt.testing.simulation.surfaces.vibration import Stroke, VibrationSource
 
 HIGH_PASS_POLE: Final = 0.95
 """Pole of the fixed high-pass at 1 kHz, a corner of 8 Hz, below the band of texture."""
