@@ -150,21 +150,25 @@ FIGURES: Final[Mapping[str, tuple[str, str, str]]] = {
     "detected": ("detected", ".3f", "share of the planted knocks that the first stage removed"),
     "false_alarms": ("false alarms", ".3f", "share of the other points that it removed"),
     "false_alarms_without": (
-        *("without knocks", ".3f"),
+        "without knocks",
+        ".3f",
         "share of the points that it removes of the same trials without knocks",
     ),
     "compression": ("compression", ".2f", "points before over points kept"),
     "gfc_change": (
-        *("GFC change", "+.4f"),
+        "GFC change",
+        "+.4f",
         "GFC (Welch, 64 samples, against the known truth at 200 strokes that no model has seen) of "
         "the kept points' model less that of all points' model, knocks included",
     ),
     "power_change_db": (
-        *("power change (dB)", "+.2f"),
+        "power change (dB)",
+        "+.2f",
         "the same of the rms of the power error in dB",
     ),
     "same_when_shuffled": (
-        *("same shuffled", ".0%"),
+        "same shuffled",
+        ".0%",
         "whether the same points are kept in another order",
     ),
     "seconds": ("time (s)", ".2f", ""),
