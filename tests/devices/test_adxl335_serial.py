@@ -3,6 +3,7 @@
 import itertools
 import logging
 import sys
+from pathlib import Path
 
 import pytest
 from driver_fixtures import own_calibrations  # noqa: F401 - a fixture
@@ -11,7 +12,7 @@ from waiting import check_refused
 
 from mmt.core.errors import MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, GravityCalibration
-from mmt.devices.calibrations import save_calibration
+from mmt.devices.calibrations import calibration_file, save_calibration
 from mmt.devices.drivers import load_device
 
 if sys.platform == "win32":
@@ -129,3 +130,20 @@ def test_a_stored_calibration_is_used_and_its_mismatch_told(boards, drivers, con
     assert "the calibration stored for bench-3 does not fit" in message
     connected(drivers(boards(), supply_v=1.8)).calibrate()
     assert "it is not calibrated, and the options for supply" in caplog.text
+
+
+def opened(board):
+    """How often this process has the board's port open."""
+    port = Path(board.path).resolve()
+    return [file.resolve() for file in Path("/proc/self/fd").iterdir()].count(port)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="open files are listed as on Linux")
+def test_a_stored_calibration_that_cannot_be_read_leaves_the_port_closed(boards, drivers):
+    file = calibration_file("adxl335", "bench-3")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text("{")
+    board = boards()
+    before = opened(board)
+    check_refused(drivers(board, serial="bench-3").connect, "the calibration .* cannot be read")
+    assert opened(board) == before
