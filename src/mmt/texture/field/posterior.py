@@ -53,8 +53,8 @@ SETTINGS: Final = 16
 
 TAIL_SCALE: Final = 0.8
 """Scale of the errors' distribution over the standard deviation of the process. Errors on the 50
-models of the prior, after 3 to 30 s, are likeliest with 3 or 4 degrees of freedom and 0.8 to 0.85.
-"""
+models of the prior, with noise, after 3, 10, 20 and 30 s, are likeliest with 3 or 4 degrees of
+freedom and a scale of 0.75 to 0.85."""
 
 _NEGLIGIBLE: Final = 1e-3  # weight of a setting that is left out
 _LEAST_EXPONENT: Final = 0.2
