@@ -11,6 +11,7 @@ from scipy import signal
 
 import mmt
 from mmt.leader.building import LeaderParts, playout
+from mmt.leader.output.concealment import LONGEST_FRAMES
 from mmt.leader.output.stream import PlayoutBuffer, StreamedVibration
 from mmt.leader.output.synthesis import StreamedMotion
 from mmt.leader.output.three_axes import ThreeAxes
@@ -153,13 +154,26 @@ def test_the_stream_and_the_truth_as_the_model_are_of_one_level(name, axis):
     assert abs(step_db) < 0.5
 
 
-def test_a_gap_in_the_stream_makes_no_click():
+@pytest.mark.parametrize("peak", [0.1, 1.0, 5.0])
+def test_a_gap_in_the_stream_makes_no_click(peak):
     buffer = PlayoutBuffer(delay_ms=2.0)
     stream = StreamedVibration(buffer, "z", 1000.0)
     frames = vibrating(600)
-    frames["acceleration_m_s2"][300:, 2] += 40.0  # unseen: the gap hides the step
+    frames["acceleration_m_s2"][:, 2] = 9.81 + peak * (frames["acceleration_m_s2"][:, 2] - 9.81)
+    frames["acceleration_m_s2"][300:, 2] += 8.0 * peak  # unseen: the gap hides the step
     output = played(stream, buffer, frames[np.r_[0:250, 300:600]])
-    assert np.abs(output).max() < 2.0
+    assert np.abs(output).max() < 2.0 * peak
+
+
+@pytest.mark.parametrize(
+    ("missing", "restarts"), [(LONGEST_FRAMES, False), (LONGEST_FRAMES + 1, True)]
+)
+def test_the_filter_restarts_after_a_gap_that_cannot_be_concealed(missing, restarts):
+    vibration = []
+    buffer = SimpleNamespace(push=lambda *frame: vibration.append(frame[-1]))
+    frames = np.delete(vibrating(600), range(303, 303 + missing))
+    StreamedVibration(buffer, "z", 1000.0).on_frames(frames, 0)
+    assert (vibration[303] == [0.0]) == restarts, "a filter starts in the steady state"
 
 
 def moving(speed_mm_s, force_n, count):
