@@ -149,3 +149,15 @@ def test_the_level_never_falls_faster_than_a_fade(invented):
     assert (np.diff(gains) <= 0.0).all()
     assert np.diff(gains).min() >= -0.2 - 1e-12
     assert (gains[-20 + 5 :] == 0.0).all()
+
+
+def test_an_invented_frame_takes_one_from_the_allowance_and_a_received_one_gives_back_two():
+    gap = Continuation(lambda _past, gains: gains, 1)
+    for _ in range(LONGEST_FRAMES // 2):
+        gap.play([1.0])
+    for _ in range(70):
+        gap.bridge()
+    for _ in range(15):
+        gap.play([1.0])
+    level = np.ravel([gap.bridge() for _ in range(20)])
+    assert level.tolist() == course(70 - 2 * 15, 1)[:20].tolist()

@@ -182,7 +182,7 @@ def modelled(seed: int, samples_per_frame: int) -> GoOn:
 Concealment: TypeAlias = FadeOut | Continuation
 
 
-def build_concealment(way: Way, seed: int, samples_per_frame: int = 1) -> Concealment:
+def build_concealment(way: Way, seed: int, samples_per_frame: int) -> Concealment:
     """Return the concealment of a scene; `seed` is for the noise of a model."""
     if way == "silence":
         return FadeOut(samples_per_frame)
