@@ -17,8 +17,6 @@ from waiting import check_refused
 
 from mmt.core.errors import DeviceLost, InputError
 from mmt.devices.ati.gauges import (
-    Gauges,
-    GaugesOptions,
     load_calibration_file,
     parse_calibration_file,
 )
@@ -204,9 +202,13 @@ def file(tmp_path):
     return path
 
 
+def made_already(board):
+    return board
+
+
 def make(file, board, **options):
-    given = {"calibration_file": file, "board": "lab.boards:board", **options}
-    return Gauges(GaugesOptions.model_validate(given), board)
+    table = {"driver": f"{__name__}:made_already", "board": board}
+    return load_device("ati-gauges", {"calibration_file": file, "board": table, **options})
 
 
 @pytest.fixture

@@ -4,11 +4,11 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.units import GRAVITY_M_S2
-from mmt.devices.drivers import factory_of
+from mmt.devices.drivers import read_options
 from mmt.devices.record_clocks import CountingClock
 from mmt.devices.sensor_drivers import AccelerometerDriver
 from mmt_devices.iio.attributes import find_device, find_iio_accelerometers
@@ -181,9 +181,7 @@ class StampedAccelerometer(IioAccelerometer):
         return stamped
 
 
-def _stamped_or_counted(options: IioOptions) -> IioAccelerometer:
-    kind = StampedAccelerometer if options.stamps == "kernel" else IioAccelerometer
-    return kind(options)
-
-
-iio_accelerometer = factory_of(DRIVER, IioOptions, _stamped_or_counted)
+def iio_accelerometer(**options: Any) -> IioAccelerometer:
+    """Return the driver for the option `stamps`; see `IioOptions`."""
+    given = read_options(IioOptions, DRIVER, options)
+    return (StampedAccelerometer if given.stamps == "kernel" else IioAccelerometer)(given)

@@ -4,14 +4,12 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.extras import require
 from mmt.core.quaternions import Quaternion
 from mmt.devices.discovery import lacking
-from mmt.devices.drivers import read_options
 from mmt_devices.universal_robots import dashboard
 from mmt_devices.universal_robots.frame import M_TO_MM, SceneFrame
 from mmt_devices.universal_robots.link import ArmLink
@@ -30,8 +28,10 @@ class UrRobot:
     the orientation that it has when the robot is connected.
     """
 
-    def __init__(self, **options: Any) -> None:
-        self._options = given = read_options(UrRobotOptions, "ur", options)
+    OPTIONS = UrRobotOptions
+
+    def __init__(self, options: UrRobotOptions) -> None:
+        self._options = given = options
         require("rtde_control")
         normal = SceneFrame((0.0, 0.0, 0.0), given.rotation_rad).to_base((0.0, 0.0, 1.0))
         self._servo = ServoSettings(

@@ -16,7 +16,7 @@ from mmt.devices.ati.calibration import (
     unit_size,
     wrench_units,
 )
-from mmt.devices.drivers import factory_of, load_device
+from mmt.devices.drivers import load_device
 from mmt.devices.protocols import VoltageBoard, arrival_of
 from mmt.devices.sensor_drivers import Stamped, WrenchSensor
 from mmt.devices.wrench import matrix_of, six_of
@@ -165,8 +165,6 @@ def _finite(text: str, name: str) -> float:
         raise InputError(f"its {name} is {short_message(text)!r}, not a finite number") from None
 
 
-DRIVER: Final = "ati-gauges"
-
 _SATURATED: Final = 0.99
 """Share of the largest voltage at which a gauge counts as saturated."""
 
@@ -183,31 +181,27 @@ class GaugesOptions(AtiOptions):
 class Gauges(WrenchSensor):
     """A `SampledSensor` of forces behind an acquisition board.
 
-    Parameters
-    ----------
-    options
-        See `GaugesOptions`.
-    board
-        Board that samples the voltages.
-
     Raises
     ------
     InputError
         The calibration cannot be used, is not the expected one, or the board has too few inputs.
     """
 
-    def __init__(self, options: GaugesOptions, board: VoltageBoard) -> None:
+    OPTIONS = GaugesOptions
+
+    def __init__(self, options: GaugesOptions) -> None:
         super().__init__(f"gauges by {options.calibration_file.name}", options)
-        self._board = board
+        named = options.board
+        self._board: VoltageBoard = load_device(named.driver, named.options, role="board")
         self._is_open = False
         self.loaded: FileCalibration = load_calibration_file(options.calibration_file)
         """Contents of the calibration file."""
         check_calibration(self.name, self.loaded, options)
-        if board.inputs < 6:
+        if self._board.inputs < 6:
             raise InputError(
-                f"{self.name}: the board is set to {board.inputs} inputs, the gauges need six"
+                f"{self.name}: the board is set to {self._board.inputs} inputs, the gauges need six"
             )
-        self._limit_v = _SATURATED * min(self.loaded.output_v, board.limit_v)
+        self._limit_v = _SATURATED * min(self.loaded.output_v, self._board.limit_v)
 
     def _open(self) -> None:
         self._board.connect()
@@ -249,11 +243,3 @@ class Gauges(WrenchSensor):
         """Counts of tolerated faults, by kind, those of the board too."""
         of_board = {f"board: {what}": count for what, count in self._board.faults.items() if count}
         return {**super().faults, **of_board}
-
-
-def _at_its_board(options: GaugesOptions) -> Gauges:
-    board = options.board
-    return Gauges(options, load_device(board.driver, board.options, role="board"))
-
-
-gauges = factory_of(DRIVER, GaugesOptions, _at_its_board)

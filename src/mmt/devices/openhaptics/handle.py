@@ -1,9 +1,6 @@
 """The leader's handle: a Phantom or Touch that the operator holds."""
 
-from typing import Any
-
 from mmt.core.arrays import Vector
-from mmt.devices.drivers import read_options
 from mmt.devices.leader_reports import InterfaceState
 from mmt.devices.openhaptics.driver import HdDriver
 from mmt.devices.openhaptics.library import Stack
@@ -20,8 +17,7 @@ class OpenHapticsHandle(HdDriver[Servo]):
     estimates the hand's force from the motion.
     """
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__(read_options(HdOptions, "openhaptics", options))
+    OPTIONS = HdOptions
 
     def _make_servo(
         self,
