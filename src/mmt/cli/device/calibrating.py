@@ -14,7 +14,7 @@ import typer
 from mmt.cli.common import messages, noting, output, raise_problems, summary_table, write_json
 from mmt.cli.device.testing import devices_named, is_scene
 from mmt.core.arrays import RecordArray
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError, naming
 from mmt.core.files.existing import write_file
 from mmt.core.running.ticking import Ticker
 from mmt.devices.adxl335 import sensor as adxl335
@@ -125,9 +125,8 @@ def _rest(sensor: adxl335.Adxl335, up: Up, duration_s: float) -> Rest:
 
 def _read(path: Path, named: str | None) -> tuple[str, list[Rest]]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"--rests {path}: {error.strerror or error}") from error
+        with naming(f"--rests {path}"):
+            content = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
         raise InputError(f"--rests {path}: not valid JSON: {error}") from error
     if not isinstance(content, dict) or "rests" not in content:

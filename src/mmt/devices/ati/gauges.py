@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from mmt.core.bounds import finite_number
-from mmt.core.errors import DeviceLost, InputError, short_message
+from mmt.core.errors import DeviceLost, InputError, naming, short_message
 from mmt.core.files.untrusted import parse_xml
 from mmt.devices.ati.calibration import (
     AtiOptions,
@@ -42,20 +42,18 @@ def load_calibration_file(path: Path) -> FileCalibration:
     InputError
         The file cannot be read or used; the message says why.
     """
-    try:
-        with path.open("rb") as file:
-            content = file.read(_LARGEST + 1)
-    except OSError as error:
-        raise InputError(
-            f"calibration {path}: {error.strerror or error}; it came with the sensor, under the "
-            "name of its serial number"
-        ) from error
-    if len(content) > _LARGEST:
-        raise InputError(f"calibration {path}: over 1 MiB, so it is no .cal file")
-    try:
+    with naming(f"calibration {path}"):
+        try:
+            with path.open("rb") as file:
+                content = file.read(_LARGEST + 1)
+        except OSError as error:
+            raise InputError(
+                f"{error.strerror or error}; it came with the sensor, under the name of its serial "
+                "number"
+            ) from error
+        if len(content) > _LARGEST:
+            raise InputError("over 1 MiB, so it is no .cal file")
         return parse_calibration_file(content)
-    except InputError as error:
-        raise InputError(f"calibration {path}: {error}") from error
 
 
 def parse_calibration_file(content: bytes) -> FileCalibration:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, naming
 from mmt.core.output.tables import label
 from mmt.evaluation.reports.document import ReportTable
 from mmt.evaluation.reports.headlines import Headline, headline_table, headlines
@@ -231,16 +231,15 @@ def _load(folder: Path) -> tuple[str, Mapping[str, Any]]:
         path = folder / name
         if not path.exists():
             continue
-        try:
+        with naming(f"report {path}"):
             if path.stat().st_size > _LARGEST_BYTES:
-                raise InputError(f"report {path}: over 256 MiB, which no report is")
-            data = json.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"report {path}: {error.strerror or error}") from error
-        except ValueError as error:
-            raise InputError(f"report {path}: it is no JSON: {error}") from error
-        if not isinstance(data, Mapping):
-            raise InputError(f"report {path}: it holds no tables")
+                raise InputError("over 256 MiB, which no report is")
+            try:
+                data = json.loads(path.read_text(encoding="utf-8"))
+            except ValueError as error:
+                raise InputError(f"it is no JSON: {error}") from error
+            if not isinstance(data, Mapping):
+                raise InputError("it holds no tables")
         return name, data
     raise InputError(
         f"report {folder}: it holds none of {', '.join(DATA_NAMES)}; give the folder that "
