@@ -73,10 +73,7 @@ class _ArmDriver(Generic[AnyOptions]):
 
 
 class FrankaRobot(_ArmDriver[FrankaRobotOptions]):
-    """Implements `Robot`.
-
-    Its options are those of `FrankaRobotOptions`, see `docs/how-to/franka.md`.
-    """
+    """Implements `Robot`; see `docs/how-to/franka.md`."""
 
     OPTIONS = FrankaRobotOptions
 
@@ -124,7 +121,7 @@ class FrankaRobot(_ArmDriver[FrankaRobotOptions]):
 class FrankaForce(_ArmDriver[ArmOptions]):
     """Implements `ForceSensor` by the arm's estimate of the external force, `O_F_ext_hat_K`.
 
-    Its options are those of `ArmOptions`, see `docs/how-to/franka.md`.
+    See `docs/how-to/franka.md`.
     """
 
     OPTIONS = ArmOptions

@@ -148,10 +148,7 @@ _LONGEST_TURN_S: Final = 0.02
 
 
 class Inverse3Robot(InverseDriver):
-    """Implements `Robot`.
-
-    Its options are those of `Inverse3RobotOptions`, see `docs/how-to/inverse3.md`.
-    """
+    """Implements `Robot`; see `docs/how-to/inverse3.md`."""
 
     OPTIONS = Inverse3RobotOptions
 
@@ -185,9 +182,7 @@ class Inverse3Robot(InverseDriver):
 
 
 class Inverse3Handle(InverseDriver):
-    """Implements `LeaderInterface`.
-
-    Its options are those of `HandleOptions`, see `docs/how-to/inverse3.md`.
+    """Implements `LeaderInterface`; see `docs/how-to/inverse3.md`.
 
     An Inverse3 measures no force. With ``hand_force = "contact"`` in ``[handle]``, the leader
     infers the force from the motion.

@@ -31,9 +31,7 @@ _SAID_N: Final = 1.0
 
 
 class UrForceSensor:
-    """Implements `ForceSensor`.
-
-    Its options are those of `ForceOptions`, see `docs/how-to/universal-robots.md`.
+    """Implements `ForceSensor`; see `docs/how-to/universal-robots.md`.
 
     The force is ``actual_TCP_force`` of RTDE: the external force on the tool in the base's axes,
     without the payload that is set at the controller. A tool that presses on a table under an

@@ -9,9 +9,7 @@ from mmt.devices.openhaptics.servo import Servo
 
 
 class OpenHapticsHandle(HdDriver[Servo]):
-    """Implements `LeaderInterface`.
-
-    Its options are those of `HdOptions`, see `docs/how-to/openhaptics.md`.
+    """Implements `LeaderInterface`; see `docs/how-to/openhaptics.md`.
 
     The handle measures no force: with ``hand_force = "contact"`` of ``[handle]`` the leader
     estimates the hand's force from the motion.

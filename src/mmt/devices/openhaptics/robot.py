@@ -90,10 +90,7 @@ class PositionServo(Servo):
 
 
 class OpenHapticsRobot(HdDriver[PositionServo]):
-    """Implements `Robot`.
-
-    Its options are those of `HdRobotOptions`, see `docs/how-to/openhaptics.md`.
-    """
+    """Implements `Robot`; see `docs/how-to/openhaptics.md`."""
 
     OPTIONS = HdRobotOptions
 
