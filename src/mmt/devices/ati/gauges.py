@@ -202,8 +202,8 @@ class Gauges(WrenchSensor):
         self._limit_v = _SATURATED * min(self.loaded.output_v, self._board.limit_v)
 
     def _open(self) -> None:
+        self._is_open = True  # a board may hold something even if it cannot be connected
         self._board.connect()
-        self._is_open = True
         self._set_matrix(self.loaded.matrix, self.loaded.limits)
         self._set_latency(self._board.latency_ns)
 
