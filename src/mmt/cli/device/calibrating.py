@@ -34,6 +34,7 @@ from mmt.devices.drivers import load_device
 from mmt.devices.streaming import tool_load
 from mmt.devices.streaming.source import PERIOD_NS, DeviceSource
 from mmt.scene.files import load_scene
+from mmt.session.data import parsed_json
 
 _SENSORS: Final = ("force_sensor", "accelerometer")
 _POSES: Final = 6
@@ -124,13 +125,10 @@ def _rest(sensor: adxl335.Adxl335, up: Up, duration_s: float) -> Rest:
 
 
 def _read(path: Path, named: str | None) -> tuple[str, list[Rest]]:
-    try:
-        with naming(f"--rests {path}"):
-            content = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise InputError(f"--rests {path}: not valid JSON: {error}") from error
-    if not isinstance(content, dict) or "rests" not in content:
-        raise InputError(f'--rests {path}: it must hold "rests", and may hold "serial"')
+    with naming(f"--rests {path}"):
+        content = parsed_json(path.read_bytes(), "it")
+        if not isinstance(content, dict) or "rests" not in content:
+            raise InputError('it must hold "rests", and may hold "serial"')
     serial = named or str(content.get("serial") or "")
     calibration_file(adxl335.CALIBRATED_AS, serial)
     return serial, rests_from(content["rests"])

@@ -1,6 +1,5 @@
 """Two reports side by side: which figures and settings differ, and by how much."""
 
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from mmt.core.output.tables import label
 from mmt.evaluation.reports.document import ReportTable
 from mmt.evaluation.reports.headlines import Headline, headline_table, headlines
 from mmt.evaluation.reports.report_files import FIGURES
+from mmt.session.data import json_object
 
 COLUMNS: Final = ("figure", "A", "B", "B - A", "B / A")
 DATA_NAMES: Final = ("summary.json", "bench.json")
@@ -234,13 +234,7 @@ def _load(folder: Path) -> tuple[str, Mapping[str, Any]]:
         with naming(f"report {path}"):
             if path.stat().st_size > _LARGEST_BYTES:
                 raise InputError("over 256 MiB, which no report is")
-            try:
-                data = json.loads(path.read_text(encoding="utf-8"))
-            except ValueError as error:
-                raise InputError(f"it is no JSON: {error}") from error
-            if not isinstance(data, Mapping):
-                raise InputError("it holds no tables")
-        return name, data
+            return name, json_object(path.read_bytes(), "it")
     raise InputError(
         f"report {folder}: it holds none of {', '.join(DATA_NAMES)}; give the folder that "
         "--report or a demo's --output has filled"
