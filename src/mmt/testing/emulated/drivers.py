@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from mmt.core.errors import DeviceLost, InputError
+from mmt.core.errors import DeviceLost, naming
 from mmt.core.frames import AccelerationRateHz
 from mmt.devices.drivers import Role, load_device, read_options
 from mmt.devices.leader_reports import ActuatorStatistics
@@ -98,10 +98,8 @@ class VirtualDevice:
         own = {key: options.pop(key) for key in self._lab_options.model_fields if key in options}
         self._lab_arguments = read_options(self._lab_options, self._name, own).arguments
         self._options = options
-        try:  # at any address, to report a wrong option before the lab starts
+        with naming(self._name):  # at any address: a wrong option is told before the lab starts
             load_device(self._driver, {**self._needed, **options}, role=self._role)
-        except InputError as error:
-            raise InputError(f"{self._name}: {error}") from error
         self._device: Any = None
         self._connected_to: dict[str, Any] = {}
 
