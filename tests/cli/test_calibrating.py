@@ -64,6 +64,7 @@ LAB = '[devices]\nrobot = "virtual-robot"\n\n[link]\n\n[recording]\nchannels = "
     ("name", "text", "arguments", "message"),
     [
         ("rests.json", "{", (*RECORDED, "--rests"), "not valid JSON"),
+        ("rests.json", "[" * 100_000, (*RECORDED, "--rests"), "not valid JSON"),
         ("rests.json", "[]", (*RECORDED, "--rests"), 'must hold "rests"'),
         ("rests.json", '{"rests": 1, "serial": "7"}', (*RECORDED, "--rests"), "list"),
         ("rests.json", None, (*RECORDED, "--rests"), "no serial number: give it one"),

@@ -158,7 +158,7 @@ def test_an_accelerometer_must_give_what_a_frame_takes(tmp_path, accelerometer, 
 
 def test_an_actuator_plays_silence_and_shows_what_it_counted(tmp_path):
     options = ["--set", "full_scale_v=3", "--set", "volts_per_m_s2=0.1", "--set", "buffer_ms=100"]
-    driver = "mmt.testing.emulated.haptuator:emulated_haptuator"
+    driver = "mmt.testing.emulated.haptuator:EmulatedHaptuator"
     _, (seen,) = tried(tmp_path, driver, *options, "--duration", 0.4)
     assert seen["role"] == "actuator"
     assert seen["played"]["samples"] >= 100

@@ -16,7 +16,7 @@ from mmt.devices.adxl335.framing import (
     encode_frame,
 )
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
-from mmt.devices.adxl335.serial_driver import SerialAdxl335
+from mmt.devices.drivers import load_device
 
 SKETCH = FIRMWARE / "adxl335" / "adxl335.ino"
 
@@ -115,7 +115,7 @@ def test_the_driver_reads_the_sketch(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     reading = "2048 + (pin == A2 ? 410 : 0) + (micros() >> 9) % 2"  # 1 g along z, and a tremor
     with running(SKETCH, tmp_path, "TEENSYDUINO", reading) as sketch:
-        sensor = SerialAdxl335(port=sketch.path, bandwidth_hz=500)
+        sensor = load_device("adxl335-serial", {"port": sketch.path, "bandwidth_hz": 500})
         sensor.connect()
         readings = read_some(sensor, 400)
         sensor.close()

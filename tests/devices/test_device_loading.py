@@ -25,7 +25,16 @@ class Sensor:
         self.options = Options(**options)
 
 
+class Typed:
+    OPTIONS = Options
+
+    def __init__(self, options):
+        self.options = options
+
+
 class Plain:
+    OPTIONS = ("no", "model")
+
     def __init__(self, port="/dev/null"):
         self.port = port
 
@@ -33,13 +42,18 @@ class Plain:
 @pytest.fixture
 def names(tmp_path, monkeypatch):
     """A driver whose role is named, and one that tells it itself: what is no role is its name."""
-    names = {"inside.force_sensor": f"{__name__}:Sensor", "outside.one": f"{__name__}:Plain"}
+    names = {
+        "inside.force_sensor": f"{__name__}:Sensor",
+        "typed.force_sensor": f"{__name__}:Typed",
+        "outside.one": f"{__name__}:Plain",
+    }
     install_package(tmp_path, monkeypatch, "lab-devices", {drivers.GROUP: names})
 
 
 def test_drivers_of_other_packages_are_found_by_their_entry_points(names):
-    device = load_device("inside", {"host": "10.0.0.1", "rate_hz": 2000})
-    assert (device.options.host, device.options.rate_hz) == ("10.0.0.1", 2000)
+    for name in ("inside", "typed"):
+        device = load_device(name, {"host": "10.0.0.1", "rate_hz": 2000})
+        assert device.options == Options(host="10.0.0.1", rate_hz=2000)
     assert load_device("outside.one", {"port": "/dev/ttyACM0"}).port == "/dev/ttyACM0"
     with pytest.raises(InputError, match=r"'insid' is not known; allowed are .*inside.* outside"):
         load_device("insid")
@@ -61,13 +75,15 @@ def test_every_driver_of_mmt_has_a_role_and_a_factory():
 def test_a_name_of_mmt_cannot_be_taken(tmp_path, monkeypatch):
     names = {"ati-net-ft.force_sensor": f"{__name__}:Plain"}
     install_package(tmp_path, monkeypatch, "lab-devices", {drivers.GROUP: names})
-    assert drivers.locate("ati-net-ft") == "mmt.devices.ati.net_ft:net_ft"
+    assert drivers.locate("ati-net-ft") == "mmt.devices.ati.net_ft:NetFt"
 
 
 @pytest.mark.parametrize(
     ("driver", "options", "words"),
     [
         ("inside", {"host": "a", "rate": 1}, "rate is not a key"),
+        ("typed", {"host": "a", "rate": 1}, "rate is not a key; allowed are host, rate_hz"),
+        ("typed", {"host": "a", "rate_hz": "fast"}, "rate_hz is 'fast'"),
         ("inside", {"host": "a", "rate_hz": "fast"}, "rate_hz is 'fast'"),
         ("inside", {}, "host"),
         ("outside.one", {"speed": 1}, ".*'speed'; its options are port='/dev/null'"),

@@ -10,14 +10,16 @@ from sensor_reading import check_times_rise, read_some, read_until_fault, read_u
 from waiting import check_refused
 
 from mmt.core.errors import InputError
-from mmt.devices.ati.digital_ft import digital_ft, record_rate_hz
+from mmt.devices.ati.digital_ft import record_rate_hz
 from mmt.devices.ati.digital_wire import GAINS, STATUS
+from mmt.devices.drivers import load_device
 
 if sys.platform != "linux":
     pytest.skip("the emulated port is for Linux", allow_module_level=True)
 
 from mmt.testing.emulated.digital_ft import EmulatedDigitalFt
 
+DRIVER = "ati-digital-ft"
 FORCE = (0.5, -0.25, 2.0)
 NEAR = pytest.approx(FORCE, abs=0.03)
 
@@ -30,7 +32,7 @@ def emulated(started):
 @pytest.fixture
 def make(emulated, connected):
     """Connects a driver of the emulated sensor that has these options besides."""
-    return lambda **more: connected(digital_ft(**{**emulated.options, **more}))
+    return lambda **more: connected(load_device(DRIVER, {**emulated.options, **more}))
 
 
 @pytest.fixture
@@ -50,7 +52,7 @@ def test_forces_come_at_the_lines_rate(sensor):
 def test_the_full_rate_is_averaged_two_at_a_time(started, connected):
     assert (record_rate_hz(1_250_000), round(record_rate_hz(19_200))) == (7000.0, 134)
     emulated = started(EmulatedDigitalFt(lambda _time_ns: FORCE, noise_counts=20.0))
-    sensor = connected(digital_ft(**emulated.options))
+    sensor = connected(load_device(DRIVER, emulated.options))
     readings = read_some(sensor, 100)
     steps = [b.time_ns - a.time_ns for a, b in itertools.pairwise(readings)]
     assert sorted(steps)[50] == pytest.approx(285_714, abs=1)
@@ -118,7 +120,7 @@ def test_a_gap_is_no_error_in_time_and_silence_is_lost(emulated, make):
 
 def test_saturation_and_overload_are_counted(started, connected):
     emulated = started(EmulatedDigitalFt(lambda _time_ns: (0.0, 0.0, 16.5), 115_200))
-    sensor = connected(digital_ft(**emulated.options))
+    sensor = connected(load_device(DRIVER, emulated.options))
     sensor.calibrate()
     emulated.truth = lambda _time_ns: (0.0, 0.0, 39.0)
     read_until_fault(sensor, "overload", 5)
@@ -127,6 +129,6 @@ def test_saturation_and_overload_are_counted(started, connected):
 
 
 def test_a_wrong_baud_rate_is_explained(emulated):
-    wrong = digital_ft(port=emulated.path, baud=19_200)
+    wrong = load_device(DRIVER, {"port": emulated.path, "baud": 19_200})
     emulated.stream()
     check_refused(wrong.connect, "bytes came that make no sense: check 'baud'")

@@ -15,10 +15,8 @@ from hypothesis import strategies as st
 from sensor_reading import read_some, read_until_fault, read_until_lost
 from waiting import check_refused
 
-from mmt.core.errors import DeviceLost, InputError
+from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.ati.gauges import (
-    Gauges,
-    GaugesOptions,
     load_calibration_file,
     parse_calibration_file,
 )
@@ -204,9 +202,13 @@ def file(tmp_path):
     return path
 
 
+def made_already(board):
+    return board
+
+
 def make(file, board, **options):
-    given = {"calibration_file": file, "board": "lab.boards:board", **options}
-    return Gauges(GaugesOptions.model_validate(given), board)
+    table = {"driver": f"{__name__}:made_already", "board": board}
+    return load_device("ati-gauges", {"calibration_file": file, "board": table, **options})
 
 
 @pytest.fixture
@@ -290,6 +292,26 @@ def test_the_board_is_made_by_its_own_driver(file, connected):
     table = {"driver": f"{__name__}:board_of_a_lab", "amplified": True}
     options = {"calibration_file": str(file), "board": table}
     assert read_some(connected(load_device("ati-gauges", options)), 5)
+
+
+class HalfOpened(EmulatedGauges):
+    """A board that cannot be connected, yet holds what `close` must release."""
+
+    holds = False
+
+    def connect(self):
+        self.holds = True
+        raise MmtError("the board does not answer")
+
+    def close(self):
+        self.holds = False
+
+
+def test_a_board_that_cannot_be_connected_is_closed(file):
+    board = HalfOpened(lambda _time_ns: FORCE)
+    sensor = make(file, board)
+    check_refused(sensor.connect, "the board does not answer")
+    assert not board.holds
 
 
 def test_a_driver_imports_neither_scipy_nor_numba():

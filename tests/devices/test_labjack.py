@@ -13,10 +13,10 @@ from waiting import check_refused
 from mmt.core.errors import InputError, MmtError
 from mmt.devices.drivers import load_device
 from mmt.devices.labjack import packets, usb_link
-from mmt.devices.labjack.board import U6Voltages
+from mmt.devices.labjack.board import BoardOptions, U6Voltages
 from mmt.devices.labjack.packets import AnalogInput
 from mmt.devices.labjack.scans import CentredLines, nominal_lines, read_lines, write_lines
-from mmt.testing.emulated.labjack_u6 import ENDPOINTS, EmulatedU6
+from mmt.testing.emulated.labjack_u6 import ENDPOINTS, EmulatedU6, EmulatedU6Voltages
 from mmt.testing.emulated.remote_u6 import RemoteU6, U6Server
 
 
@@ -36,6 +36,10 @@ def test_a_calibration_memory_is_read_as_it_is_written():
         read_lines([b"\xff" * 32] * 4)  # erased
 
 
+def inputs(*numbers, backend=None, rate_hz=1000.0, **options):
+    return U6Voltages(BoardOptions(inputs=numbers, rate_hz=rate_hz, **options), backend)
+
+
 def level(time_ns):
     """Return an input of 0.1 V a number, which never quite stands still."""
     return [0.1 * n + 0.001 * (time_ns // 1_000_000 % 3) for n in range(14)]
@@ -43,7 +47,7 @@ def level(time_ns):
 
 def test_nine_inputs_carry_a_force_sensors_gauges_and_an_accelerometer(connected):
     box = EmulatedU6(level)
-    source = connected(U6Voltages([AnalogInput(n) for n in range(9)], 1000.0, backend=box))
+    source = connected(inputs(*range(9), backend=box))
     assert source.serial == "u6-360000001"
     got = read_some(source, 300)  # the packets' counter wraps at 256
     assert [t for t, _ in got] == [1_000_000 * k for k in range(len(got))]
@@ -53,16 +57,20 @@ def test_nine_inputs_carry_a_force_sensors_gauges_and_an_accelerometer(connected
 
 
 def test_differential_inputs_and_gains(connected):
-    box = EmulatedU6(lambda _: [0.0, 0.0, 0.52, 0.5, -0.3] + [0.0] * 9)
-    channels = [AnalogInput(2, 100, differential=True), AnalogInput(4, 10), AnalogInput(3)]
-    source = connected(U6Voltages(channels, backend=box))
-    for _, volts in read_some(source, 20):
-        assert volts == pytest.approx([0.02, -0.3, 0.5], abs=2e-4)
+    box = EmulatedU6(lambda _: [0.0, 0.5, 0.52, 0.5, -0.3] + [0.0] * 9)
+    pairs = connected(inputs(2, backend=box, gain=100, differential=True))
+    single = connected(inputs(4, backend=box, gain=10))
+    plain = connected(inputs(1, backend=box))
+    assert len(box.table) == 3
+    for _, volts in read_some(pairs, 20):
+        assert volts == pytest.approx([0.02], abs=2e-4)
+    assert read_some(single, 20)[-1].volts == pytest.approx([-0.3], abs=2e-4)
+    assert read_some(plain, 20)[-1].volts == pytest.approx([0.5], abs=2e-4)
 
 
 def test_what_is_lost_or_spoilt_is_counted_and_times_stay_true(connected):
     box = EmulatedU6(level)
-    source = connected(U6Voltages([AnalogInput(0), AnalogInput(1), AnalogInput(2)], backend=box))
+    source = connected(inputs(0, 1, 2, backend=box))
     got = read_some(source, 20)
     box.cut(*[0] * 5)
     got += read_some(source, 20)
@@ -83,7 +91,7 @@ def test_what_is_lost_or_spoilt_is_counted_and_times_stay_true(connected):
 def test_a_stream_that_a_program_left_behind_is_ended(closing):
     box = EmulatedU6(level)
     left = usb_link.U6Stream(None, box, 1000.0, lambda _: (AnalogInput(0),))
-    source = closing(U6Voltages([AnalogInput(5)], backend=box))
+    source = closing(inputs(5, backend=box))
     check_refused(source.connect, "another program has the LabJack U6 open")
     left._ending.set()
     box.kill_program()  # nothing stops the stream
@@ -99,24 +107,24 @@ def test_a_box_that_goes_on_sending_is_opened_all_the_same(closing):
                 return len(buffer)
             return super().bulk_read(handle, endpoint, interface, buffer, timeout)
 
-    closing(U6Voltages([AnalogInput(0)], backend=Deaf(level))).connect()
+    closing(inputs(0, backend=Deaf(level))).connect()
 
 
 def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch):
     box = EmulatedU6(level)
     with pytest.raises(MmtError, match="with serial number 7 on USB: plug it in; there is 36000"):
-        U6Voltages([AnalogInput(0)], box=7, backend=box).connect()
+        inputs(0, box=7, backend=box).connect()
     box.forbid()
-    check_refused(U6Voltages([AnalogInput(0)], backend=box).connect, "udev rule")
+    check_refused(inputs(0, backend=box).connect, "udev rule")
     box.forbid(forbidden=False)
     box.erase()
-    check_refused(U6Voltages([AnalogInput(0)], backend=box).connect, "is not calibrated")
+    check_refused(inputs(0, backend=box).connect, "is not calibrated")
 
     def absent(**_):
         raise usb.core.NoBackendError("none")
 
     monkeypatch.setattr(usb_link.usb, "core", SimpleNamespace(**vars(usb.core) | {"find": absent}))
-    check_refused(U6Voltages([AnalogInput(0)]).connect, r"libusb 1\.0 is not there: install it")
+    check_refused(inputs(0).connect, r"libusb 1\.0 is not there: install it")
 
 
 def test_the_name_of_an_earlier_driver_is_told_by_its_new_one():
@@ -124,14 +132,16 @@ def test_the_name_of_an_earlier_driver_is_told_by_its_new_one():
         load_device("adxl335-u6", {"inputs": [1, 2, 3]})
 
 
-REMOTE = {"driver": "labjack-u6", "inputs": [0, 1, 2]}
+REMOTE = {"driver": f"{EmulatedU6Voltages.__module__}:EmulatedU6Voltages", "inputs": [0, 1, 2]}
 
 
-def test_one_in_another_process_is_read_as_if_it_were_here(started, closing, connected):
+def test_one_in_another_process_is_read_as_if_it_were_here(
+    started, closing, connected, monkeypatch
+):
     server = started(U6Server(EmulatedU6(lambda _time_ns: [1.65, 1.65, 1.98] + [0.0] * 11)))
     remote = closing(RemoteU6(server.address))
-    options = {"board": {**REMOTE, "backend": remote}, "bandwidth_hz": 1000}
-    sensor = connected(load_device("adxl335-board", options))
+    monkeypatch.setattr(EmulatedU6Voltages, "at", remote)
+    sensor = connected(load_device("adxl335-board", {"board": REMOTE, "bandwidth_hz": 1000}))
     readings = read_some(sensor, 100)
     assert sensor.serial_number == "u6-360000001"
     assert readings[-1].value[2] == pytest.approx(9.8, abs=0.3)
@@ -139,11 +149,12 @@ def test_one_in_another_process_is_read_as_if_it_were_here(started, closing, con
     assert {b.time_ns - a.time_ns for a, b in pairwise(readings)} == {500_000}
 
 
-def test_one_whose_process_has_ended_is_gone():
+def test_one_whose_process_has_ended_is_gone(monkeypatch):
     server = U6Server(EmulatedU6(level))
     server.start()
     remote = RemoteU6(server.address)
     remote.close()
     server.stop()
+    monkeypatch.setattr(EmulatedU6Voltages, "at", remote)
     with pytest.raises(MmtError, match="gone"):
-        load_device("adxl335-board", {"board": {**REMOTE, "backend": remote}}).connect()
+        load_device("adxl335-board", {"board": REMOTE}).connect()

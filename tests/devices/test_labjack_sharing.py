@@ -9,23 +9,17 @@ from driver_fixtures import own_calibrations  # noqa: F401 - a fixture
 from nano17_files import write_calibration
 from running_source import RunningSource
 from sensor_reading import read_some, read_until, read_until_fault, read_until_lost
-from test_labjack import level
+from test_labjack import REMOTE, inputs, level
 from waiting import check_refused, until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices import board_sharing
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
 from mmt.devices.drivers import load_device
-from mmt.devices.labjack.board import U6Voltages
-from mmt.devices.labjack.packets import AnalogInput
-from mmt.testing.emulated.labjack_u6 import EmulatedU6
+from mmt.testing.emulated.labjack_u6 import EmulatedU6, EmulatedU6Voltages
 
 WAVE_HZ = 5.0
 GAUGES, AXES = (4, 6, 8, 10, 12, 13), (1, 2, 3)
-
-
-def inputs(*numbers, backend, **options):
-    return U6Voltages([AnalogInput(number) for number in numbers], backend=backend, **options)
 
 
 def test_two_readers_have_one_stream_and_each_its_own_inputs(closing):
@@ -67,9 +61,7 @@ def test_a_reader_comes_and_goes_without_disturbing_the_other(connected):
 
 def test_what_one_stream_cannot_do_is_refused_and_the_other_goes_on(connected):
     box = EmulatedU6(level)
-    gauges = connected(
-        U6Voltages([AnalogInput(n, 1, differential=True) for n in range(0, 12, 2)], backend=box)
-    )
+    gauges = connected(inputs(*range(0, 12, 2), backend=box, differential=True))
     for wrong, words in (
         (inputs(12, 13, 0, backend=box), "the others take 12 of its 14 inputs .* 3 more do not"),
         (inputs(11, backend=box), "input 11 belongs to another driver already: choose from 12, 13"),
@@ -159,9 +151,9 @@ class Bench(RunningSource):
         self.pressed = False
         self.replaced_v = {}
         """Voltages of inputs that measure something else."""
-        self.box = EmulatedU6(self._volts, clock_ppm=60.0)
+        self.box = EmulatedU6Voltages.at = EmulatedU6(self._volts, clock_ppm=60.0)
         file = write_calibration(tmp_path)
-        board = {"driver": "labjack-u6", "inputs": GAUGES, "backend": self.box}
+        board = {**REMOTE, "inputs": GAUGES}
         self.gauges = load_device("ati-gauges", {"calibration_file": file, "board": board})
         options = {"board": {**board, "inputs": AXES}, "bandwidth_hz": 1600.0}
         self.accelerometer = load_device("adxl335-board", options)

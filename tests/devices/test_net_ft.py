@@ -12,7 +12,7 @@ from waiting import check_refused
 from mmt.core.errors import InputError, MmtError
 from mmt.devices import sensor_drivers as sensor_module
 from mmt.devices.ati import net_ft as net_ft_module
-from mmt.devices.ati.net_ft import NetFt, net_ft
+from mmt.devices.ati.net_ft import NetFt
 from mmt.devices.ati.net_wire import (
     RECORD,
     START,
@@ -106,7 +106,7 @@ def box(started):
 @pytest.fixture
 def make(box, connected):
     """Connects a driver of the emulated box that has these options besides."""
-    return lambda **more: connected(net_ft(**{**box.options, **more}))
+    return lambda **more: connected(load_device("ati-net-ft", {**box.options, **more}))
 
 
 @pytest.fixture
@@ -205,10 +205,10 @@ def test_what_keeps_it_from_being_used_is_explained(box, make):
     with pytest.raises(InputError, match="serial number is FT00017, expected is FT00018"):
         make(serial="FT00018")
     with pytest.raises(MmtError, match=r"web page http://127.0.0.1:1/netftapi2.xml does not ans"):
-        net_ft(host="127.0.0.1", http_port=1).connect()
+        load_device("ati-net-ft", {"host": "127.0.0.1", "http_port": 1}).connect()
     box.stall()
     check_refused(make, "its web page answers, but no record comes to UDP port")
-    sensor = net_ft()
+    sensor = load_device("ati-net-ft")
     assert isinstance(sensor, NetFt)
     sensor.close()
     with pytest.raises(MmtError, match=r"Net F/T at 192.168.1.1 is not connected"):

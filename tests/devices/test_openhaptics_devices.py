@@ -19,7 +19,6 @@ from mmt.devices import discovery
 from mmt.devices.discovery import FoundPort
 from mmt.devices.drivers import load_device
 from mmt.devices.openhaptics.library import Stack
-from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.devices.reading_checks import JUMP, NOT_FINITE, OUT_OF_REACH
 
 ENCODER_RESET, AUTO, INKWELL = 1, 2, 4
@@ -31,7 +30,8 @@ emulated = emulated_arm
 @pytest.fixture
 def make(emulated, connected):
     """Connects a robot that has these options besides."""
-    return lambda **more: connected(OpenHapticsRobot(library=emulated.address, **more))
+    options = {"library": emulated.address}
+    return lambda **more: connected(load_device("openhaptics", {**options, **more}, role="robot"))
 
 
 @pytest.fixture
@@ -263,10 +263,10 @@ def test_a_calibration_that_is_due_is_updated(make, robot, emulated):
 PROGRAM = """
 import sys
 from mmt.core.errors import MmtError
-from mmt.devices.openhaptics.robot import OpenHapticsRobot
+from mmt.devices.drivers import load_device
 for library in sys.argv[1:]:
     try:
-        OpenHapticsRobot(library=library).connect()
+        load_device("openhaptics", {"library": library}, role="robot").connect()
     except MmtError as error:
         print(error)
 """

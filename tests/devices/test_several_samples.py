@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from instruments import Instrument
 from running_source import Arm, RunningSource
 from synthetic_sensors import MS, START_NS, SteppedSource, SyntheticSensor, simulated_time
+from test_labjack import REMOTE
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import acceleration_samples, frame_dtype
 from mmt.devices.adxl335.gravity import nominal
-from mmt.devices.adxl335.serial_driver import SerialAdxl335
 from mmt.devices.drivers import load_device
 from mmt.devices.protocols import SensorReading
 from mmt.devices.streaming.frame_assembly import FrameAssembler, ReadingAges
@@ -24,7 +24,7 @@ from mmt.devices.streaming.lanes import WAITING, PolledLane
 from mmt.devices.streaming.source import DeviceSource
 from mmt.devices.streaming.vibration_lane import VibrationLane
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
-from mmt.testing.emulated.labjack_u6 import EmulatedU6
+from mmt.testing.emulated.labjack_u6 import EmulatedU6, EmulatedU6Voltages
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 
 SAMPLES = st.integers(1, 10)
@@ -197,7 +197,7 @@ def board_of_4_khz(started, fast_hz):
         lambda time_ns: shaken(time_ns, fast_hz),
         rate_hz=4000.0, per_frame=2, bandwidth_hz=1600.0, noise_density=0.0,
     )  # fmt: skip
-    return SerialAdxl335(port=started(board).path, bandwidth_hz=1600.0)
+    return load_device("adxl335-serial", {"port": started(board).path, "bandwidth_hz": 1600.0})
 
 
 def u6_of_8_khz(started, fast_hz):
@@ -209,8 +209,8 @@ def u6_of_8_khz(started, fast_hz):
         felt = shaken(time_ns - delay_ns, fast_hz)
         return [zero[i] + gain[i] * felt[i] for i in range(3)] + [0.0] * 11
 
-    board = {"driver": "labjack-u6", "inputs": [0, 1, 2], "rate_hz": 8000.0}
-    board["backend"] = EmulatedU6(volts)
+    EmulatedU6Voltages.at = EmulatedU6(volts)
+    board = {**REMOTE, "rate_hz": 8000.0}
     return load_device("adxl335-board", {"board": board, "bandwidth_hz": 1600.0})
 
 

@@ -147,7 +147,7 @@ def test_the_command_prints_writes_and_explains(tmp_path):
         with pytest.raises(InputError, match=message):
             compare_reports(a, other)
     foreign = ({"sessions": 12}, {"run": "late"}, {"sessions": [{"steps": [1], "stop_s": ""}]})
-    for content in ("[1]", "{", "", *map(json.dumps, foreign)):
+    for content in ("[1]", "{", "", "[" * 100_000, *map(json.dumps, foreign)):
         (b / "summary.json").write_text(content)
         with pytest.raises(InputError, match=r"summary\.json"):
             compare_reports(a, b)

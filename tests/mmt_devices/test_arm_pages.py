@@ -13,7 +13,7 @@ from mmt.devices.ati.net_ft import NetFtOptions
 from mmt.devices.openhaptics import options as openhaptics
 from mmt_devices.bota.driver import BotaOptions
 from mmt_devices.franka import options as franka
-from mmt_devices.iio.options import IioOptions
+from mmt_devices.iio.driver import IioOptions
 from mmt_devices.inverse3 import options as haply
 from mmt_devices.universal_robots import options as universal_robots
 

@@ -35,7 +35,7 @@ def emulated():
 @pytest.fixture
 def make(emulated, closing):
     """Makes a driver of the emulated arm that has these options besides."""
-    return lambda kind=FrankaRobot, **more: closing(kind(host="arm", **more))
+    return lambda kind=FrankaRobot, **more: closing(kind(kind.OPTIONS(host="arm", **more)))
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ import pytest
 from franka_simulator import simulated_arm
 from waiting import check_refused, until, until_lost
 
+from mmt.devices.drivers import load_device
 from mmt_devices.franka.control import PositionControl
-from mmt_devices.franka.driver import FrankaForce, FrankaRobot
 from mmt_devices.franka.options import FrankaRobotOptions
 
 franky = pytest.importorskip(
@@ -70,8 +70,9 @@ def test_the_library_has_what_the_driver_calls():
 def test_the_simulated_arm_moves_and_its_reflex_user_stop_and_lost_power_are_survived(
     simulated, connected
 ):
-    robot = connected(FrankaRobot(host=simulated.host, realtime="ignore", stiffness_n_mm=3.0))
-    force = connected(FrankaForce(host=simulated.host, realtime="ignore"))
+    options = {"host": simulated.host, "realtime": "ignore"}
+    robot = connected(load_device("franka", {**options, "stiffness_n_mm": 3.0}, role="robot"))
+    force = connected(load_device("franka", options, role="force_sensor"))
     force.calibrate()
     x, y, z = robot.read()
     target = (x + 20.0, y, z - 10.0)

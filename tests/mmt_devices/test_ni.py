@@ -30,7 +30,7 @@ import nidaqmx._lib
 from nidaqmx.errors import DaqError
 
 from mmt_devices.ni import daqmx, driver
-from mmt_devices.ni.driver import NiOptions
+from mmt_devices.ni.driver import NiOptions, NiVoltages
 from mmt_devices.ni.emulated import INPUTS, EmulatedNi
 
 PAGE = Path(__file__).parents[2] / "docs/how-to/ni.md"
@@ -42,7 +42,14 @@ def level(times_ns):
 
 
 def inputs(*numbers, backend, **options):
-    return load_device("ni-daqmx", {"inputs": numbers, "backend": backend, **options})
+    return NiVoltages(NiOptions(inputs=numbers, **options), backend)
+
+
+class BenchBoard(NiVoltages):
+    """The driver at an emulated board, which is set before it is made."""
+
+    def __init__(self, options):
+        super().__init__(options, self.at)
 
 
 def test_inputs_are_measured_against_ground_or_their_partners_at_the_boards_rate(connected):
@@ -213,8 +220,8 @@ class Bench(RunningSource):
 
     def __init__(self, tmp_path, rate_hz, samples, fast_hz):
         self.pressed, self._fast_hz = False, fast_hz
-        self.box = EmulatedNi(self._volts, clock_ppm=60.0)
-        common = {"driver": "ni-daqmx", "backend": self.box, "rate_hz": rate_hz}
+        self.box = BenchBoard.at = EmulatedNi(self._volts, clock_ppm=60.0)
+        common = {"driver": f"{__name__}:BenchBoard", "rate_hz": rate_hz}
         file = write_calibration(tmp_path)
         gauges = load_device("ati-gauges", {"calibration_file": file, "board": common})
         board = {**common, "inputs": [6, 7, 14], "terminals": "rse"}

@@ -6,7 +6,7 @@ from sharing_samples import about, model_of, shared, until
 
 from mmt.texture.model.file import arrays_of
 from mmt_lab.sharing.counting import run_listeners
-from mmt_lab.sharing.crowd import crowd
+from mmt_lab.sharing.session import crowd
 from mmt_share.changes import digest
 
 

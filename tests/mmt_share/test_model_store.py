@@ -65,7 +65,8 @@ def test_what_is_damaged_is_left_out(tmp_path):
     store = ModelStore(tmp_path)
     entry = store.add(model_of(10).to_bytes(), Entry("table"))
     gone = json.dumps({"name": "gone", "hash": "d" * 64})
-    for name, text in (("a", "{"), ("b", "[1]"), ("c", '{"unknown": 1}'), ("d", gone)):
+    texts = ("{", "[1]", '{"unknown": 1}', gone, "[" * 100_000)
+    for name, text in zip("abcde", texts, strict=True):
         (tmp_path / f"{name * 64}.json").write_text(text)
     assert store.entries() == [entry]
 

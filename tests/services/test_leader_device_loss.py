@@ -98,7 +98,7 @@ async def test_a_scene_may_stop_without_its_handle(tmp_path, emulated):
 async def test_an_actuator_is_lost_and_comes_back(tmp_path, started, kind):
     options = {"volts_per_m_s2": 0.05, "full_scale_v": 3.0}
     if kind == "sound card":
-        options["driver"] = "mmt.testing.emulated.haptuator:emulated_haptuator"
+        options["driver"] = "mmt.testing.emulated.haptuator:EmulatedHaptuator"
     else:
         pytest.importorskip("pty", reason="there are no pseudo-terminals")
         board = started(EmulatedHaptuatorBoard())

@@ -35,7 +35,7 @@ async def names_of(http, port):
 
 
 async def test_what_is_asked_for_is_what_a_run_gives(tmp_path, unused_tcp_port):
-    sound = "mmt.testing.emulated.haptuator:emulated_haptuator"
+    sound = "mmt.testing.emulated.haptuator:EmulatedHaptuator"
     together = await Together.listening(
         small_scene(
             tmp_path,

@@ -3,6 +3,7 @@
 import csv
 import json
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
@@ -18,6 +19,7 @@ from session_samples import made_frames
 from mmt.core.errors import InputError
 from mmt.core.frames import ALL_CHANNELS, frame_dtype
 from mmt.session.data import RecordedSession
+from mmt.session.export_files import read_comment
 from mmt.session.files import export_session, import_session, read_session
 
 pytestmark = pytest.mark.usefixtures("read_here")
@@ -174,6 +176,15 @@ def test_a_follower_that_began_anew_and_a_value_that_is_none_survive_in_parquet(
     frames["force_n"][7, 1] = np.nan
     export_session(RecordedSession(frames), tmp_path / "run.parquet")
     assert read_session(tmp_path / "run.parquet").frames.tobytes() == frames.tobytes()
+
+
+@pytest.mark.parametrize("text", [b"recorded by someone", b"[1]", b"[" * 100_000])
+def test_a_comment_of_another_program_says_nothing(tmp_path, text):
+    path = tmp_path / "a.wav"
+    wavfile.write(path, 1000, np.zeros(9, np.int16))
+    comment = b"INFOICMT" + struct.pack("<I", len(text)) + text
+    path.write_bytes(path.read_bytes() + b"LIST" + struct.pack("<I", len(comment)) + comment)
+    assert read_comment(path) == {}
 
 
 def test_a_sound_holds_what_is_missing_and_other_programs_may_cut_and_round_it(tmp_path):

@@ -29,7 +29,7 @@ from mmt.cli.options import with_flags
 from mmt.cli.running.display import command_text, print_ending, telling_of_report
 from mmt.cli.running.scene_services import DemoRun, run_services
 from mmt.cli.running.service import SceneFile, create_side_services
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError, naming
 from mmt.core.extras import require
 from mmt.core.files.existing import free_folder, write_file
 from mmt.core.output.streams import hurry_output, queue_output
@@ -299,9 +299,7 @@ def _check(scene: Scene, directory: Path) -> None:
         load_device(scene.handle.driver, scene.handle.options, role="handle").close()
     if scene.actuator is not None and scene.actuator.driver is not None:
         load_device(scene.actuator.driver, scene.actuator.options, role="actuator").close()
-    try:
+    with naming(f"--output {directory}"):
         directory.mkdir(parents=True, exist_ok=True)
         for earlier in (_HAND, _COIL):
             (directory / earlier).unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"--output {directory}: {error.strerror or error}") from error

@@ -1,6 +1,8 @@
 """Errors whose message is shown to the user, and untrusted text made fit to be shown."""
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from traceback import walk_tb
 from typing import Final
 
@@ -41,6 +43,23 @@ class SettingError(InputError, ValueError):
 
 class DeviceLost(MmtError):  # noqa: N818 - it is what has happened to the device
     """A device that worked before no longer answers; it may be connected again later."""
+
+
+@contextmanager
+def naming(what: object) -> Iterator[None]:
+    """Begin the message of an `OSError` or `InputError` with what it is about, such as a file.
+
+    Raises
+    ------
+    InputError
+        The block has raised one of them.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{what}: {error.strerror or error}") from error
+    except InputError as error:
+        raise InputError(f"{what}: {error}") from error
 
 
 def short_message(error: object) -> str:

@@ -52,7 +52,7 @@ def load_calibration(device: str, serial: str) -> dict[str, Any] | None:
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise MmtError(
             f"the calibration {path} cannot be read ({error}): calibrate again or delete the file"
         ) from error

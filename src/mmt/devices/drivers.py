@@ -5,7 +5,7 @@ No driver is imported before a scene asks for it.
 
 import importlib
 import inspect
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from importlib.metadata import EntryPoint
 from typing import Any, Final, Literal, TypeVar, get_type_hints, overload
 
@@ -116,9 +116,6 @@ def _named(targets: Iterable[Role]) -> str:
 
 
 Options = TypeVar("Options", bound=BaseModel)
-Made = TypeVar("Made")
-
-
 _Options = Mapping[str, Any] | None
 
 
@@ -150,7 +147,8 @@ def load_device(driver: str, options: _Options = None, *, role: Role | None = No
     driver, role
         See `mmt.devices.drivers.locate`.
     options
-        Keyword arguments of the factory.
+        Keyword arguments of the factory. A class with a pydantic model ``OPTIONS`` takes them
+        as that model.
 
     Raises
     ------
@@ -160,10 +158,13 @@ def load_device(driver: str, options: _Options = None, *, role: Role | None = No
     MmtError
         The device cannot be made.
     """
-    factory = load_factory(driver, role)
-    _check_names(driver, factory, options or {})
+    factory, given = load_factory(driver, role), options or {}
+    model = getattr(factory, "OPTIONS", None)
     try:
-        return factory(**(options or {}))
+        if isinstance(model, type) and issubclass(model, BaseModel):
+            return factory(read_options(model, driver, given))
+        _check_names(driver, factory, given)
+        return factory(**given)
     except MmtError:
         raise
     except ValidationError as error:
@@ -216,27 +217,6 @@ def read_options(model: type[Options], driver: str, options: Mapping[str, Any]) 
         return model.model_validate(dict(options))
     except ValidationError as error:
         raise InputError(f"device {driver!r}: {explain_problems(error, model)}") from error
-
-
-def factory_of(
-    driver: str, model: type[Options], make: Callable[[Options], Made]
-) -> Callable[..., Made]:
-    """Return a driver's factory: it takes the options of a scene as keywords.
-
-    Parameters
-    ----------
-    driver
-        Name of the driver.
-    model
-        Its options; the factory raises `InputError` if one is not allowed.
-    make
-        Makes the device with valid options.
-    """
-
-    def made(**options: Any) -> Made:
-        return make(read_options(model, driver, options))
-
-    return made
 
 
 def roles_of(driver: str) -> tuple[Role, ...]:

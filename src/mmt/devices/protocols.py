@@ -23,7 +23,8 @@ class Device(Protocol):
     """The life cycle that every device has.
 
     A driver is a class, or a function that makes the device. It takes its options in the scene as
-    keywords, and raises `InputError` if one is not allowed or its library is not installed.
+    keywords, or as its ``OPTIONS``, see `mmt.devices.drivers.load_device`. It raises `InputError`
+    if an option is not allowed or its library is not installed.
     """
 
     def connect(self) -> None:

@@ -20,7 +20,7 @@ from mmt.scene import LARGEST_SPEED, Link, Scene
 if TYPE_CHECKING:
     from mmt.link.clock_exchange import RemoteClock
     from mmt.link.clock_offset import ClockJump
-    from mmt.link.protocol import FollowerHello, LinkStatistics
+    from mmt.link.protocol import FollowerHello
     from mmt.link.server import LeaderServer
     from mmt.link.serving.http import Page
 
@@ -71,7 +71,7 @@ class RemoteFollower:
         )
         self._users: Sequence[Callable[[RecordArray, int], None]] = ()
         self.server = self._make_server(fastest, feedback)
-        self._clock_notes = ClockNotes(self.server.clock, journal.record)
+        self.clock_notes = ClockNotes(self.server.clock, journal.record)
         self._rate = FrameRateWatch(scene.session.rate_hz, journal.event)
 
     def _make_server(self, fastest: float, feedback: FeedbackSide | None) -> "LeaderServer":
@@ -104,11 +104,6 @@ class RemoteFollower:
     def connected(self) -> bool:
         """Whether a follower is connected that has not ended the session."""
         return self.server.connected
-
-    @property
-    def statistics(self) -> "LinkStatistics":
-        """Counts of the link."""
-        return self.server.statistics
 
     @property
     def clock_offset_ns(self) -> int | None:
@@ -181,11 +176,7 @@ class RemoteFollower:
         """Stop listening, and record the clocks' offset at the end."""
         self._ending.cancel_timeout()
         await self.server.stop()
-        self.record_clocks(last=True)
-
-    def record_clocks(self, *, last: bool = False) -> None:
-        """Record the clocks' offset if it is time; call this several times a second."""
-        self._clock_notes.record_if_due(last=last)
+        self.clock_notes.record_if_due(last=True)
 
     def command(self, now_ns: int, position_mm: Vector) -> None:
         """Ask the follower to take a position (mm); echo the newest frame's time."""
@@ -195,10 +186,6 @@ class RemoteFollower:
         command[0] = (self._commands, now_ns, echo_time_ns, echo_age_ns, position_mm)
         self._commands = (self._commands + 1) % SEQUENCES
         self.server.send_commands(command)
-
-    def send_extra(self, records: RecordArray) -> None:
-        """Send records (n,) of the scene's further event."""
-        self.server.send_extra(records)
 
     # --- what the link reports
 
@@ -246,7 +233,7 @@ class RemoteFollower:
         self._ending.start_timeout(patience_s, lambda: self._ending.stop("follower lost"))
 
     def _on_jump(self, jump: "ClockJump") -> None:
-        sentence, details = self._clock_notes.jumped(jump)
+        sentence, details = self.clock_notes.jumped(jump)
         self._journal.event(sentence, **details)
 
 

@@ -98,7 +98,7 @@ def summarise(
         "process": {"ready_s": log.ready_s, **log.meter.read().as_dict()},
     }
     if remote is not None:
-        tables["link"] = asdict(remote.statistics)
+        tables["link"] = asdict(remote.server.statistics)
         tables["backfill"] = remote.backfill.summary
     for part in session.parts:
         for name, table in part.summary(duration_s).items():

@@ -163,7 +163,7 @@ class Leader:
     def status(self) -> LeaderStatus:
         """Return the live status."""
         remote = self.remote
-        link = remote.statistics if remote is not None else None
+        link = remote.server.statistics if remote is not None else None
         ticks = self.ticker.statistics
         figures: dict[str, Any] = {
             "phase": "streaming" if remote is None or remote.connected else "waiting",
@@ -259,7 +259,7 @@ class Leader:
             if LOG.isEnabledFor(logging.DEBUG):
                 LOG.debug("status", extra=logs.details(status=status.as_dict()))
             if self.remote is not None:
-                self.remote.record_clocks()
+                self.remote.clock_notes.record_if_due()
             try:
                 for look in polls:
                     look()

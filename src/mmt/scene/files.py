@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple, Self, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, naming
 from mmt.scene import Scene
 from mmt.scene.leader_tables import by_method, without_former
 from mmt.scene.table import added_parts, explain_problems
@@ -141,9 +141,8 @@ def read_tables(path: Path) -> dict[str, Any]:
         The file is missing or not valid TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"scene {path}: {error.strerror or error}") from error
+        with naming(f"scene {path}"):
+            return tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"scene {path}: not valid TOML: {error}") from error
     except RecursionError as error:

@@ -6,6 +6,7 @@ Data stored beside the frames has the same name in every format that can hold it
 import io
 import json
 import struct
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
@@ -17,7 +18,7 @@ from mmt.core.extras import require
 from mmt.core.files.existing import replacing
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, FRAMES_HZ, acceleration_samples
 from mmt.core.units import QUANTITIES
-from mmt.session.data import RecordedSession, to_json
+from mmt.session.data import RecordedSession, json_object, to_json
 
 _UNITS: Final = {
     "time_s": "s",
@@ -234,10 +235,8 @@ def read_comment(path: Path) -> dict[str, Any]:
             name, size = struct.unpack("<4sI", head)
             end = stream.tell() + size + size % 2
             if name == b"LIST" and stream.read(8)[4:] == b"ICMT":
-                try:
-                    told = json.loads(stream.read(size - 8)[4:].rstrip(b"\0"))
-                except ValueError:
-                    return {}
-                return told if isinstance(told, dict) else {}
+                with suppress(InputError):
+                    return json_object(stream.read(size - 8)[4:].rstrip(b"\0"), "the comment")
+                return {}
             stream.seek(end)
     return {}

@@ -15,7 +15,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.bounds import finite_number
-from mmt.core.errors import InputError, short_message
+from mmt.core.errors import InputError, naming, short_message
 from mmt.core.files.untrusted import parse_xml
 
 _LARGEST_BYTES: Final = 1 << 26
@@ -72,17 +72,12 @@ def read_hatt(path: Path) -> HattModelSet:
     InputError
         The file cannot be read, is not of HaTT, or holds bad numbers; the message says which.
     """
-    try:
+    with naming(f"model {path}"):
         with path.open("rb") as file:
             content = file.read(_LARGEST_BYTES + 1)
-    except OSError as error:
-        raise InputError(f"model {path}: {error.strerror or error}") from error
-    if len(content) > _LARGEST_BYTES:
-        raise InputError(f"model {path}: over 64 MiB, so it is no file of that toolkit")
-    try:
+        if len(content) > _LARGEST_BYTES:
+            raise InputError("over 64 MiB, so it is no file of that toolkit")
         return parse_hatt(content)
-    except InputError as error:
-        raise InputError(f"model {path}: {error}") from error
 
 
 def parse_hatt(content: bytes) -> HattModelSet:

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, naming
 from mmt.texture.autoregression import LARGEST_ORDER
 from mmt.texture.autoregression.burg import reflection_of
 from mmt.texture.autoregression.forms import (
@@ -127,11 +127,9 @@ def import_hatt(path: Path) -> ImportedModel:
         The file cannot be read or holds no valid model; the message says why.
     """
     content = read_hatt(path)
-    try:
+    with naming(f"model {path}"):
         samples, error_db = _samples(content)
         model = TextureModel(samples, method="published", rate_hz=content.rate_hz)
-    except InputError as error:
-        raise InputError(f"model {path}: {error}") from error
     return ImportedModel(
         model,
         content.material,

@@ -7,7 +7,6 @@ from typing import Final, Literal, Self
 from pydantic import Field, model_validator
 
 from mmt.core.errors import MmtError
-from mmt.devices.drivers import factory_of
 from mmt.devices.record_clocks import StampClock
 from mmt.devices.sensor_drivers import Stamped, WrenchSensor
 from mmt.devices.serial_ports import SerialLine, is_text
@@ -35,7 +34,6 @@ _BETWEEN_BYTES_S: Final = 0.005
 """Pause between bytes of a command, as in the vendor's driver; commands have no end mark."""
 _KEPT: Final = 8192
 
-DRIVER: Final = "bota-serial"
 
 _FRAME_BITS: Final = 10 * SIZE
 _WORDS: Final = {
@@ -143,6 +141,8 @@ class BotaOptions(WrenchOptions):
 
 class BotaSerial(WrenchSensor):
     """`SampledSensor` of forces, stamped by the sensor's own clock."""
+
+    OPTIONS = BotaOptions
 
     def __init__(self, options: BotaOptions) -> None:
         super().__init__(f"Bota sensor at {options.port}", options)
@@ -258,6 +258,3 @@ class BotaSerial(WrenchSensor):
             else "switch its calibration matrix on, which configure = true does"
         )
         return f"{self.name}: the sensor reports {words}: {advice}"
-
-
-bota_serial = factory_of(DRIVER, BotaOptions, BotaSerial)

@@ -5,7 +5,7 @@ import time
 from collections import Counter
 from collections.abc import Mapping
 from functools import partial
-from typing import Any, Final, Generic, TypeVar
+from typing import Final, Generic, TypeVar
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, InputError
@@ -13,7 +13,6 @@ from mmt.core.extras import require
 from mmt.core.quaternions import Quaternion
 from mmt.devices.axes import Axes
 from mmt.devices.discovery import lacking
-from mmt.devices.drivers import read_options
 from mmt.devices.reading_checks import measured
 from mmt_devices.franka.arm import FrankaArm, acquire_arm, release_arm
 from mmt_devices.franka.control import PositionControl
@@ -74,13 +73,12 @@ class _ArmDriver(Generic[AnyOptions]):
 
 
 class FrankaRobot(_ArmDriver[FrankaRobotOptions]):
-    """Implements `Robot`.
+    """Implements `Robot`; see `docs/how-to/franka.md`."""
 
-    Its options are those of `FrankaRobotOptions`, see `docs/how-to/franka.md`.
-    """
+    OPTIONS = FrankaRobotOptions
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__(read_options(FrankaRobotOptions, "franka", options))
+    def __init__(self, options: FrankaRobotOptions) -> None:
+        super().__init__(options)
         self._axes = Axes(self._options.axes, self._options.origin_mm)
         self._control: PositionControl | None = None
 
@@ -123,11 +121,13 @@ class FrankaRobot(_ArmDriver[FrankaRobotOptions]):
 class FrankaForce(_ArmDriver[ArmOptions]):
     """Implements `ForceSensor` by the arm's estimate of the external force, `O_F_ext_hat_K`.
 
-    Its options are those of `ArmOptions`, see `docs/how-to/franka.md`.
+    See `docs/how-to/franka.md`.
     """
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__(read_options(ArmOptions, "franka", options))
+    OPTIONS = ArmOptions
+
+    def __init__(self, options: ArmOptions) -> None:
+        super().__init__(options)
         self._axes = Axes(self._options.axes)
         self._bias_n: Vector = (0.0, 0.0, 0.0)
 

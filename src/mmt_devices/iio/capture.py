@@ -53,7 +53,7 @@ class Capture:
         """Least and largest value of each axis."""
 
     def start(self, rate_hz: float, length: int, trigger: str | None, *, stamped: bool) -> None:
-        """Set up the device and start the capture; see `mmt_devices.iio.options.IioOptions`.
+        """Set up the device and start the capture; see `mmt_devices.iio.driver.IioOptions`.
 
         Raises
         ------

@@ -6,12 +6,11 @@ import math
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.axes import Axes
-from mmt.devices.drivers import read_options
 from mmt.devices.leader_reports import InterfaceState
 from mmt_devices.inverse3.exchange import Inverse3State, ServiceAnswer
 from mmt_devices.inverse3.link import ServiceLink
@@ -149,18 +148,16 @@ _LONGEST_TURN_S: Final = 0.02
 
 
 class Inverse3Robot(InverseDriver):
-    """Implements `Robot`.
+    """Implements `Robot`; see `docs/how-to/inverse3.md`."""
 
-    Its options are those of `Inverse3RobotOptions`, see `docs/how-to/inverse3.md`.
-    """
+    OPTIONS = Inverse3RobotOptions
 
-    def __init__(self, **options: Any) -> None:
-        given = read_options(Inverse3RobotOptions, "inverse3", options)
+    def __init__(self, options: Inverse3RobotOptions) -> None:
         super().__init__(
             "robot",
-            given,
-            speed_limit_mm_s=given.speed_limit_mm_s,
-            lead_limit_mm=given.lead_limit_mm,
+            options,
+            speed_limit_mm_s=options.speed_limit_mm_s,
+            lead_limit_mm=options.lead_limit_mm,
         )
 
     def await_turn(self) -> None:
@@ -185,17 +182,16 @@ class Inverse3Robot(InverseDriver):
 
 
 class Inverse3Handle(InverseDriver):
-    """Implements `LeaderInterface`.
-
-    Its options are those of `HandleOptions`, see `docs/how-to/inverse3.md`.
+    """Implements `LeaderInterface`; see `docs/how-to/inverse3.md`.
 
     An Inverse3 measures no force. With ``hand_force = "contact"`` in ``[handle]``, the leader
     infers the force from the motion.
     """
 
-    def __init__(self, **options: Any) -> None:
-        given = read_options(HandleOptions, "inverse3", options)
-        super().__init__("handle", given, ramp_ms=given.ramp_ms, limit_n=given.force_limit_n)
+    OPTIONS = HandleOptions
+
+    def __init__(self, options: HandleOptions) -> None:
+        super().__init__("handle", options, ramp_ms=options.ramp_ms, limit_n=options.force_limit_n)
 
     def read(self, elapsed_ticks: int) -> InterfaceState:  # noqa: ARG002 - the device has a clock
         """Return the handle's newest state."""

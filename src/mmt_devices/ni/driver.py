@@ -7,7 +7,6 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from mmt.devices.board_sharing import BoardStream, ChannelsOf, SharedInputs
 from mmt.devices.discovery import lacking
-from mmt.devices.drivers import read_options
 from mmt_devices.ni.daqmx import LOCAL, Daqmx, explained, find_board, find_ports, input_names
 from mmt_devices.ni.stream import NiInput, NiStream
 
@@ -38,7 +37,6 @@ class NiOptions(BaseModel):
         return inputs
 
 
-NAME: Final = "ni-daqmx"
 RATES: Final = (
     "100 to 50000 scans a second (rate_hz); of all inputs together as many samples as the board "
     "takes, a PCIe-6323 250000, a USB-6251 1000000"
@@ -60,6 +58,7 @@ class NiVoltages(SharedInputs[NiInput]):
         Access to NI-DAQmx.
     """
 
+    OPTIONS = NiOptions
     what = "board by NI"
 
     def __init__(self, options: NiOptions, daqmx: Daqmx = LOCAL) -> None:
@@ -98,21 +97,3 @@ class NiVoltages(SharedInputs[NiInput]):
 
     def _device(self) -> Any:
         return find_board(self.backend, None if self.board is None else str(self.board))
-
-
-def ni_daqmx(*, backend: Daqmx = LOCAL, **options: Any) -> NiVoltages:
-    """Return the driver of an NI board; see `NiOptions`.
-
-    Parameters
-    ----------
-    backend
-        Access to NI-DAQmx.
-    options
-        Options from the scene.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed.
-    """
-    return NiVoltages(read_options(NiOptions, NAME, options), backend)

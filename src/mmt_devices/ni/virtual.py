@@ -4,7 +4,7 @@ import socket
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from nidaqmx.error_codes import DAQmxErrors
@@ -13,13 +13,11 @@ from nidaqmx.errors import DaqError
 from mmt.core.arrays import FloatArray
 from mmt.devices.adxl335.gravity import nominal
 from mmt.devices.ati.gauges import load_calibration_file
-from mmt.devices.drivers import read_options
-from mmt.testing.emulated.drivers import LAB, LabOptions, take_lab_options
+from mmt.testing.emulated.drivers import LAB, LabOptions
 from mmt_devices.ni.driver import NiOptions, NiVoltages
 from mmt_devices.ni.emulated import INPUTS, EmulatedNi
 from mmt_devices.ni.virtual_lab import ANSWER_S, LARGEST_BYTES
 
-NAME: Final = "virtual-ni-daqmx"
 GAUGES: Final = slice(0, 6)
 AXES: Final = [6, 7, 14]
 """Inputs of the accelerometer, against ground; `GAUGES` are differential inputs."""
@@ -28,8 +26,8 @@ _VOLTS_PER_N: Final = 0.5 * np.eye(6, 3)
 """Without a calibration file: gauge k measures the force along axis k."""
 
 
-class VirtualNiOptions(LabOptions):
-    """Options of the lab, taken from the first device that connects, and the board's wiring."""
+class VirtualNiOptions(NiOptions, LabOptions):
+    """Options of ``ni-daqmx``, of the lab, and the board's wiring."""
 
     calibration_file: Path | None = None
     """``.cal`` file of the force sensor whose gauges are wired; None for 2 N a volt."""
@@ -71,28 +69,18 @@ _BOARD: Final = EmulatedNi(_INPUTS, clock_ppm=50.0)
 
 
 class VirtualNi(NiVoltages):
-    """NI board of the virtual lab.
+    """NI board of the virtual lab."""
 
-    Parameters
-    ----------
-    **options
-        Those of ``ni-daqmx`` and of `VirtualNiOptions`.
+    OPTIONS = VirtualNiOptions
 
-    Raises
-    ------
-    InputError
-        An option is not allowed.
-    """
-
-    def __init__(self, **options: Any) -> None:
-        self._lab = take_lab_options(VirtualNiOptions, NAME, options)
-        super().__init__(read_options(NiOptions, NAME, options), _BOARD)
-        file = self._lab.calibration_file
+    def __init__(self, options: VirtualNiOptions) -> None:
+        super().__init__(options, _BOARD)
+        self._lab, file = options.arguments, options.calibration_file
         self._matrix = None if file is None else np.array(load_calibration_file(file).matrix)
 
     def connect(self) -> None:
         """Start the lab, and the board's task."""
-        _INPUTS.port = LAB.address(self, "ni", *self._lab.arguments)["port"]
+        _INPUTS.port = LAB.address(self, "ni", *self._lab)["port"]
         if self._matrix is not None:
             _INPUTS.volts_per_n = np.linalg.inv(self._matrix).astype(np.float64)[:, :3]
         super().connect()

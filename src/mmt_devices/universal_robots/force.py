@@ -5,12 +5,11 @@ import math
 import time
 from collections import Counter
 from collections.abc import Collection
-from typing import Any, Final
+from typing import Final
 
 from mmt.core.arrays import Vector, difference
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.extras import require
-from mmt.devices.drivers import read_options
 from mmt.devices.reading_checks import StuckCheck, measured
 from mmt_devices.universal_robots.control import ZEROING_S
 from mmt_devices.universal_robots.frame import SceneFrame
@@ -32,9 +31,7 @@ _SAID_N: Final = 1.0
 
 
 class UrForceSensor:
-    """Implements `ForceSensor`.
-
-    Its options are those of `ForceOptions`, see `docs/how-to/universal-robots.md`.
+    """Implements `ForceSensor`; see `docs/how-to/universal-robots.md`.
 
     The force is ``actual_TCP_force`` of RTDE: the external force on the tool in the base's axes,
     without the payload that is set at the controller. A tool that presses on a table under an
@@ -43,8 +40,10 @@ class UrForceSensor:
     moved, so that the force goes on as before.
     """
 
-    def __init__(self, **options: Any) -> None:
-        self._options = read_options(ForceOptions, "ur", options)
+    OPTIONS = ForceOptions
+
+    def __init__(self, options: ForceOptions) -> None:
+        self._options = options
         require("rtde_receive")
         self._frame = SceneFrame((0.0, 0.0, 0.0), self._options.rotation_rad)
         self._link: ArmLink | None = None

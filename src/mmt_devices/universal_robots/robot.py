@@ -4,14 +4,12 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.extras import require
 from mmt.core.quaternions import Quaternion
 from mmt.devices.discovery import lacking
-from mmt.devices.drivers import read_options
 from mmt_devices.universal_robots import dashboard
 from mmt_devices.universal_robots.frame import M_TO_MM, SceneFrame
 from mmt_devices.universal_robots.link import ArmLink
@@ -22,25 +20,25 @@ missing = lacking(partial(require, "rtde_control"))
 
 
 class UrRobot:
-    """Implements `Robot`.
-
-    Its options are those of `UrRobotOptions`, see `docs/how-to/universal-robots.md`.
+    """Implements `Robot`; see `docs/how-to/universal-robots.md`.
 
     Positions are those of the tool's centre point, which is set at the controller. The tool keeps
     the orientation that it has when the robot is connected.
     """
 
-    def __init__(self, **options: Any) -> None:
-        self._options = given = read_options(UrRobotOptions, "ur", options)
+    OPTIONS = UrRobotOptions
+
+    def __init__(self, options: UrRobotOptions) -> None:
+        self._options = options
         require("rtde_control")
-        normal = SceneFrame((0.0, 0.0, 0.0), given.rotation_rad).to_base((0.0, 0.0, 1.0))
+        normal = SceneFrame((0.0, 0.0, 0.0), options.rotation_rad).to_base((0.0, 0.0, 1.0))
         self._servo = ServoSettings(
-            speed_m_s=given.speed_limit_mm_s / M_TO_MM,
-            acceleration_m_s2=given.acceleration_limit_mm_s2 / M_TO_MM,
-            force_limit_n=given.force_limit_n,
+            speed_m_s=options.speed_limit_mm_s / M_TO_MM,
+            acceleration_m_s2=options.acceleration_limit_mm_s2 / M_TO_MM,
+            force_limit_n=options.force_limit_n,
             normal=normal,
-            lookahead_s=given.lookahead_s,
-            gain=given.gain,
+            lookahead_s=options.lookahead_s,
+            gain=options.gain,
         )
         self._counts: Counter[str] = Counter()
         self._link: ArmLink | None = None

@@ -20,7 +20,7 @@ import typer
 from rich.progress import BarColumn, Progress, TextColumn
 
 from mmt.cli.common import messages, stop_on_signals
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, naming
 from mmt.core.files.existing import free_path
 from mmt_lab.harness.experiment import Seed
 from mmt_lab.harness.findings import Findings
@@ -46,10 +46,8 @@ def run(
     """Run both services for a long time with faults; check for losses, leaks and slowing down."""
     if os.name != "posix":
         raise InputError("the soak pauses processes by signals: it needs Linux or macOS")
-    try:
+    with naming(f"--output {output}"):
         output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--output {output}: {error.strerror or error}") from error
     recording = free_path(output / "soak.mcap")
     observed = asyncio.run(_run(duration, plan_faults(duration, every, seed), seed, recording))
     checks = judge(observed, read_back(recording), min(RECOVERY_S, 0.4 * every))

@@ -11,7 +11,7 @@ import numpy as np
 
 from mmt.cli.reporting import scene_of
 from mmt.core.arrays import BoolArray, IntArray, RecordArray
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, naming
 from mmt.scene import Scene, Texture
 from mmt.session.files import read_session
 from mmt.testing.simulation.offline import simulate_session
@@ -156,11 +156,9 @@ def run_recorded(path: Path) -> SurfaceResult:
     session = read_session(path)
     scene = scene_of(session, None)
     modelling = (scene.texture or Texture()).settings(session.samples_per_frame)
-    try:
+    with naming(path):
         course = course_from_annotations(session.annotations)
         return run_session(path.stem, course, session.frames, modelling)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def draw_surfaces(

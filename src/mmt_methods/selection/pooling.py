@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mmt.core.arrays import BoolArray
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError, naming
 from mmt.core.files.untrusted import load_arrays
 from mmt.session.data import RecordedSession
 from mmt.texture.model.fits import Fit, fit_segments, unpacked
@@ -155,7 +155,5 @@ def is_model(path: Path) -> bool:
     """Return whether a file is a texture model, by its content."""
     if path.suffix.lower() != ".npz":
         return False
-    try:
+    with naming(path):
         return "lsf_rad" in load_arrays(path, lambda _: False)[1]
-    except (OSError, InputError) as error:
-        raise InputError(f"{path}: {error}") from error

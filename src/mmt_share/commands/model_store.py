@@ -13,7 +13,7 @@ from mmt.cli.common import (
     write_json,
 )
 from mmt.cli.models import SUFFIX
-from mmt.core.errors import InputError
+from mmt.core.errors import naming
 from mmt.core.files.existing import require_absent
 from mmt.core.output.tables import plain_table
 
@@ -112,14 +112,9 @@ def push(
     from mmt.texture.model.file import unpack
     from mmt_share.store.store import Entry
 
-    try:
+    with naming(f"model {source}"):
         data = source.read_bytes()
-    except OSError as error:
-        raise InputError(f"model {source}: {error.strerror or error}") from error
-    try:
         unpack(data)
-    except InputError as error:
-        raise InputError(f"model {source}: {error}") from error
     description = Entry(name or source.stem, who, licence, note, error_db=error_db)
     entry = _remote(store).push(data, description)
     messages.print(f"stored as {entry.name} ({entry.hash[:_SHOWN]})")

@@ -159,5 +159,5 @@ def _read(path: Path) -> Entry | None:
     """Read the entry beside a model; return None if it is damaged."""
     try:
         return Entry.from_message(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, InputError):
+    except (OSError, ValueError, RecursionError, InputError):
         return None

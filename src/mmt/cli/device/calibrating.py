@@ -14,7 +14,7 @@ import typer
 from mmt.cli.common import messages, noting, output, raise_problems, summary_table, write_json
 from mmt.cli.device.testing import devices_named, is_scene
 from mmt.core.arrays import RecordArray
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError, naming
 from mmt.core.files.existing import write_file
 from mmt.core.running.ticking import Ticker
 from mmt.devices.adxl335 import sensor as adxl335
@@ -34,6 +34,7 @@ from mmt.devices.drivers import load_device
 from mmt.devices.streaming import tool_load
 from mmt.devices.streaming.source import PERIOD_NS, DeviceSource
 from mmt.scene.files import load_scene
+from mmt.session.data import parsed_json
 
 _SENSORS: Final = ("force_sensor", "accelerometer")
 _POSES: Final = 6
@@ -124,14 +125,10 @@ def _rest(sensor: adxl335.Adxl335, up: Up, duration_s: float) -> Rest:
 
 
 def _read(path: Path, named: str | None) -> tuple[str, list[Rest]]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"--rests {path}: {error.strerror or error}") from error
-    except ValueError as error:
-        raise InputError(f"--rests {path}: not valid JSON: {error}") from error
-    if not isinstance(content, dict) or "rests" not in content:
-        raise InputError(f'--rests {path}: it must hold "rests", and may hold "serial"')
+    with naming(f"--rests {path}"):
+        content = parsed_json(path.read_bytes(), "it")
+        if not isinstance(content, dict) or "rests" not in content:
+            raise InputError('it must hold "rests", and may hold "serial"')
     serial = named or str(content.get("serial") or "")
     calibration_file(adxl335.CALIBRATED_AS, serial)
     return serial, rests_from(content["rests"])

@@ -10,7 +10,7 @@ from itertools import count
 from pathlib import Path
 from typing import Final
 
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError, naming
 
 _DEVICES: Final = Path("/dev")
 _FULL: Final = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
@@ -196,10 +196,8 @@ def replacing_folder(path: Path) -> Iterator[Path]:
         Writing failed, for instance because the disk is full; a folder at `path` is kept, and
         nothing else is left behind.
     """
-    try:
+    with naming(f"cannot write {path}"):
         beside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
     made, before = beside / path.name, beside / f"{path.name}.before"
     try:
         yield made

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from mmt.core.errors import InputError, MmtError, printable
+from mmt.core.errors import InputError, MmtError, naming, printable
 from mmt.core.output.streams import QueuedStream
 
 LEVELS: Final = ("debug", "info", "warning", "error")
@@ -113,11 +113,9 @@ class Logs:
                 os.close(self._file.fileno())
 
     def _open(self, file: Path, level: str) -> None:
-        try:
+        with naming(f"--log {file}"):
             file.parent.mkdir(parents=True, exist_ok=True)
             descriptor = os.open(file, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
-        except OSError as error:
-            raise InputError(f"--log {file}: {error.strerror or error}") from error
 
         def warn(problem: OSError) -> None:
             with suppress(OSError):  # standard error may be on the same full disk

@@ -2,12 +2,12 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any, Final, cast
+from typing import Final, cast
 
 from mmt.core.arrays import Vector
 from mmt.core.errors import InputError
 from mmt.devices.adxl335.sensor import BAND, Adxl335, Adxl335Options
-from mmt.devices.drivers import load_device, read_options
+from mmt.devices.drivers import load_device
 from mmt.devices.protocols import VoltageBoard, arrival_of
 from mmt.scene import Driver
 
@@ -25,21 +25,17 @@ class BoardAdxl335Options(Adxl335Options):
 class BoardAdxl335(Adxl335):
     """Reads three inputs of a board.
 
-    Parameters
-    ----------
-    options
-        See `BoardAdxl335Options`.
-
     Raises
     ------
     InputError
-        An option is not allowed, or the board has too few inputs.
+        The board cannot be made, or has other than three inputs.
     """
 
-    def __init__(self, **options: Any) -> None:
-        checked = read_options(BoardAdxl335Options, NAME, options)
-        super().__init__(checked)
-        named = checked.board
+    OPTIONS = BoardAdxl335Options
+
+    def __init__(self, options: BoardAdxl335Options) -> None:
+        super().__init__(options)
+        named = options.board
         self._is_open = False
         self._board: VoltageBoard = load_device(named.driver, named.options, role="board")
         if self._board.inputs != 3:

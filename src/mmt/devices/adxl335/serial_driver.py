@@ -4,7 +4,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
 from serial.tools import list_ports
 
@@ -12,37 +12,24 @@ from mmt.core.arrays import Vector
 from mmt.core.errors import MmtError
 from mmt.devices.adxl335.framing import BoardDecoder, BoardFrame, Counts, Timeline
 from mmt.devices.adxl335.sensor import BAND, Adxl335, SerialOptions
-from mmt.devices.drivers import read_options
 from mmt.devices.serial_ports import SerialLine, is_text
 
-NAME: Final = "adxl335-serial"
 RATES: Final = f"2000 samples a second, or what its sketch is changed to; {BAND}"
 _FIRST_FRAMES: Final = 3
 """Good frames that must come before the board counts as connected."""
 
 
 class SerialAdxl335(Adxl335):
-    """Reads the frames that ``docs/reference/accelerometer-framing.md`` describes.
+    """Reads the frames that ``docs/reference/accelerometer-framing.md`` describes."""
 
-    Parameters
-    ----------
-    options
-        See `mmt.devices.adxl335.sensor.SerialOptions`.
+    OPTIONS = SerialOptions
 
-    Raises
-    ------
-    InputError
-        An option is not allowed.
-    """
-
-    def __init__(self, **options: Any) -> None:
-        self._options = read_options(SerialOptions, NAME, options)
-        super().__init__(self._options)
-        self._volts_per_count = self._options.volts_per_count
-        port = self._options.port
-        self._line = SerialLine(
-            f"the accelerometer's board on {port}", port, self._options.baud_rate
-        )
+    def __init__(self, options: SerialOptions) -> None:
+        super().__init__(options)
+        self._options = options
+        self._volts_per_count = options.volts_per_count
+        port = options.port
+        self._line = SerialLine(f"the accelerometer's board on {port}", port, options.baud_rate)
         self._decoder = BoardDecoder()
         self._timeline = Timeline(self._counts)
         self._survived = 0  # invalid frames before the newest good one

@@ -25,11 +25,8 @@ from mmt.devices.ati.digital_wire import (
     explain_status,
     parse_calibration,
 )
-from mmt.devices.drivers import factory_of
 from mmt.devices.record_clocks import CountingClock
 from mmt.devices.sensor_drivers import Stamped, WrenchSensor
-
-DRIVER: Final = "ati-digital-ft"
 
 NOMINAL_HZ: Final = 7000.0
 _READINGS_HZ: Final = 3500.0
@@ -60,6 +57,8 @@ def record_rate_hz(baud: int) -> float:
 
 class DigitalFt(WrenchSensor):
     """A `SampledSensor` of forces on an RS-485 line."""
+
+    OPTIONS = DigitalFtOptions
 
     def __init__(self, options: DigitalFtOptions) -> None:
         super().__init__(f"Digital F/T at {options.port}", options)
@@ -176,6 +175,3 @@ class DigitalFt(WrenchSensor):
         self._sums = [u, v, w, x, y, z]
         self._summed = summed
         return records
-
-
-digital_ft = factory_of(DRIVER, DigitalFtOptions, DigitalFt)

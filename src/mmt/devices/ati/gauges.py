@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from mmt.core.bounds import finite_number
-from mmt.core.errors import DeviceLost, InputError, short_message
+from mmt.core.errors import DeviceLost, InputError, naming, short_message
 from mmt.core.files.untrusted import parse_xml
 from mmt.devices.ati.calibration import (
     AtiOptions,
@@ -16,7 +16,7 @@ from mmt.devices.ati.calibration import (
     unit_size,
     wrench_units,
 )
-from mmt.devices.drivers import factory_of, load_device
+from mmt.devices.drivers import load_device
 from mmt.devices.protocols import VoltageBoard, arrival_of
 from mmt.devices.sensor_drivers import Stamped, WrenchSensor
 from mmt.devices.wrench import matrix_of, six_of
@@ -42,20 +42,18 @@ def load_calibration_file(path: Path) -> FileCalibration:
     InputError
         The file cannot be read or used; the message says why.
     """
-    try:
-        with path.open("rb") as file:
-            content = file.read(_LARGEST + 1)
-    except OSError as error:
-        raise InputError(
-            f"calibration {path}: {error.strerror or error}; it came with the sensor, under the "
-            "name of its serial number"
-        ) from error
-    if len(content) > _LARGEST:
-        raise InputError(f"calibration {path}: over 1 MiB, so it is no .cal file")
-    try:
+    with naming(f"calibration {path}"):
+        try:
+            with path.open("rb") as file:
+                content = file.read(_LARGEST + 1)
+        except OSError as error:
+            raise InputError(
+                f"{error.strerror or error}; it came with the sensor, under the name of its serial "
+                "number"
+            ) from error
+        if len(content) > _LARGEST:
+            raise InputError("over 1 MiB, so it is no .cal file")
         return parse_calibration_file(content)
-    except InputError as error:
-        raise InputError(f"calibration {path}: {error}") from error
 
 
 def parse_calibration_file(content: bytes) -> FileCalibration:
@@ -165,8 +163,6 @@ def _finite(text: str, name: str) -> float:
         raise InputError(f"its {name} is {short_message(text)!r}, not a finite number") from None
 
 
-DRIVER: Final = "ati-gauges"
-
 _SATURATED: Final = 0.99
 """Share of the largest voltage at which a gauge counts as saturated."""
 
@@ -183,35 +179,31 @@ class GaugesOptions(AtiOptions):
 class Gauges(WrenchSensor):
     """A `SampledSensor` of forces behind an acquisition board.
 
-    Parameters
-    ----------
-    options
-        See `GaugesOptions`.
-    board
-        Board that samples the voltages.
-
     Raises
     ------
     InputError
         The calibration cannot be used, is not the expected one, or the board has too few inputs.
     """
 
-    def __init__(self, options: GaugesOptions, board: VoltageBoard) -> None:
+    OPTIONS = GaugesOptions
+
+    def __init__(self, options: GaugesOptions) -> None:
         super().__init__(f"gauges by {options.calibration_file.name}", options)
-        self._board = board
+        named = options.board
+        self._board: VoltageBoard = load_device(named.driver, named.options, role="board")
         self._is_open = False
         self.loaded: FileCalibration = load_calibration_file(options.calibration_file)
         """Contents of the calibration file."""
         check_calibration(self.name, self.loaded, options)
-        if board.inputs < 6:
+        if self._board.inputs < 6:
             raise InputError(
-                f"{self.name}: the board is set to {board.inputs} inputs, the gauges need six"
+                f"{self.name}: the board is set to {self._board.inputs} inputs, the gauges need six"
             )
-        self._limit_v = _SATURATED * min(self.loaded.output_v, board.limit_v)
+        self._limit_v = _SATURATED * min(self.loaded.output_v, self._board.limit_v)
 
     def _open(self) -> None:
+        self._is_open = True  # a board may hold something even if it cannot be connected
         self._board.connect()
-        self._is_open = True
         self._set_matrix(self.loaded.matrix, self.loaded.limits)
         self._set_latency(self._board.latency_ns)
 
@@ -249,11 +241,3 @@ class Gauges(WrenchSensor):
         """Counts of tolerated faults, by kind, those of the board too."""
         of_board = {f"board: {what}": count for what, count in self._board.faults.items() if count}
         return {**super().faults, **of_board}
-
-
-def _at_its_board(options: GaugesOptions) -> Gauges:
-    board = options.board
-    return Gauges(options, load_device(board.driver, board.options, role="board"))
-
-
-gauges = factory_of(DRIVER, GaugesOptions, _at_its_board)

@@ -27,7 +27,6 @@ from mmt.devices.ati.net_wire import (
     is_broken,
     request,
 )
-from mmt.devices.drivers import factory_of
 from mmt.devices.record_clocks import SequenceClock
 from mmt.devices.sensor_drivers import Stamped, WrenchSensor
 
@@ -96,8 +95,6 @@ class StampedSocket:
         return arrival_ns if earliest_ns <= arrival_ns <= now_ns else now_ns
 
 
-DRIVER: Final = "ati-net-ft"
-
 _MOST_RECORDS: Final = 1024
 """Records read in one call at most."""
 _REPEAT_START_NS: Final = 50_000_000
@@ -119,6 +116,8 @@ class NetFtOptions(AtiOptions):
 
 class NetFt(WrenchSensor):
     """A `SampledSensor` of forces behind a Net F/T box."""
+
+    OPTIONS = NetFtOptions
 
     def __init__(self, options: NetFtOptions) -> None:
         super().__init__(f"Net F/T at {options.host}", options)
@@ -283,6 +282,3 @@ class NetFt(WrenchSensor):
             f"{self.name}: the box reports {explain_status(self._broken_status)}: check the "
             "transducer's cable and the box's System Information page, and switch it off and on"
         )
-
-
-net_ft = factory_of(DRIVER, NetFtOptions, NetFt)

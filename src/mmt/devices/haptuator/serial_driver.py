@@ -10,15 +10,12 @@ from pydantic import Field
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.drivers import factory_of
 from mmt.devices.haptuator.board import BoardResampler, HaptuatorBoard
 from mmt.devices.haptuator.driver import SILENCE_NS, HaptuatorDriver
 from mmt.devices.haptuator.framing import FULL_SCALE, MOST_SAMPLES, BoardReport, BoardSamples, Reset
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.resampling import AFTER
 from mmt.devices.leader_reports import ActuatorStatistics
-
-DRIVER: Final = "haptuator-serial"
 
 _START_S: Final = 2.0
 _REPEAT_RESET_S: Final = 0.1
@@ -62,6 +59,8 @@ class SerialHaptuator(HaptuatorDriver):
     and those played since; a `BoardResampler` follows it. The wire format is described in
     ``docs/reference/haptuator-framing.md``. Counts continue after a reconnection.
     """
+
+    OPTIONS = HaptuatorSerialOptions
 
     def __init__(self, options: HaptuatorSerialOptions) -> None:
         super().__init__(options, float(options.board_rate_hz))
@@ -211,6 +210,3 @@ class SerialHaptuator(HaptuatorDriver):
             self._under_way.append((self._sequence, len(piece)))
             frames.append(BoardSamples(self._sequence, piece))
         self._board.send(*frames)
-
-
-haptuator_serial = factory_of(DRIVER, HaptuatorSerialOptions, SerialHaptuator)

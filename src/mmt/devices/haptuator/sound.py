@@ -13,7 +13,6 @@ from pydantic import Field
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.extras import require
 from mmt.devices.discovery import FoundPort, lacking
-from mmt.devices.drivers import factory_of
 from mmt.devices.haptuator.card_buffer import CardBuffer
 from mmt.devices.haptuator.driver import SILENCE_NS, HaptuatorDriver
 from mmt.devices.haptuator.equaliser import ActuatorLevel
@@ -109,8 +108,6 @@ def _outputs(library: Any) -> str:
     return f"outputs are {', '.join(names)}"
 
 
-DRIVER: Final = "haptuator-sound"
-
 _FADE_PATIENCE_S: Final = 0.1
 _LONGEST_AHEAD_S: Final = 5.0
 
@@ -169,6 +166,8 @@ class SoundHaptuator(HaptuatorDriver):
     InputError
         sounddevice is not installed.
     """
+
+    OPTIONS = SoundOptions
 
     def __init__(
         self,
@@ -309,6 +308,3 @@ class SoundHaptuator(HaptuatorDriver):
 
     def _on_finished(self) -> None:
         self._ended = True
-
-
-haptuator_sound = factory_of(DRIVER, SoundOptions, SoundHaptuator)

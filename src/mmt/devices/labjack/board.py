@@ -7,7 +7,6 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from mmt.devices.board_sharing import BoardStream, ChannelsOf, SharedInputs
 from mmt.devices.discovery import missing_libusb
-from mmt.devices.drivers import read_options
 from mmt.devices.labjack.packets import AnalogInput
 from mmt.devices.labjack.usb_link import U6Stream, check_alone, find_boxes
 
@@ -17,8 +16,39 @@ INPUTS: Final = 14
 MOST_SAMPLES_HZ: Final = 50_000
 """Largest rate of all channels together (the vendor's data sheet, section 3.2)."""
 
-NAME: Final = "labjack-u6"
 RATES: Final = f"100 to {MOST_SAMPLES_HZ} samples a second (rate_hz), of all inputs together"
+
+
+class BoardOptions(BaseModel):
+    """Inputs, rate and gain of the board."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    inputs: tuple[int, ...] = Field((0, 1, 2, 3, 4, 5), min_length=1, max_length=14)
+    """Inputs in the order of the voltages, 0 to 13."""
+    differential: bool = False
+    """Measure each input against the next one of its pair; the inputs must then be even."""
+    gain: Literal[1, 10, 100, 1000] = 1
+    """Gain of every input: +-10 V, +-1 V, +-0.1 V, +-0.01 V."""
+    rate_hz: float = Field(2000.0, ge=100.0, le=MOST_SAMPLES_HZ)
+    """Readings a second."""
+    box: int | None = Field(None, ge=1)
+    """Serial number of the U6; None takes the only one."""
+
+    @model_validator(mode="after")
+    def _fit_the_box(self) -> Self:
+        for number in self.inputs:
+            if not 0 <= number < INPUTS:
+                raise ValueError(f"input {number}: a LabJack U6 has 0 to 13")
+            if self.differential and number % 2:
+                raise ValueError(f"input {number}: a differential one is named by its even half")
+        if self.rate_hz * len(self.inputs) > MOST_SAMPLES_HZ:
+            raise ValueError(
+                f"rate_hz {self.rate_hz:g}: a LabJack U6 takes {MOST_SAMPLES_HZ} samples a second, "
+                f"which is {MOST_SAMPLES_HZ / len(self.inputs):.0f} Hz for {len(self.inputs)} "
+                "inputs"
+            )
+        return self
 
 
 class U6Voltages(SharedInputs[AnalogInput]):
@@ -28,27 +58,18 @@ class U6Voltages(SharedInputs[AnalogInput]):
 
     Parameters
     ----------
-    channels
-        The inputs, in the order of the volts.
-    rate_hz
-        Scans a second.
-    box
-        Serial number of the U6; None takes the only one.
+    options
+        See `BoardOptions`.
     backend
         The pyusb backend; None takes the one that the system has.
     """
 
+    OPTIONS = BoardOptions
     what = "LabJack U6"
 
-    def __init__(
-        self,
-        channels: Sequence[AnalogInput],
-        rate_hz: float = 1000.0,
-        box: int | None = None,
-        backend: Any = None,
-    ) -> None:
-        limit_v = min(10.0 / channel.gain for channel in channels)
-        super().__init__(channels, rate_hz, limit_v, box, backend)
+    def __init__(self, options: BoardOptions, backend: Any = None) -> None:
+        channels = [AnalogInput(n, options.gain, options.differential) for n in options.inputs]
+        super().__init__(channels, options.rate_hz, 10.0 / options.gain, options.box, backend)
 
     def require_one(self) -> None:
         """Raise if several U6 are connected."""
@@ -91,55 +112,3 @@ def terminals(channels: Iterable[AnalogInput]) -> set[int]:
 
 def _listed(numbers: Sequence[int]) -> str:
     return ", ".join(map(str, numbers))
-
-
-class BoardOptions(BaseModel):
-    """Inputs, rate and gain of the board."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    inputs: tuple[int, ...] = Field((0, 1, 2, 3, 4, 5), min_length=1, max_length=14)
-    """Inputs in the order of the voltages, 0 to 13."""
-    differential: bool = False
-    """Measure each input against the next one of its pair; the inputs must then be even."""
-    gain: Literal[1, 10, 100, 1000] = 1
-    """Gain of every input: +-10 V, +-1 V, +-0.1 V, +-0.01 V."""
-    rate_hz: float = Field(2000.0, ge=100.0, le=MOST_SAMPLES_HZ)
-    """Readings a second."""
-    box: int | None = Field(None, ge=1)
-    """Serial number of the U6; None takes the only one."""
-
-    @model_validator(mode="after")
-    def _fit_the_box(self) -> Self:
-        for number in self.inputs:
-            if not 0 <= number < INPUTS:
-                raise ValueError(f"input {number}: a LabJack U6 has 0 to 13")
-            if self.differential and number % 2:
-                raise ValueError(f"input {number}: a differential one is named by its even half")
-        if self.rate_hz * len(self.inputs) > MOST_SAMPLES_HZ:
-            raise ValueError(
-                f"rate_hz {self.rate_hz:g}: a LabJack U6 takes {MOST_SAMPLES_HZ} samples a second, "
-                f"which is {MOST_SAMPLES_HZ / len(self.inputs):.0f} Hz for {len(self.inputs)} "
-                "inputs"
-            )
-        return self
-
-
-def labjack_u6(*, backend: Any = None, **options: Any) -> U6Voltages:
-    """Make the board; see `BoardOptions`.
-
-    Parameters
-    ----------
-    backend
-        The pyusb backend; None takes the one that the system has.
-    options
-        Options as the scene gives them.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed.
-    """
-    checked = read_options(BoardOptions, NAME, options)
-    channels = [AnalogInput(n, checked.gain, checked.differential) for n in checked.inputs]
-    return U6Voltages(channels, checked.rate_hz, checked.box, backend)

@@ -1,9 +1,6 @@
 """The leader's handle: a Phantom or Touch that the operator holds."""
 
-from typing import Any
-
 from mmt.core.arrays import Vector
-from mmt.devices.drivers import read_options
 from mmt.devices.leader_reports import InterfaceState
 from mmt.devices.openhaptics.driver import HdDriver
 from mmt.devices.openhaptics.library import Stack
@@ -12,16 +9,13 @@ from mmt.devices.openhaptics.servo import Servo
 
 
 class OpenHapticsHandle(HdDriver[Servo]):
-    """Implements `LeaderInterface`.
-
-    Its options are those of `HdOptions`, see `docs/how-to/openhaptics.md`.
+    """Implements `LeaderInterface`; see `docs/how-to/openhaptics.md`.
 
     The handle measures no force: with ``hand_force = "contact"`` of ``[handle]`` the leader
     estimates the hand's force from the motion.
     """
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__(read_options(HdOptions, "openhaptics", options))
+    OPTIONS = HdOptions
 
     def _make_servo(
         self,

@@ -8,7 +8,6 @@ from typing import Any, Final
 from mmt.core.arrays import Vector, step_towards
 from mmt.core.errors import InputError
 from mmt.core.quaternions import Quaternion, quaternion_of_axes
-from mmt.devices.drivers import read_options
 from mmt.devices.openhaptics.driver import HdDriver
 from mmt.devices.openhaptics.library import CURRENT_TRANSFORM, Matrix, Stack
 from mmt.devices.openhaptics.options import HdRobotOptions
@@ -91,14 +90,13 @@ class PositionServo(Servo):
 
 
 class OpenHapticsRobot(HdDriver[PositionServo]):
-    """Implements `Robot`.
+    """Implements `Robot`; see `docs/how-to/openhaptics.md`."""
 
-    Its options are those of `HdRobotOptions`, see `docs/how-to/openhaptics.md`.
-    """
+    OPTIONS = HdRobotOptions
 
-    def __init__(self, **options: Any) -> None:
-        self._options: HdRobotOptions = read_options(HdRobotOptions, "openhaptics", options)
-        super().__init__(self._options)
+    def __init__(self, options: HdRobotOptions) -> None:
+        super().__init__(options)
+        self._options: HdRobotOptions = options
 
     def _make_servo(
         self, stack: Stack, handle: int, limit_n: float, stiffness_n_mm: float

@@ -1,17 +1,17 @@
 """Two reports side by side: which figures and settings differ, and by how much."""
 
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, naming
 from mmt.core.output.tables import label
 from mmt.evaluation.reports.document import ReportTable
 from mmt.evaluation.reports.headlines import Headline, headline_table, headlines
 from mmt.evaluation.reports.report_files import FIGURES
+from mmt.session.data import json_object
 
 COLUMNS: Final = ("figure", "A", "B", "B - A", "B / A")
 DATA_NAMES: Final = ("summary.json", "bench.json")
@@ -231,17 +231,10 @@ def _load(folder: Path) -> tuple[str, Mapping[str, Any]]:
         path = folder / name
         if not path.exists():
             continue
-        try:
+        with naming(f"report {path}"):
             if path.stat().st_size > _LARGEST_BYTES:
-                raise InputError(f"report {path}: over 256 MiB, which no report is")
-            data = json.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"report {path}: {error.strerror or error}") from error
-        except ValueError as error:
-            raise InputError(f"report {path}: it is no JSON: {error}") from error
-        if not isinstance(data, Mapping):
-            raise InputError(f"report {path}: it holds no tables")
-        return name, data
+                raise InputError("over 256 MiB, which no report is")
+            return name, json_object(path.read_bytes(), "it")
     raise InputError(
         f"report {folder}: it holds none of {', '.join(DATA_NAMES)}; give the folder that "
         "--report or a demo's --output has filled"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mmt.core.errors import InputError
+from mmt.core.errors import naming
 from mmt.core.output.palette import LIGHT
 from mmt.evaluation.reports.comparison import COLUMNS, Comparison
 from mmt.evaluation.reports.document import (
@@ -103,7 +103,5 @@ def _picture(letter: str, folder: Path, name: str) -> Picture | None:
     path = folder / FIGURES / name
     if not path.exists():
         return None
-    try:
+    with naming(f"report {path}"):
         return Picture(f"{FIGURES}/{letter}-{name}", path.read_bytes(), f"{letter}: {folder}")
-    except OSError as error:
-        raise InputError(f"report {path}: {error.strerror or error}") from error

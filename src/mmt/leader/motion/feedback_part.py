@@ -56,7 +56,7 @@ class ForceFeedbackPart(Part):
             return
         news = self.feedback.tick(tick.elapsed, tick.state)
         if news is not None and self._session.remote is not None:
-            self._session.remote.send_extra(news)
+            self._session.remote.server.send_extra(news)
 
     def summary(self, _duration_s: float) -> dict[str, Any]:
         """Return the counts and estimates of the method."""

@@ -31,7 +31,7 @@ from mcap.records import (
 from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, naming
 from mmt.core.files.untrusted import require_fetched
 from mmt.session.mcap.records import HEAD, INDEX_DAMAGED, RecordWalk, intact, open_records
 
@@ -115,13 +115,10 @@ def scan_mcap(path: Path) -> Scan:
     InputError
         The file is missing, empty, or not an MCAP file.
     """
-    try:
-        with path.open("rb") as stream:
-            check_start(path, stream)
-            with open_records(stream) as records:
-                return _scan(Scan(path), records)
-    except OSError as error:
-        raise InputError(f"session {path}: {error.strerror or error}") from error
+    with naming(f"session {path}"), path.open("rb") as stream:
+        check_start(path, stream)
+        with open_records(stream) as records:
+            return _scan(Scan(path), records)
 
 
 def iterate_mcap(
@@ -137,25 +134,22 @@ def iterate_mcap(
     InputError
         The file is missing, empty or not an MCAP file.
     """
-    try:
-        with path.open("rb") as stream:
-            check_start(path, stream)
-            scan, indexed = Scan(path), None
-            with suppress(*DAMAGE, OSError):
-                indexed = make_reader(stream).get_summary()
-            told = indexed.schemas if indexed else {}
-            with open_records(stream) as records:
-                for opcode, content, _ in records:
-                    if opcode not in (Opcode.ATTACHMENT, Opcode.METADATA):
-                        _add_content(scan, opcode, content)
-                    for message in scan.messages:
-                        channel = scan.channels.get(message.channel_id)
-                        if channel is not None:
-                            number = channel.schema_id
-                            yield scan.schemas.get(number, told.get(number)), channel, message
-                    scan.messages.clear()
-    except OSError as error:
-        raise InputError(f"session {path}: {error.strerror or error}") from error
+    with naming(f"session {path}"), path.open("rb") as stream:
+        check_start(path, stream)
+        scan, indexed = Scan(path), None
+        with suppress(*DAMAGE, OSError):
+            indexed = make_reader(stream).get_summary()
+        told = indexed.schemas if indexed else {}
+        with open_records(stream) as records:
+            for opcode, content, _ in records:
+                if opcode not in (Opcode.ATTACHMENT, Opcode.METADATA):
+                    _add_content(scan, opcode, content)
+                for message in scan.messages:
+                    channel = scan.channels.get(message.channel_id)
+                    if channel is not None:
+                        number = channel.schema_id
+                        yield scan.schemas.get(number, told.get(number)), channel, message
+                scan.messages.clear()
     problems += [*_problems(scan), *(p for p in records.problems if p != INDEX_DAMAGED)]
 
 
@@ -169,15 +163,12 @@ def check_start(path: Path, stream: BinaryIO) -> None:
     """
     size = os.fstat(stream.fileno()).st_size
     if size == 0:
-        raise InputError(f"session {path}: the file is empty")
+        raise InputError("the file is empty")
     begins = stream.read(MAGIC_SIZE)
     stream.seek(max(0, size - MAGIC_SIZE))
     if MCAP0_MAGIC not in {begins, stream.read()}:
-        try:
-            require_fetched(path)
-        except InputError as error:
-            raise InputError(f"session {path}: {error}") from error
-        raise InputError(f"session {path}: this is not an MCAP file")
+        require_fetched(path)
+        raise InputError("this is not an MCAP file")
     stream.seek(0)
 
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from mmt.core.errors import DeviceLost, InputError
+from mmt.core.errors import DeviceLost, naming
 from mmt.core.frames import AccelerationRateHz
 from mmt.devices.drivers import Role, load_device, read_options
 from mmt.devices.leader_reports import ActuatorStatistics
@@ -49,20 +49,7 @@ class LabOptions(HandleLabOptions):
         return (self.surface, str(self.acceleration_rate_hz // 1000), *super().arguments)
 
 
-AnyLab = TypeVar("AnyLab", bound=HandleLabOptions)
 Method = TypeVar("Method", bound=Callable[..., Any])
-
-
-def take_lab_options(kind: type[AnyLab], name: str, options: dict[str, Any]) -> AnyLab:
-    """Remove the lab's options from those of the device `name`, and return them.
-
-    Raises
-    ------
-    InputError
-        One of them is not allowed.
-    """
-    own = {key: options.pop(key) for key in kind.model_fields if key in options}
-    return read_options(kind, name, own)
 
 
 LAB: Final = LabProcess("mmt.testing.emulated.lab")
@@ -108,12 +95,11 @@ class VirtualDevice:
     _lab_options: ClassVar[type[HandleLabOptions]] = LabOptions
 
     def __init__(self, **options: Any) -> None:
-        self._lab_arguments = take_lab_options(self._lab_options, self._name, options).arguments
+        own = {key: options.pop(key) for key in self._lab_options.model_fields if key in options}
+        self._lab_arguments = read_options(self._lab_options, self._name, own).arguments
         self._options = options
-        try:  # at any address, to report a wrong option before the lab starts
+        with naming(self._name):  # at any address: a wrong option is told before the lab starts
             load_device(self._driver, {**self._needed, **options}, role=self._role)
-        except InputError as error:
-            raise InputError(f"{self._name}: {error}") from error
         self._device: Any = None
         self._connected_to: dict[str, Any] = {}
 

@@ -1,14 +1,13 @@
 """An emulated Haptuator: its coil, driven through an emulated sound card."""
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.devices.drivers import read_options
 from mmt.devices.haptuator.equaliser import RATE_HZ, ActuatorLevel, fit_equaliser, sweep
-from mmt.devices.haptuator.sound import DRIVER, SoundHaptuator, SoundOptions
+from mmt.devices.haptuator.sound import SoundHaptuator, SoundOptions
 from mmt.testing.emulated.sound_card import EmulatedSoundCard
 
 RESONANCE_HZ: Final = 60.0
@@ -39,32 +38,28 @@ _HISTORY_S: Final = 10.0
 _LOGGED_S: Final = 600.0
 
 
-def emulated_haptuator(log: str | None = None, **options: Any) -> "EmulatedHaptuator":
-    """Make the driver on an emulated card; options are those of ``haptuator-sound``.
+class EmulatedHaptuatorOptions(SoundOptions):
+    """Options of ``virtual-haptuator-sound``."""
 
-    With a `serial` its level is that of a sweep of the emulated coil.
-    `log` names a file to which the played voltages are written on `close`.
-
-    Raises
-    ------
-    InputError
-        An option is not allowed.
-    """
-    checked = read_options(SoundOptions, DRIVER, options)
-    level = None if checked.serial is None else swept_level()
-    return EmulatedHaptuator(checked, level, None if log is None else Path(log))
+    log: Path | None = None
+    """File to which the played voltages are written on `close`."""
 
 
 class EmulatedHaptuator(SoundHaptuator):
-    """The driver of the sound card, with an emulated card whose time runs while it is connected."""
+    """The driver of the sound card, with an emulated card whose time runs while it is connected.
 
-    def __init__(
-        self, options: SoundOptions, level: ActuatorLevel | None = None, log: Path | None = None
-    ) -> None:
+    With a `serial` its level is that of a sweep of the emulated coil.
+    """
+
+    OPTIONS = EmulatedHaptuatorOptions
+
+    def __init__(self, options: EmulatedHaptuatorOptions) -> None:
+        self._log = options.log
         self.card = EmulatedSoundCard(
-            channels=max(2, options.channel), history_s=_HISTORY_S if log is None else _LOGGED_S
+            channels=max(2, options.channel),
+            history_s=_HISTORY_S if self._log is None else _LOGGED_S,
         )
-        self._log = log
+        level = None if options.serial is None else swept_level()
         super().__init__(options, self.card, level=level)
 
     def connect(self) -> None:

@@ -7,10 +7,11 @@ import threading
 import time
 from array import array
 from collections.abc import Callable, Sequence
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import usb.core
 
+from mmt.devices.labjack.board import BoardOptions, U6Voltages
 from mmt.devices.labjack.packets import (
     BAD_CHECKSUM,
     BAD_STREAM,
@@ -193,3 +194,12 @@ class EmulatedU6(OneDeviceBackend, FaultySending):
         if value < 0.0:
             return max(round(line.centre - value / line.below_v), 0)
         return min(round(line.centre + value / line.above_v), DUMMY)
+
+
+class EmulatedU6Voltages(U6Voltages):
+    """The driver ``labjack-u6`` at an emulated U6, which is set before it is made."""
+
+    at: ClassVar[Any] = None
+
+    def __init__(self, options: BoardOptions) -> None:
+        super().__init__(options, self.at)

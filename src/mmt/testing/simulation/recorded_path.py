@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, naming
 from mmt.core.files.untrusted import load_arrays
 from mmt.testing.simulation import PERIOD_S, RATE_HZ
 
@@ -97,7 +97,7 @@ def load_path(path: Path) -> RecordedPath:
         The file cannot be read, an array is missing or misshapen, a number is not
         finite, time does not rise, or the recording is too short.
     """
-    try:
+    with naming(f"path {path}"):
         arrays, _ = load_arrays(path)
         time_s, position_mm, force_n = _tool(arrays) or _lever(arrays)
         _check(time_s, position_mm, force_n)
@@ -106,10 +106,6 @@ def load_path(path: Path) -> RecordedPath:
             np.maximum(_resampled(time_s, force_n, 0.4 * RATE_HZ), 0.0),
             path.name,
         )
-    except OSError as error:
-        raise InputError(f"path {path}: {error.strerror or error}") from error
-    except InputError as error:
-        raise InputError(f"path {path}: {error}") from error
 
 
 def _array(arrays: Mapping[str, Any], name: str) -> FloatArray:

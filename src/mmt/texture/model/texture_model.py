@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray
 from mmt.core.bounds import RateHz, check
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, naming
 from mmt.core.files.existing import replacing
 from mmt.core.output.plottable import Plottable
 from mmt.texture.interpolation.interpolant import (
@@ -314,12 +314,8 @@ class TextureModel(Plottable):
         InputError
             The file is missing, is no model, has an unknown version, or holds bad numbers.
         """
-        try:
+        with naming(f"model {path}"):
             return cls.from_bytes(Path(path).read_bytes())
-        except OSError as error:
-            raise InputError(f"model {path}: {error.strerror or error}") from error
-        except InputError as error:
-            raise InputError(f"model {path}: {error}") from error
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Self:

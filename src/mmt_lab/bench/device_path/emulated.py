@@ -20,7 +20,7 @@ from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.adxl335.gravity import nominal
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 from mmt.testing.emulated.digital_ft import EmulatedDigitalFt
-from mmt.testing.emulated.labjack_u6 import EmulatedU6
+from mmt.testing.emulated.labjack_u6 import EmulatedU6, EmulatedU6Voltages
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 from mmt.testing.emulated.remote_u6 import U6Server
 from mmt.testing.emulated.robot import RobotLink
@@ -122,10 +122,10 @@ def u6(truth: Motion) -> Emulated:
     server = U6Server(box)
     server.start()
     board = {
-        "driver": "labjack-u6",
+        "driver": f"{EmulatedU6Voltages.__module__}:{EmulatedU6Voltages.__name__}",
         "inputs": [0, 1, 2],
         "rate_hz": RATE_HZ,
-        "backend": server.address,
+        "address": server.address,
     }
     options = {"board": board, "bandwidth_hz": _BANDWIDTH_HZ, **_STILL}
     return Emulated(server, "adxl335-board", options, lambda on: box.stall(silent=on))

@@ -18,6 +18,7 @@ from mmt.core.running.process import be_real_time, prefer_even_ticks
 from mmt.core.running.ticking import Ticker
 from mmt.devices.drivers import load_device
 from mmt.devices.streaming.source import PERIOD_NS, DeviceSource
+from mmt.testing.emulated.labjack_u6 import EmulatedU6Voltages
 from mmt.testing.emulated.openhaptics.hd import EmulatedHd
 from mmt.testing.emulated.remote_u6 import RemoteU6
 from mmt.testing.emulated.robot import DatagramRobot
@@ -126,9 +127,8 @@ class FrameReader:
         if device["driver"] == "openhaptics":
             self._emulations.append(EmulatedHd())
         if "board" in options:
-            backend = RemoteU6(options["board"]["backend"])
-            options["board"] = {**options["board"], "backend": backend}
-            self._emulations.append(backend)
+            EmulatedU6Voltages.at = RemoteU6(options["board"].pop("address"))
+            self._emulations.append(EmulatedU6Voltages.at)
         return load_device(device["driver"], options)
 
 

@@ -18,9 +18,9 @@ import numpy as np
 
 from mmt.core.arrays import Vector
 from mmt.devices.openhaptics.handle import OpenHapticsHandle
-from mmt.devices.openhaptics.options import HdRobotOptions
+from mmt.devices.openhaptics.options import HdOptions, HdRobotOptions
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
-from mmt.testing.emulated.drivers import LAB, HandleLabOptions, LabOptions, take_lab_options
+from mmt.testing.emulated.drivers import LAB, HandleLabOptions, LabOptions
 from mmt.testing.emulated.openhaptics.hd import EmulatedHd
 from mmt.testing.simulation import START_MM
 from mmt.testing.simulation.robot import TipState
@@ -115,20 +115,25 @@ def in_lab(world: "World", seed: int, clockwork: "Clockwork") -> ReportedTip:
     return tip
 
 
-class VirtualPhantomRobot(OpenHapticsRobot):
-    """The driver ``openhaptics`` on the emulated library; takes `LabOptions` too."""
+class VirtualPhantomRobotOptions(HdRobotOptions, LabOptions):
+    """Options of the robot, and of its lab."""
 
-    def __init__(self, **options: Any) -> None:
-        self._lab = take_lab_options(LabOptions, "virtual-phantom", options)
-        self._emulated = EmulatedHd()
-        super().__init__(**{**options, "library": self._emulated.address})
+
+class VirtualPhantomRobot(OpenHapticsRobot):
+    """The driver ``openhaptics`` on the emulated library."""
+
+    OPTIONS = VirtualPhantomRobotOptions
+
+    def __init__(self, options: VirtualPhantomRobotOptions) -> None:
+        self._lab, self._emulated = options.arguments, EmulatedHd()
+        super().__init__(options.model_copy(update={"library": self._emulated.address}))
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
 
     def connect(self) -> None:
         """Start the lab and the library, and report the library's tip to the lab."""
         self.close()
-        port = LAB.address(self, "phantom", *self._lab.arguments)["port"]
+        port = LAB.address(self, "phantom", *self._lab)["port"]
         self._emulated.start()
         self._emulated.place(self._axes.place_on_device(START_MM))
         wall_mm = self._axes.place_on_device((0.0, 0.0, 0.0))[1]
@@ -157,24 +162,24 @@ class VirtualPhantomRobot(OpenHapticsRobot):
                 outlet.sendto(_TIP.pack(*place, *speed), ("127.0.0.1", port))
 
 
+class VirtualPhantomHandleOptions(HdOptions, HandleLabOptions):
+    """Options of the handle, and of its lab."""
+
+    log: Path | None = None
+    """File to which the tip's path is written on `close`."""
+
+
 class VirtualPhantomHandle(OpenHapticsHandle):
-    """The driver ``openhaptics`` on the emulated library, its tip held by a simulated hand.
+    """The driver ``openhaptics`` on the emulated library, its tip held by a simulated hand."""
 
-    Parameters
-    ----------
-    log
-        File to which the tip's path is written on `close`; None for none.
-    **options
-        Those of the driver, and of `HandleLabOptions`.
-    """
+    OPTIONS = VirtualPhantomHandleOptions
 
-    def __init__(self, log: str | None = None, **options: Any) -> None:
-        seed = take_lab_options(HandleLabOptions, "virtual-phantom", options).seed
+    def __init__(self, options: VirtualPhantomHandleOptions) -> None:
         self._emulated = EmulatedHd(self._held_at, hand_n_mm=_GRIP_N_MM)
-        super().__init__(**{**options, "library": self._emulated.address})
-        self._wanted_mm = brushing_mm(seed)
+        super().__init__(options.model_copy(update={"library": self._emulated.address}))
+        self._wanted_mm = brushing_mm(options.seed)
         self._begun_ns: int | None = None
-        self._log = None if log is None else Path(log)
+        self._log = options.log
         self._way: list[tuple[float, ...]] = []
 
     def connect(self) -> None:
