@@ -165,5 +165,5 @@ def in_lab(world: "World", seed: int, clockwork: Clockwork) -> EmulatedBota:
 class VirtualBota(VirtualSensor):
     """Another force sensor of the virtual lab; takes the options of ``bota-serial`` too."""
 
-    _name, _driver, _address = "virtual-bota", "bota-serial", "bota"
-    _needed: ClassVar = {"port": "lab"}
+    NAME, DRIVER, ADDRESS = "virtual-bota", "bota-serial", "bota"
+    NEEDED: ClassVar = {"port": "lab"}

@@ -248,4 +248,4 @@ def in_lab(world: "World", seed: int, clockwork: Clockwork) -> EmulatedIio:
 class VirtualIio(VirtualSensor):
     """Another accelerometer of the virtual lab; takes the options of ``iio-accelerometer`` too."""
 
-    _name, _driver, _address = "virtual-iio", "iio-accelerometer", "iio"
+    NAME, DRIVER, ADDRESS = "virtual-iio", "iio-accelerometer", "iio"

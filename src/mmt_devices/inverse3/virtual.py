@@ -14,14 +14,14 @@ class _VirtualInverse3(VirtualDevice):
         Those of ``inverse3`` except `address`, and of `HandleLabOptions`.
     """
 
-    _name, _driver = "virtual-inverse3", "inverse3"
-    _lab, _lab_options = LabProcess("mmt_devices.inverse3.emulated"), HandleLabOptions
+    NAME, DRIVER = "virtual-inverse3", "inverse3"
+    PROCESS, LAB_OPTIONS = LabProcess("mmt_devices.inverse3.emulated"), HandleLabOptions
 
 
 class VirtualInverse3Handle(_VirtualInverse3):
     """Handle with which a simulated hand strokes a surface at the scene's zero."""
 
-    _role = _address = "handle"
+    ROLE = ADDRESS = "handle"
     read = forwarded(Inverse3Handle.read)
     write = forwarded(Inverse3Handle.write)
 
@@ -29,7 +29,7 @@ class VirtualInverse3Handle(_VirtualInverse3):
 class VirtualInverse3Robot(_VirtualInverse3):
     """An arm with a free tip, in the air."""
 
-    _role = _address = "robot"
+    ROLE = ADDRESS = "robot"
     await_turn = forwarded(Inverse3Robot.await_turn)
     read = forwarded(Inverse3Robot.read)
     positions = forwarded(Inverse3Robot.positions)

@@ -13,8 +13,8 @@ __all__ = ["VirtualUrForceSensor", "VirtualUrRobot", "missing"]
 class _VirtualUr(VirtualDevice):
     """A real driver, connected to the lab's controller; takes the options of `LabOptions` too."""
 
-    _name, _driver, _address = "virtual-ur", "ur", "ur"
-    _needed: ClassVar = {"host": "lab"}
+    NAME, DRIVER, ADDRESS = "virtual-ur", "ur", "ur"
+    NEEDED: ClassVar = {"host": "lab"}
 
     def __init__(self, **options: Any) -> None:
         require("rtde_control")  # before a lab is started in vain
@@ -32,7 +32,7 @@ class _VirtualUr(VirtualDevice):
 class VirtualUrRobot(_VirtualUr):
     """The arm of the virtual lab; it takes the options of ``ur`` and of `LabOptions`."""
 
-    _role = "robot"
+    ROLE = "robot"
     read = forwarded(UrRobot.read)
     orientation = forwarded(UrRobot.orientation)
     positions = forwarded(UrRobot.positions)
@@ -42,7 +42,7 @@ class VirtualUrRobot(_VirtualUr):
 class VirtualUrForceSensor(_VirtualUr):
     """The force at the tool of the virtual lab's arm."""
 
-    _role = "force_sensor"
+    ROLE = "force_sensor"
     read = forwarded(UrForceSensor.read)
 
     def _enter(self) -> dict[str, Any]:

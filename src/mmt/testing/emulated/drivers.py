@@ -81,25 +81,25 @@ class VirtualDevice:
         An option is not allowed.
     """
 
-    _name: ClassVar[str]
+    NAME: ClassVar[str]
     """Name of the device in a scene."""
-    _driver: ClassVar[str]
+    DRIVER: ClassVar[str]
     """Name of the real driver."""
-    _role: ClassVar[Role | None] = None
+    ROLE: ClassVar[Role | None] = None
     """Role of the driver, if it has several."""
-    _address: ClassVar[str]
+    ADDRESS: ClassVar[str]
     """Name of its device in the lab."""
-    _needed: ClassVar[Mapping[str, Any]] = {}
+    NEEDED: ClassVar[Mapping[str, Any]] = {}
     """Options that the driver requires, with any values: the lab gives the true ones."""
-    _lab: ClassVar = LAB
-    _lab_options: ClassVar[type[HandleLabOptions]] = LabOptions
+    PROCESS: ClassVar = LAB
+    LAB_OPTIONS: ClassVar[type[HandleLabOptions]] = LabOptions
 
     def __init__(self, **options: Any) -> None:
-        own = {key: options.pop(key) for key in self._lab_options.model_fields if key in options}
-        self._lab_arguments = read_options(self._lab_options, self._name, own).arguments
+        own = {key: options.pop(key) for key in self.LAB_OPTIONS.model_fields if key in options}
+        self._lab_arguments = read_options(self.LAB_OPTIONS, self.NAME, own).arguments
         self._options = options
-        with naming(self._name):  # at any address: a wrong option is told before the lab starts
-            load_device(self._driver, {**self._needed, **options}, role=self._role)
+        with naming(self.NAME):  # at any address: a wrong option is told before the lab starts
+            load_device(self.DRIVER, {**self.NEEDED, **options}, role=self.ROLE)
         self._device: Any = None
         self._connected_to: dict[str, Any] = {}
 
@@ -131,31 +131,31 @@ class VirtualDevice:
         """Close the real driver and leave the lab; calling it twice is harmless."""
         if self._device is not None:
             self._device.close()
-        self._lab.release(self)
+        self.PROCESS.release(self)
 
     def _made(self, address: dict[str, Any]) -> Any:
         """Return the real driver, with the options of the address and of the scene."""
-        return load_device(self._driver, {**address, **self._options}, role=self._role)
+        return load_device(self.DRIVER, {**address, **self._options}, role=self.ROLE)
 
     def _enter(self) -> dict[str, Any]:
         """Start the lab; return the options by which the driver finds its device."""
-        return self._lab.address(self, self._address, *self._lab_arguments)
+        return self.PROCESS.address(self, self.ADDRESS, *self._lab_arguments)
 
     def _connected(self) -> Any:
         if self._device is None:
-            raise DeviceLost(f"{self._name} is not connected")
+            raise DeviceLost(f"{self.NAME} is not connected")
         return self._device
 
 
 class VirtualRobot(VirtualDevice):
     """The simulated robot, by datagrams; see `LabOptions`."""
 
-    _name, _address = "virtual-robot", "robot"
-    _driver = f"{DatagramRobot.__module__}:{DatagramRobot.__name__}"
-    _needed: ClassVar = {"port": 0}
+    NAME, ADDRESS = "virtual-robot", "robot"
+    DRIVER = f"{DatagramRobot.__module__}:{DatagramRobot.__name__}"
+    NEEDED: ClassVar = {"port": 0}
 
     def __init__(self, **options: Any) -> None:
-        read_options(LabOptions, self._name, options)  # it has no others
+        read_options(LabOptions, self.NAME, options)  # it has no others
         super().__init__(**options)
 
     read = forwarded(DatagramRobot.read)
@@ -177,21 +177,21 @@ class VirtualSensor(VirtualDevice):
 class VirtualNetFt(VirtualSensor):
     """The force sensor of the virtual lab; it takes the options of ``ati-net-ft`` too."""
 
-    _name, _driver, _address = "virtual-net-ft", "ati-net-ft", "net_ft"
+    NAME, DRIVER, ADDRESS = "virtual-net-ft", "ati-net-ft", "net_ft"
 
 
 class VirtualAdxl335(VirtualSensor):
     """The accelerometer of the virtual lab; it takes the options of ``adxl335-serial`` too."""
 
-    _name, _driver, _address = "virtual-adxl335", "adxl335-serial", "adxl335"
-    _needed: ClassVar = {"port": "lab"}
+    NAME, DRIVER, ADDRESS = "virtual-adxl335", "adxl335-serial", "adxl335"
+    NEEDED: ClassVar = {"port": "lab"}
 
 
 class VirtualHandleAdxl335(VirtualAdxl335):
     """The accelerometer on the emulated handle that the `VirtualHaptuator` shakes."""
 
-    _name = "virtual-handle-adxl335"
-    _lab, _lab_options = _HANDLE_LAB, HandleLabOptions
+    NAME = "virtual-handle-adxl335"
+    PROCESS, LAB_OPTIONS = _HANDLE_LAB, HandleLabOptions
 
 
 class VirtualHaptuator(VirtualDevice):
@@ -203,9 +203,9 @@ class VirtualHaptuator(VirtualDevice):
         Those of ``haptuator-serial`` except `port` and `full_scale_v`, and `HandleLabOptions`.
     """
 
-    _name, _driver, _address = "virtual-haptuator", "haptuator-serial", "haptuator"
-    _needed: ClassVar = {"port": "lab", "full_scale_v": 1.0}
-    _lab, _lab_options = _HANDLE_LAB, HandleLabOptions
+    NAME, DRIVER, ADDRESS = "virtual-haptuator", "haptuator-serial", "haptuator"
+    NEEDED: ClassVar = {"port": "lab", "full_scale_v": 1.0}
+    PROCESS, LAB_OPTIONS = _HANDLE_LAB, HandleLabOptions
     _rate_hz = USUAL_RATE_HZ
 
     def set_rate(self, rate_hz: float) -> None:
