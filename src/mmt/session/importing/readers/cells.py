@@ -183,6 +183,10 @@ class Numbers:
             return False
         return value is not None and not math.isnan(value)
 
+    def places(self, row: Sequence[Cell]) -> set[int]:
+        """Return the places of the cells of a row that hold a number."""
+        return {place for place, cell in enumerate(row) if self.reads(cell)}
+
     def takes(self, cell: Cell) -> bool:
         """Return whether a cell holds a number or a missing value."""
         try:
@@ -268,7 +272,7 @@ def seconds_of(cell: Cell) -> float | None:
 
 
 def _moment(text: str) -> datetime | time | timedelta | None:
-    if ":" not in text:
+    if ":" not in text or not text[0].isdigit():
         return None
     if duration := _DURATION.fullmatch(text):
         seconds_s = seconds_of(duration[2])
