@@ -70,7 +70,7 @@ def read_header(
         The line that the options name for the header is empty.
     """
     found = _header_rows(rows, first, options)
-    bare, bracketed = zip(*map(_name_and_unit, found.names), strict=True)
+    bare, bracketed = _names_and_units(found.names)
     names, doubled = distinct(_grouped(bare, found.over))
     above = [row for row in rows[: found.begin] if row is not found.units]
     in_rows = [_units_above(row, len(names)) for row in above]
@@ -285,6 +285,15 @@ def _is_settings(row: Sequence[Cell]) -> bool:
     """Return whether most non-empty cells are quantities, as the range of each channel is."""
     found = [_QUANTITY.fullmatch(text) for text in map(text_of, row) if text]
     return 2 * sum(each is not None and is_unit(each[1]) for each in found) > len(found)
+
+
+def _names_and_units(cells: Sequence[Cell]) -> tuple[list[str], list[str]]:
+    """Split names and their units; names that only other words in brackets tell apart keep them."""
+    pairs = list(map(_name_and_unit, cells))
+    counts = Counter(name for name, _ in dict.fromkeys(pairs))
+    whole = [counts[name] > 1 and bool(unit) and not is_unit(unit) for name, unit in pairs]
+    names = [text_of(c) if w else n for c, w, (n, _) in zip(cells, whole, pairs, strict=True)]
+    return names, [unit for _, unit in pairs]
 
 
 def _name_and_unit(cell: Cell) -> tuple[str, str]:
