@@ -17,6 +17,7 @@ from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose
 from mmt.session.importing.recording import import_recording, read_columns
 from mmt.session.mcap.messages import message_class
+from mmt_bridges.ros.clocks import SourceStamps
 
 pytestmark = pytest.mark.usefixtures("read_here")
 
@@ -399,6 +400,29 @@ def test_definitions_are_read_in_the_language_that_the_file_names(
     assert read.notes == []
     np.testing.assert_array_equal(read.values["/arm.force"], FORCES)
     np.testing.assert_array_equal(read.values["/arm.n"], np.arange(ROWS))
+
+
+@given(
+    step_s=st.floats(1.5, 50.0).flatmap(lambda s: st.sampled_from([s, -s])),
+    row=st.integers(16, ROWS - 16),
+    held_s=st.floats(0.0, 30.0),
+    lasts=st.booleans(),
+)
+def test_a_clock_that_is_set_is_told_from_messages_that_are_held_up(step_s, row, held_s, lasts):
+    """Headers go on at another time; or messages are received together, after the last of them."""
+    header_ns = BEGAN_NS + STEP_NS * np.arange(ROWS)
+    received_ns = header_ns + 300_000
+    free_ns = received_ns[row] + round(1e9 * held_s)
+    received_ns = np.where(np.arange(ROWS) < row, received_ns, np.maximum(received_ns, free_ns))
+    if lasts:
+        received_ns = header_ns + 300_000
+        header_ns[row:] += round(1e9 * step_s)
+    else:  # those that are received at last are of after the pause
+        header_ns[-16:] = received_ns[-16:] = free_ns + STEP_NS * np.arange(1, 17)
+    stamps = SourceStamps("/ft")
+    for received, header in zip(received_ns.tolist(), header_ns.tolist(), strict=True):
+        stamps.stamp(received, header)
+    assert bool(stamps.problem()) == lasts
 
 
 @pytest.mark.parametrize("seconds", ["1e400", "NaN", '"now"', "-5"])

@@ -104,6 +104,33 @@ def test_a_channel_has_its_own_times_those_of_all_or_a_rate():
         mapped({**ticks, "sec": TIME_S}, columns)
 
 
+@settings(max_examples=200)
+@given(
+    lost=st.lists(st.sets(st.integers(0, 49), max_size=20), min_size=3, max_size=3),
+    late=st.lists(st.floats(0.0, 4e-4), min_size=3, max_size=3),
+    several=st.sampled_from([1, 2]),
+)
+def test_axes_with_times_of_their_own_are_put_together_by_these(lost, late, several):
+    """Each axis is a stream that lacks some rows and is received a little later."""
+    values, times, kept = {}, {}, []
+    for axis, column, gone, late_s in zip("xyz", VECTORS.T, lost, late, strict=True):
+        kept.append([row for row in range(50) if row not in gone])
+        values[axis], times[axis] = column[kept[-1]], TIME_S[kept[-1]] + late_s
+    if several == 2:  # one of them has twice the rate
+        values["z"], times["z"] = np.repeat(Z, 2), np.arange(100) / 2000
+        kept[2] = range(50)
+    columns = {f"force_{axis}": axis for axis in "xyz"}
+    found = mapped(values, columns, times=times)
+    whole = [row for row in kept[0] if row in kept[1] and row in kept[2]]
+    rows = [kept[0].index(row) for row in whole]
+    np.testing.assert_array_equal(found.values["force"][rows], VECTORS[whole])
+    np.testing.assert_array_equal(found.times["force"], times["x"])
+    others = np.setdiff1d(np.arange(len(kept[0])), rows)
+    assert np.isnan(found.values["force"][others]).any(axis=1).all()
+    others_differ = several == 2 or any(kept[0] != each for each in kept[1:])
+    assert any("has other times than x" in note for note in found.notes) == others_differ
+
+
 @pytest.mark.parametrize("sequence", [None, np.arange(50) * 2.0])
 def test_several_samples_a_row_have_times_and_rows_of_their_own(sequence):
     fast = {f"acceleration_{axis}_m_s2": np.arange(200.0).reshape(50, 4) for axis in "xyz"}

@@ -1,10 +1,14 @@
 """What an import is told: columns, units and forms, each within its bounds."""
 
+import re
+from dataclasses import fields
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
+from mmt.session.files import import_session
 from mmt.session.importing.options import ImportOptions, Source, assignments, quantity_of
 
 REFUSED = {
@@ -22,6 +26,7 @@ REFUSED = {
         {"acceleration_rate_hz": rate} for rate in (0, 500, 1500, 11_000, -1000)
     ],
     "--tool-axes speed: it is force or acceleration": [{"tool_axes": ("force", "speed")}],
+    "--stamps keep: it is auto, regular, kept, header, receipt": [{"stamps": "keep"}],
     "--header ": [{"header": line} for line in (0, -1)],
     "--decimal ": [{"decimal": sign} for sign in ("", ";", "..")],
     "--separator ": [{"separator": sign} for sign in ("", "dot", ",,")],
@@ -37,6 +42,29 @@ def test_options_that_mean_nothing_are_refused(reason):
     for wrong in REFUSED[reason]:
         with pytest.raises(InputError, match=f"^{reason}"):
             ImportOptions(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("given", "texts"),
+    [
+        (
+            {"columns": {"force_x": 0, "force_z": 1.5}},
+            {"columns": {"force_x": "0", "force_z": "1.5"}},
+        ),
+        ({"offsets": {"a.csv": -7.25}}, {"offsets": {"a.csv": "-7.25"}}),
+        ({"sheet": 2}, {"sheet": "2"}),
+        ({"missing": "-999"}, {"missing": ("-999",)}),
+        ({"missing": [-999, "?"]}, {"missing": ("-999", "?")}),
+        ({"tool_axes": "force"}, {"tool_axes": ("force",)}),
+    ],
+)
+def test_numbers_and_single_texts_are_what_the_command_is_given(given, texts):
+    assert ImportOptions(**given) == ImportOptions(**texts)
+
+
+def test_the_function_names_every_option_of_the_command():
+    told = set(re.findall(r"``(\w+)``", import_session.__doc__))
+    assert {each.name for each in fields(ImportOptions)} <= told | {"columns", "units"}
 
 
 def test_options_at_their_bounds_are_taken_and_said_on_the_command_line():

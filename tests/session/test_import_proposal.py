@@ -187,6 +187,7 @@ def test_nought_is_proposed_only_for_an_axis_without_a_column(tmp_path_factory, 
         ("wrench", "force", 0, "N"),
         ("log.ft", "force", 0, "N"),
         ("arm/force_torque", "force", 0, "N"),
+        ("/state.o_f_ext_hat_k", "force", 0, "N"),
     ],
 )
 def test_what_robots_call_their_measurements_has_their_unit(

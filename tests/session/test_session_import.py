@@ -18,6 +18,7 @@ from mmt.core.errors import InputError
 from mmt.session.files import import_session, read_session
 from mmt.session.formats import suffixes
 from mmt.session.importing.proposal import propose
+from mmt.session.importing.readers.cells import Numbers
 from mmt.session.importing.recording import import_recording
 from mmt.session.info import info
 from mmt.session.stream import open_recording, open_windows
@@ -212,6 +213,17 @@ def test_a_heading_as_long_as_a_file_takes_no_time(part, end, tmp_path):
     with suppress(InputError):
         propose(tmp_path / "a.csv")
     assert time.monotonic() - started < 40.0
+
+
+@pytest.mark.parametrize("lines", [["sec: 5", "x:"], ["7 a", "b c", "d"], ["1:", "10:x:3", "e"]])
+def test_each_cell_of_a_text_without_a_table_is_read_a_few_times(lines, tmp_path, monkeypatch):
+    read, reads = [], Numbers.reads
+    monkeypatch.setattr(Numbers, "reads", lambda self, cell: read.append(cell) or reads(self, cell))
+    text = "\n".join(lines * 500)
+    (tmp_path / "a.txt").write_text(text, "utf-8")
+    with suppress(InputError):
+        import_session(tmp_path / "a.txt", columns={"force_z": "1"})
+    assert 0 < len(read) < 50 * len(text.split())
 
 
 def test_formulas_without_values_are_told(tmp_path):

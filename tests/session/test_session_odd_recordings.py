@@ -3,6 +3,7 @@
 import json
 import pickle
 import re
+import struct
 import zipfile
 from dataclasses import replace
 from decimal import Decimal
@@ -611,6 +612,38 @@ REFUSED = {
     "mixed.csv": (of_a_sensor_in_two_units, "ax is in g and in mN: keep one"),
     "two units.csv": (of_two_units, r"Fz are written with N or with mN"),
 }
+
+
+def an_object(name, kind):
+    """A variable of a class, as MATLAB stores it: its content is elsewhere in the file."""
+
+    def part(tag, data):
+        return struct.pack("<II", tag, len(data)) + data + b"\0" * (-len(data) % 8)
+
+    place = part(6, struct.pack("<6I", 0xDD000000, 2, 1, 1, 1, 1))
+    shape = part(5, struct.pack("<ii", 6, 1))
+    numbers = part(14, part(6, struct.pack("<II", 13, 0)) + shape + part(1, b"") + place)
+    texts = b"".join(part(1, text.encode()) for text in (name, "MCOS", kind))
+    return part(14, part(6, struct.pack("<II", 17, 0)) + texts + numbers)
+
+
+@pytest.mark.parametrize("version", ["5", "7.3"])
+@pytest.mark.parametrize("kind", ["timetable", "duration"])
+def test_objects_of_matlab_are_left_out_with_a_word(tmp_path, version, kind):
+    path = tmp_path / "a.mat"
+    if version == "5":
+        savemat(path, {"t": TIME_S, "force": force(TIME_S)})
+        path.write_bytes(path.read_bytes() + an_object("first", kind) + an_object("TT", kind))
+    else:
+        with hdf5(path, userblock_size=512) as file:
+            file["t"], file["force"], file["TT"] = TIME_S[None], force(TIME_S).T, np.ones((1, 6))
+            file["TT"].attrs.update(MATLAB_class=np.bytes_(kind), MATLAB_object_decode=3)
+        with path.open("r+b") as stream:
+            stream.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+    proposal = propose(path)
+    assert set(proposal.names) == {"t", "force"}
+    assert any(note.startswith(f"TT is a {kind} of MATLAB") for note in proposal.columns.notes)
+    assert len(imported(path).frames) == len(TIME_S)
 
 
 @pytest.mark.parametrize("name", REFUSED)

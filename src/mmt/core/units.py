@@ -7,7 +7,7 @@ An unknown unit has no factor; the caller must refuse it by name.
 import re
 import unicodedata
 from collections.abc import Iterator, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from typing import Final
 
 QUANTITIES: Final[Mapping[str, str]] = {
@@ -81,6 +81,7 @@ def unit_factor(quantity: str, text: str) -> float | None:
     return _exact(quantity, plain.lower())
 
 
+@lru_cache(maxsize=64)
 def is_unit(text: str) -> bool:
     """Return whether a text is a unit of any quantity."""
     foreign = _FOREIGN.fullmatch(_plain(text).lower()) is not None

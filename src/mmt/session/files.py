@@ -79,8 +79,8 @@ def import_session(
         Other options of the command ``mmt session import``, by the names of
         `mmt.session.importing.options.ImportOptions`: ``rate_hz``, ``acceleration_rate_hz``,
         ``blanks_as_gaps``, ``longest_gap_s``, ``stamps``, ``episode``, ``header``, ``sheet``,
-        ``separator``, ``decimal``, ``missing``, ``offsets``, ``reading_memory_gb``,
-        ``reading_time_s``.
+        ``separator``, ``decimal``, ``missing``, ``tool_axes``, ``offsets``,
+        ``reading_memory_gb``, ``reading_time_s``.
 
     Raises
     ------

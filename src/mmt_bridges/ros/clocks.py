@@ -20,6 +20,8 @@ _ALIKE_NS: Final = 50_000_000
 """If they differ by more than this, it is said."""
 _JUMP_NS: Final = 60_000_000_000
 """If this delay changes by more between two messages, the topic's headers mix several clocks."""
+_FEWEST: Final = 16
+"""Messages on both sides of a smaller change that show that it lasts, and is no late message."""
 
 
 class SourceStamps:
@@ -64,9 +66,20 @@ class SourceStamps:
             return f"{missing} messages of {self.topic} have no stamp in their headers"
         if len(set(self._header_ns)) == 1 < len(self._header_ns):
             return f"the headers of {self.topic} all have one stamp"
-        if len(self._header_ns) > 1 and np.abs(np.diff(self.behind_ns())).max() > _JUMP_NS:
-            return f"the headers of {self.topic} are of several clocks"
+        if self._has_steps():
+            return f"the headers of {self.topic} are of several clocks, or theirs was set"
         return ""
+
+    def _has_steps(self) -> bool:
+        """Return whether the delay jumps, and so does the least delay: messages may be held up."""
+        behind_ns = self.behind_ns()
+        jumps_ns = np.abs(np.diff(behind_ns))
+        lowest = np.minimum.accumulate
+        steps_ns = np.abs(lowest(behind_ns)[:-1] - lowest(behind_ns[::-1])[::-1][1:])
+        steps_ns[: _FEWEST - 1] = steps_ns[max(0, len(steps_ns) - _FEWEST + 1) :] = 0
+        return bool(
+            np.any((jumps_ns > _JUMP_NS) | (np.minimum(jumps_ns, steps_ns) > _ONE_CLOCK_NS))
+        )
 
 
 def choose_clock(sources: Sequence[SourceStamps], choice: StampChoice) -> tuple[bool, list[str]]:

@@ -159,6 +159,7 @@ class _Mapping:
                 for a, values in given.items()
                 if values.ndim and len(values)
             }
+        given = self._in_rows_of_the_first(channel, given)
         shapes = {values.shape for values in given.values() if values.ndim}
         if len(shapes) != 1:
             empty = next((axis for axis, values in given.items() if values.shape == (0,)), None)
@@ -170,6 +171,34 @@ class _Mapping:
             )
         shape = shapes.pop()
         return np.stack([np.broadcast_to(given[axis], shape) for axis in axes], axis=-1)
+
+    def _in_rows_of_the_first(
+        self, channel: Channel, axes: dict[str, FloatArray]
+    ) -> dict[str, FloatArray]:
+        """Return axes with times of their own in the rows of the first of them, and note it.
+
+        Each row has the nearest value, within half a period; if there is none, it is blank.
+        """
+        found = self._stamps(channel) if self._options.rate_hz is None else None
+        first, first_s = found or ("", np.zeros(0))
+        steps_s = np.diff(first_s) if len(first_s) > 1 else np.zeros(1)
+        half_s = float(np.median(steps_s) or np.mean(steps_s)) / 2  # rows in batches share a time
+        moved = dict(axes)
+        for axis, values in axes.items() if first in self._columns.times else ():
+            source = self._source(f"{channel}_{axis}", channel)
+            name = source.name if isinstance(source, Source) else first
+            time_s = self._columns.times.get(name, first_s)
+            alike = len(time_s) == len(first_s) and np.all(np.abs(time_s - first_s) <= half_s)
+            sound = (
+                len(time_s) and values.shape[:1] == time_s.shape and np.all(np.diff(time_s) >= 0)
+            )
+            if alike or not sound:
+                continue
+            near = np.searchsorted((time_s[1:] + time_s[:-1]) / 2, first_s)
+            moved[axis] = np.array(values[near], dtype=np.float64)
+            moved[axis][np.abs(time_s[near] - first_s) > half_s] = np.nan
+            self._note(f"{name} has other times than {first}: of its values the nearest were taken")
+        return moved
 
     def _path(self, speed: FloatArray, time_s: FloatArray) -> FloatArray:
         """Integrate a speed (n,), mapped in place of position, to positions (n, 3) along x."""

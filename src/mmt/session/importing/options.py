@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Final
+from typing import Any, Final, get_args
 
 from mmt.core.errors import InputError
 from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, axes_of, check_acceleration_rate
@@ -102,6 +102,15 @@ class ImportOptions:
     """Time that it may take; None: 60 s, and 5 s for each MB of the file."""
 
     def __post_init__(self) -> None:
+        for each in fields(self):  # also numbers for texts, and one text for several
+            value: Any = getattr(self, each.name)
+            if isinstance(value, Mapping):
+                value = {name: str(text) for name, text in value.items()}
+            elif each.type == tuple[str, ...]:
+                value = (value,) if isinstance(value, str) else tuple(map(str, value))
+            elif each.type == str | None and value is not None:
+                value = str(value)
+            object.__setattr__(self, each.name, value)
         for target in self.columns:
             if target not in TARGETS:
                 raise InputError(
@@ -130,6 +139,8 @@ class ImportOptions:
                 raise InputError(
                     f"--offset {name}={offset}: it is a number of seconds, or {MATCHED}"
                 )
+        if self.stamps not in (choices := get_args(StampChoice)):
+            raise InputError(f"--stamps {self.stamps}: it is {', '.join(choices)}")
         if self.acceleration_rate_hz is not None:
             check_acceleration_rate(self.acceleration_rate_hz)
         for channel in self.tool_axes:

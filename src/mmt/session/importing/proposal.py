@@ -278,9 +278,9 @@ def _guess(names: Sequence[str], suggested: Mapping[str, Sequence[str]]) -> dict
 def _of_robots(names: Sequence[str]) -> dict[str, str]:
     """Return the columns by target of names in `_OF_ROBOTS`, which may be part of something."""
     columns: dict[str, str] = {}
-    whole = {last_part(base): base for base in map(_array_of, names)}
+    whole = {last_part(base).lower(): base for base in map(_array_of, names)}
     for channel, called, first, _ in _OF_ROBOTS:
-        base = whole.get(called, called)
+        base = whole.get(called.lower(), called)
         found: dict[str, str] = {}
         for number, axis in enumerate("xyz", first):
             element = f"{base}[{number}]"
@@ -304,7 +304,8 @@ def _robots_units(columns: SourceColumns, options: ImportOptions) -> dict[str, s
         name = options.columns.get(f"{channel}_x", "")
         base = _array_of(name)
         told = {name, base} & columns.units.keys() or channel in options.units
-        units |= {channel: unit} if last_part(base) == called and not told else {}
+        same = last_part(base).lower() == called.lower()  # fields of ROS 2 are in lower case
+        units |= {channel: unit} if same and not told else {}
     return units
 
 

@@ -32,6 +32,8 @@ _DATES: Final = (
     *(f"%m/%d/%Y %I:%M:%S{part} %p" for part in (".%f", "")),  # of the United States
 )
 _TIMES: Final = ("%H:%M:%S.%f", "%H:%M:%S", "%M:%S.%f", "%I:%M:%S.%f %p", "%I:%M:%S %p")
+_MOMENT: Final = re.compile(r"(\S+ )?\d\d?:\d\d?(:\d\d?)?(\.\d+)?( [ap]m)?", re.IGNORECASE)
+"""Matches a text that may have one of these forms, with a date or without: to try them is slow."""
 _DURATION: Final = re.compile(r"(\d+) days?[.,]? \+?(.+)")
 _GROUPED: Final = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
 """Matches a number that may have a comma before its thousands."""
@@ -183,6 +185,10 @@ class Numbers:
             return False
         return value is not None and not math.isnan(value)
 
+    def places(self, row: Sequence[Cell]) -> set[int]:
+        """Return the places of the cells of a row that hold a number."""
+        return {place for place, cell in enumerate(row) if self.reads(cell)}
+
     def takes(self, cell: Cell) -> bool:
         """Return whether a cell holds a number or a missing value."""
         try:
@@ -268,7 +274,7 @@ def seconds_of(cell: Cell) -> float | None:
 
 
 def _moment(text: str) -> datetime | time | timedelta | None:
-    if ":" not in text:
+    if ":" not in text or not text[0].isdigit():
         return None
     if duration := _DURATION.fullmatch(text):
         seconds_s = seconds_of(duration[2])
@@ -279,8 +285,9 @@ def _moment(text: str) -> datetime | time | timedelta | None:
             return read(text)
         except ValueError:
             continue
-    for form in (*_DATES, *_TIMES):
-        with suppress(ValueError):
-            found = datetime.strptime(text, form).replace(tzinfo=UTC)
-            return found if form in _DATES else found.time()
+    if formed := _MOMENT.fullmatch(text):
+        for form in _DATES if formed[1] else _TIMES:
+            with suppress(ValueError):
+                found = datetime.strptime(text, form).replace(tzinfo=UTC)
+                return found if formed[1] else found.time()
     return None

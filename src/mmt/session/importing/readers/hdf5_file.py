@@ -85,7 +85,7 @@ def _data_sets(
 ) -> Iterator[_Set]:
     """Yield the data sets of numbers, texts or references, also those behind links.
 
-    Links to what is not there are told in `lost`, the units of groups in `units`.
+    Links to what is not there, and objects, are told in `lost`, the units of groups in `units`.
     """
     told = {"units": told_unit(group.attrs)}
     told |= {n: told_unit({"unit": text}) for n, text in group.attrs.items() if unit_of_what(n)}
@@ -100,8 +100,19 @@ def _data_sets(
         elif not hasattr(item, "dtype"):
             if hasattr(item, "items"):
                 yield from _data_sets(item, lost, units, f"{prefix}{name}.", (*above, group))
+        elif "MATLAB_object_decode" in item.attrs:
+            lost.append(of_object(f"{prefix}{name}", text_in(item.attrs.get("MATLAB_class", ""))))
         elif item.shape is not None:
             yield from _columns_in(group, name, item, prefix)
+
+
+def of_object(name: str, kind: str) -> str:
+    """Return a note on an object of MATLAB, such as a table, whose content is not documented."""
+    return (
+        f"{name} is a {kind} of MATLAB, which only MATLAB reads, and was left out: save its "
+        "numbers, such as seconds(t), and a table T by s = table2struct(T, ToScalar=true), a "
+        "timetable by timetable2table before"
+    )
 
 
 def _unused(name: str, item: Any) -> str:

@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import islice, zip_longest
+from itertools import chain, islice, zip_longest
 from typing import Final, NamedTuple
 
 from mmt.core.errors import InputError
@@ -70,7 +70,7 @@ def read_header(
         The line that the options name for the header is empty.
     """
     found = _header_rows(rows, first, options)
-    bare, bracketed = zip(*map(_name_and_unit, found.names), strict=True)
+    bare, bracketed = _names_and_units(found.names)
     names, doubled = distinct(_grouped(bare, found.over))
     above = [row for row in rows[: found.begin] if row is not found.units]
     in_rows = [_units_above(row, len(names)) for row in above]
@@ -107,14 +107,16 @@ def find_numbers(
     rest, least = iter(rows), options.header or 0
     start = list(islice(rest, least + _LOOKED_AT))
     for number in (Numbers(options, plain=True), Numbers(options)):  # settings have units
-        place = least
-        while place < len(start):
-            if _is_data(start[place : place + _LOOKED_AT], number):
-                while place > least and _begins(start[place - 1], start[place], number):
-                    place -= 1
-                return start, rest, place
-            place += 1
+        places = list(map(number.places, start))
+        row = least
+        while row < len(start):
+            if _is_data(start[row : row + _LOOKED_AT], places[row : row + _LOOKED_AT], number):
+                while row > least and _begins(start[row - 1], start[row], number):
+                    row -= 1
+                return start, rest, row
+            row += 1
             start.extend(islice(rest, 1))
+            places.extend(map(number.places, start[len(places) :]))
     return start, rest, None
 
 
@@ -208,25 +210,22 @@ def _begins(row: Sequence[Cell], following: Sequence[Cell], number: Numbers) -> 
     return numbers and len(row) == len(following)
 
 
-def _is_data(rows: Sequence[Sequence[Cell]], number: Numbers) -> bool:
-    """Return whether the first row consists of numbers as most of the following rows do."""
-
-    def places(row: Sequence[Cell]) -> set[int]:
-        return {place for place, cell in enumerate(row) if number.reads(cell)}
-
-    if not places(rows[0]):
+def _is_data(rows: Sequence[Sequence[Cell]], places: Sequence[set[int]], number: Numbers) -> bool:
+    """Return whether the first row has numbers, at `places`, as most of the following rows do."""
+    first, begin = rows[0], places[0]
+    if not begin:
         return False
-    rows = [row for row in rows if count_filled(row)]
-    widths = Counter(map(len, rows))
-    if widths[len(rows[0])] < max(widths.values()):
+    filled = [place for place, row in enumerate(rows) if any(map(text_of, row))]
+    widths = Counter(len(rows[place]) for place in filled)
+    if widths[len(first)] < max(widths.values()):
         return False
-    counts = Counter(place for row in rows for place in places(row))
-    mostly = {place for place, count in counts.items() if 2 * count > len(rows)}
-    known = {place for place in mostly if place < len(rows[0]) and text_of(rows[0][place])}
-    near = [row for row in rows[1:_NAMES_NEAR] if count_filled(row) > 1 and not places(row)]
-    if near and not all(number.takes(rows[0][place]) for place in known):
+    counts = Counter(chain.from_iterable(places[place] for place in filled))
+    mostly = {place for place, count in counts.items() if 2 * count > len(filled)}
+    known = {place for place in mostly if place < len(first) and text_of(first[place])}
+    near = any(count_filled(rows[at]) > 1 and not places[at] for at in filled[1:_NAMES_NEAR])
+    if near and not all(number.takes(first[place]) for place in known):
         return False
-    return 2 * len(known) >= len(mostly) and 2 * len(places(rows[0]) & known) > len(known)
+    return 2 * len(known) >= len(mostly) and 2 * len(begin & known) > len(known)
 
 
 def _stated_units(rows: Sequence[Sequence[Cell]]) -> dict[str, str]:
@@ -286,6 +285,15 @@ def _is_settings(row: Sequence[Cell]) -> bool:
     """Return whether most non-empty cells are quantities, as the range of each channel is."""
     found = [_QUANTITY.fullmatch(text) for text in map(text_of, row) if text]
     return 2 * sum(each is not None and is_unit(each[1]) for each in found) > len(found)
+
+
+def _names_and_units(cells: Sequence[Cell]) -> tuple[list[str], list[str]]:
+    """Split names and their units; names that only other words in brackets tell apart keep them."""
+    pairs = list(map(_name_and_unit, cells))
+    counts = Counter(name for name, _ in dict.fromkeys(pairs))
+    whole = [counts[name] > 1 and bool(unit) and not is_unit(unit) for name, unit in pairs]
+    names = [text_of(c) if w else n for c, w, (n, _) in zip(cells, whole, pairs, strict=True)]
+    return names, [unit for _, unit in pairs]
 
 
 def _name_and_unit(cell: Cell) -> tuple[str, str]:

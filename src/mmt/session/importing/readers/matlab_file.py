@@ -1,6 +1,7 @@
 """Read MATLAB files: variables, and the fields of structures as ``structure.field``."""
 
-from collections.abc import Callable, Iterator, Mapping
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +19,7 @@ from mmt.session.importing.columns import (
 )
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.readers.cells import columns_of, text_of
-from mmt.session.importing.readers.hdf5_file import read_hdf5
+from mmt.session.importing.readers.hdf5_file import of_object, read_hdf5
 
 _OF_MMT: Final = {"sequence", "time_s"}
 """Variables that identify an exported session."""
@@ -35,7 +36,7 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
 
     Numbers and vectors in a structure array or cell array are joined if their shapes are equal;
     other elements are named ``name{1}`` and on. Tables and timetables are objects that only MATLAB
-    can read; convert them to structures with table2struct.
+    can read: they are left out with a note.
 
     Raises
     ------
@@ -44,8 +45,10 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
     """
     require("scipy")
     from scipy.io import loadmat
+    from scipy.io.matlab import MatlabOpaque
 
-    with reading("a MATLAB file"):
+    with reading("a MATLAB file"), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", 'Duplicate variable name "None"')  # of objects
         try:
             content = loadmat(path, squeeze_me=True, struct_as_record=True, appendmat=False)
         except NotImplementedError:  # version 7.3 is HDF5
@@ -59,10 +62,16 @@ def read_matlab(path: Path, wanted: Callable[[str], bool], options: ImportOption
         if not variable.startswith("__")
         for name, values in _flattened(variable, content)
     }
+    objects = {name: v.item() for name, v in variables.items() if isinstance(v, MatlabOpaque)}
+    variables = {name: values for name, values in variables.items() if name not in objects}
     named, units = _named(variables)
     variables = {name: c for columns in named.values() for name, c in columns.items()} | variables
     return SourceColumns(
         names=[name for name in variables if name not in named],
+        notes=[
+            of_object(text_of(told[0]) if name == "None" else name, text_of(told[-2]))
+            for name, told in objects.items()
+        ],
         **columns_of({n: v for n, v in variables.items() if wanted(n)}, units),
         **beside,
     )
@@ -89,29 +98,34 @@ def _flattened(name: str, value: Any) -> Iterator[tuple[str, npt.NDArray[Any]]]:
         value = value.toarray()
     value = np.asarray(value) if isinstance(value, str) else value
     kind = getattr(value, "dtype", None)
-    if kind is not None and kind.names:
+    if type(value).__name__ == "MatlabOpaque":
+        yield name, value
+    elif kind is not None and kind.names:
         for field in kind.names:
             yield from _flattened(f"{name}.{field}", value[field])
     elif kind is not None and kind.hasobject and value.shape == ():
         yield from _flattened(name, value.item())
     elif kind is not None and kind.hasobject:
-        elements = list(value.flat)
-        if elements and all(isinstance(each, str) for each in elements):
-            yield name, np.asarray(elements)
-            return
-        shapes = {getattr(each, "shape", ()) for each in elements}
-        if (
-            len(shapes) == 1
-            and len(shape := shapes.pop()) < 2
-            and max(shape, default=1) <= len(elements)  # else each is a series of its own
-        ):
-            joined = np.asarray(elements)
-            if joined.dtype.kind in "iufb":
-                yield name, joined.astype(np.float64)
-                return
-        for number, each in enumerate(elements, start=1):
-            yield from _flattened(f"{name}{{{number}}}", each)
+        yield from _in_cells(name, list(value.flat))
     elif kind is not None and kind.kind == "U" and (value.size > 1 or gives_unit(name)):
         yield name, value
     elif np.asarray(value).dtype.kind in "iufbc":
         yield name, np.asarray(value)
+
+
+def _in_cells(name: str, elements: Sequence[Any]) -> Iterator[tuple[str, npt.NDArray[Any]]]:
+    if elements and all(isinstance(each, str) for each in elements):
+        yield name, np.asarray(elements)
+        return
+    shapes = {getattr(each, "shape", ()) for each in elements}
+    if (
+        len(shapes) == 1
+        and len(shape := shapes.pop()) < 2
+        and max(shape, default=1) <= len(elements)  # else each is a series of its own
+    ):
+        joined = np.asarray(elements)
+        if joined.dtype.kind in "iufb":
+            yield name, joined.astype(np.float64)
+            return
+    for number, each in enumerate(elements, start=1):
+        yield from _flattened(f"{name}{{{number}}}", each)

@@ -140,7 +140,8 @@ def _read_rows(
         if (names and widths and len(names) in (count_filled(row), len(row))) and (
             title not in ("", *header.titles) or names != header.own[: widths[-1]]
         ):
-            notes.append(f"another table begins above line {line}: it was left out, as all below")
+            told = "it was left out, as all below; --header with the line of its names reads it"
+            notes.append(f"another table begins above line {line}: {told}")
             break
         names, title = (), ""
         for column, value in zip(columns.values(), values, strict=True):
