@@ -53,6 +53,8 @@ tip.data,tip.note -> position_xyz=tip.data,0,0
 Time in s,Force in mN,Acceleration m/s^2 ->
     time=Time in s force=Force in mN acceleration=Acceleration m/s^2
 t,pos_in,Position (mm) -> time=t position_xyz=pos_in,0,0
+linear_acceleration_t,ax,fz -> acceleration_xyz=ax,0,0 force_xyz=0,0,fz
+    acceleration_time=linear_acceleration_t
 t_pos,x,t_force,fz -> position_xyz=x,0,0 force_xyz=0,0,fz position_time=t_pos force_time=t_force
 host_time,device_time_us,load -> time=host_time force=load
 duration,load -> time=duration force=load
@@ -363,6 +365,29 @@ def test_the_vector_at_the_beginning_of_wider_arrays_is_proposed(tmp_path, colum
     assert {target: kept.get(target) for target in given} == given
     notes = propose(path).columns.notes
     assert any("first three of the" in each for each in notes) != whole
+
+
+@pytest.mark.parametrize("columns", [3, 6, 7])
+@pytest.mark.parametrize("names", [("tip", "wrench", "imu"), ("pos", "force", "acc")])
+def test_arrays_that_begin_with_their_time_are_proposed_with_it(tmp_path, columns, names):
+    path, time_s = tmp_path / "a.npz", np.arange(40) / 1000
+    arrays = {n: np.random.default_rng(1).random((40, columns)) for n in names}
+    np.savez(path, **{n: np.column_stack([time_s, values]) for n, values in arrays.items()})
+    proposal = propose(path)
+    assert proposal.options.columns["force_time"] == f"{names[1]}[0]"
+    assert len(proposal.columns.notes) == 3
+    frames = import_recording(path, proposal.options)[0].frames
+    np.testing.assert_allclose(frames["force_n"], arrays[names[1]][:, :3], rtol=1e-6)
+
+
+@pytest.mark.parametrize("header", ["wann;Fz", "Fz;__index_level_0__"])
+def test_the_first_column_or_the_index_is_the_time_if_it_holds_dates(tmp_path, header):
+    path, options = tmp_path / "a.csv", ImportOptions(separator=";")
+    for date, expected in (("2026-01-31 23:59:0", header.replace("Fz", "").strip(";")), ("", None)):
+        rows = [(f"{date}{time}", time) for time in TIMES]
+        rows = rows if header.startswith("wann") else [row[::-1] for row in rows]
+        path.write_text("\n".join([header, *map(";".join, rows)]), encoding="utf-8")
+        assert propose(path, options).options.columns.get("time") == expected
 
 
 @pytest.mark.parametrize(

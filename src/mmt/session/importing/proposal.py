@@ -192,14 +192,16 @@ def _in_parts(
     """
     columns, notes = dict(options.columns), []
     for channel in CHANNELS:
-        name = columns.get(channel, "")
+        name = columns.get(channel) or columns.get(f"{channel}_x", "").removesuffix("[0]")
         values = found.values.get(name, np.zeros(0))
         timed = values.ndim == 2 and len(values) > 1 and bool(np.all(np.diff(values[:, 0]) > 0))
         timed = timed and "time" not in columns
         width = values.shape[1] - timed if values.ndim == 2 else 0
-        if channel in given or not (width in _PARTS or (timed and width == 3)):
+        if {channel, f"{channel}_x"} & given.keys():
             continue
-        del columns[channel]
+        if not (width in _PARTS or (timed and width == 3)):
+            continue
+        columns.pop(channel, None)
         columns |= {f"{channel}_{a}": f"{name}[{n}]" for n, a in enumerate("xyz", int(timed))}
         columns |= {f"{channel}_time": f"{name}[0]"} if timed else {}
         first = "the time and the next" if timed else "the first"
