@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from unit_samples import UNITS
 
@@ -105,8 +105,9 @@ def test_a_channel_has_its_own_times_those_of_all_or_a_rate():
 
 
 @settings(max_examples=200)
+@example(lost=({*range(1, 50, 2)}, set(), {2}), late=[0.0, 0.0, 3e-4], several=1)
 @given(
-    lost=st.lists(st.sets(st.integers(0, 49), max_size=20), min_size=3, max_size=3),
+    lost=st.tuples(*(st.sets(st.integers(0, 49), max_size=most) for most in (25, 12, 12))),
     late=st.lists(st.floats(0.0, 4e-4), min_size=3, max_size=3),
     several=st.sampled_from([1, 2]),
 )

@@ -46,6 +46,12 @@ def _to_length(values: FloatArray, length: int) -> FloatArray:
     return np.concatenate([values, blanks]) if len(blanks) else values
 
 
+def _period_s(time_s: FloatArray) -> float:
+    """Return the usual step of times (n,); the mean if most rows share a time with the last."""
+    steps_s = np.diff(time_s) if len(time_s) > 1 else np.zeros(1)
+    return float(np.median(steps_s) or np.mean(steps_s))
+
+
 class _Mapping:
     def __init__(self, columns: SourceColumns, options: ImportOptions) -> None:
         self._columns = replace(columns, **_with_vectors(columns))
@@ -181,13 +187,12 @@ class _Mapping:
         """
         found = self._stamps(channel) if self._options.rate_hz is None else None
         first, first_s = found or ("", np.zeros(0))
-        steps_s = np.diff(first_s) if len(first_s) > 1 else np.zeros(1)
-        half_s = float(np.median(steps_s) or np.mean(steps_s)) / 2  # rows in batches share a time
         moved = dict(axes)
         for axis, values in axes.items() if first in self._columns.times else ():
             source = self._source(f"{channel}_{axis}", channel)
             name = source.name if isinstance(source, Source) else first
             time_s = self._columns.times.get(name, first_s)
+            half_s = min(map(_period_s, (first_s, time_s))) / 2  # one of them may lack many rows
             alike = len(time_s) == len(first_s) and np.all(np.abs(time_s - first_s) <= half_s)
             sound = (
                 len(time_s) and values.shape[:1] == time_s.shape and np.all(np.diff(time_s) >= 0)
