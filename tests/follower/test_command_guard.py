@@ -410,6 +410,7 @@ def test_a_robot_outside_its_workspace_comes_in_at_the_recovery_speed():
     robot = Guarded(measured=(30.0, 0.0, 5.0), box_mm=BOX_MM, recovery_mm_s=50.0)
     robot.run(500, (40.0, 0.0, 5.0))
     assert robot.newest == pytest.approx((10.0, 0.0, 5.0))
+    assert robot.said == ["commanded to (40, 0, 5) mm, outside workspace_mm: clipped"]
     assert max(steps_mm(robot.positions)) <= 0.05 + 1e-9
 
 
