@@ -16,6 +16,7 @@ import platformdirs
 from mmt.core.arrays import Vector
 from mmt.core.errors import InputError, MmtError
 from mmt.core.files.existing import write_file
+from mmt.core.files.untrusted import parsed_json
 
 
 def calibration_file(device: str, serial: str) -> Path:
@@ -49,10 +50,10 @@ def load_calibration(device: str, serial: str) -> dict[str, Any] | None:
     """
     path = calibration_file(device, serial)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = parsed_json(path.read_bytes(), "it")
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, InputError) as error:
         raise MmtError(
             f"the calibration {path} cannot be read ({error}): calibrate again or delete the file"
         ) from error

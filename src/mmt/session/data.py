@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
-from mmt.core.errors import InputError
 from mmt.core.frames import (
     FIELD_OF_CHANNEL,
     FRAMES_HZ,
@@ -267,34 +266,6 @@ def field_columns(channel: Channel, samples_per_frame: int) -> tuple[str, ...]:
     if channel != "acceleration" or samples_per_frame == 1:
         return names
     return tuple(f"{name}[{sample}]" for sample in range(samples_per_frame) for name in names)
-
-
-def parsed_json(text: str | bytes, what: str) -> Any:
-    """Parse JSON from a file; `what` names it in messages.
-
-    Raises
-    ------
-    InputError
-        The text is not JSON.
-    """
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{what} is not valid JSON: {error}") from error
-
-
-def json_object(text: str | bytes, what: str) -> dict[str, Any]:
-    """Parse a JSON object from a file; `what` names it in messages.
-
-    Raises
-    ------
-    InputError
-        The text is not a JSON object.
-    """
-    value = parsed_json(text, what)
-    if not isinstance(value, dict):
-        raise InputError(f"{what} is not a JSON object")
-    return value
 
 
 def to_json(value: object) -> str:

@@ -16,9 +16,10 @@ import numpy as np
 from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.files.existing import replacing
+from mmt.core.files.untrusted import json_object
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, FRAMES_HZ, acceleration_samples
 from mmt.core.units import QUANTITIES
-from mmt.session.data import RecordedSession, json_object, to_json
+from mmt.session.data import RecordedSession, to_json
 
 _UNITS: Final = {
     "time_s": "s",

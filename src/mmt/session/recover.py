@@ -7,7 +7,8 @@ from typing import Any, BinaryIO
 
 from mmt.core.errors import InputError
 from mmt.core.files.existing import replacing
-from mmt.session.data import duration_s, json_object, missing_frames
+from mmt.core.files.untrusted import json_object
+from mmt.session.data import duration_s, missing_frames
 from mmt.session.mcap.reader import parse_event, scanned_frames
 from mmt.session.mcap.scan import Scan, scan_mcap
 from mmt.session.mcap.writer import EVENTS_TOPIC, RECOVERY_METADATA, SCENE_METADATA, open_writer

@@ -14,8 +14,9 @@ import numpy.typing as npt
 
 from mmt.core.errors import InputError
 from mmt.core.extras import require
+from mmt.core.files.untrusted import json_object
 from mmt.core.frames import FIELD_OF_CHANNEL, axes_of
-from mmt.session.data import JsonObject, axis_columns, json_object
+from mmt.session.data import JsonObject, axis_columns
 from mmt.session.importing.column_names import gives_unit, names_of, tells_apart
 from mmt.session.importing.columns import SourceColumns, reading
 from mmt.session.importing.options import ImportOptions

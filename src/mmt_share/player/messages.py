@@ -5,7 +5,7 @@ from typing import Annotated, Any, Final, NamedTuple
 from annotated_types import Ge, Le, MaxLen
 
 from mmt.core.errors import InputError
-from mmt.session.data import json_object
+from mmt.core.files.untrusted import json_object
 from mmt_share.messages import parsed
 
 MOST_STEPS: Final = 64

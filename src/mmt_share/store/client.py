@@ -1,7 +1,6 @@
 """Models from and to a store on another machine."""
 
 import hashlib
-import json
 import urllib.parse
 from contextlib import AbstractContextManager, suppress
 from http import HTTPStatus
@@ -10,6 +9,7 @@ from typing import Final
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.files.existing import write_error
+from mmt.core.files.untrusted import parsed_json
 from mmt.core.requests import Answer, AnswerError, open_answer
 from mmt.link.access import Access, check_scheme
 from mmt.link.connection import check_url
@@ -51,8 +51,8 @@ class RemoteStore:
             The leader does not answer, or has no store.
         """
         text = self._request("/models", MOST_MODELS * _LARGEST_ENTRY)
-        with suppress(ValueError, RecursionError, InputError):
-            listed = json.loads(text)
+        with suppress(InputError):
+            listed = parsed_json(text, "the list")
             if isinstance(listed, list) and len(listed) <= MOST_MODELS:
                 return [Entry.from_message(each) for each in listed]
         raise MmtError(f"{self._url} has no store of models that this program reads")
@@ -121,8 +121,8 @@ class RemoteStore:
         path = f"/models?{urllib.parse.urlencode(about)}"
         answer = self._request(path, _LARGEST_ENTRY, data=data)
         try:
-            return Entry.from_message(json.loads(answer))
-        except (ValueError, RecursionError, InputError) as error:
+            return Entry.from_message(parsed_json(answer, "the answer"))
+        except InputError as error:
             raise MmtError(f"what {self._url} says of the model cannot be read") from error
 
     def _request(self, path: str, most_bytes: int, *, data: bytes | None = None) -> bytes:

@@ -19,6 +19,7 @@ from pydantic import ConfigDict, Field, FiniteFloat
 from mmt.core.bounds import finite_number
 from mmt.core.errors import InputError, MmtError, printable
 from mmt.core.files.existing import write_file
+from mmt.core.files.untrusted import parsed_json
 from mmt.texture.model.file import unpack
 from mmt_share.messages import LONGEST_TEXT, PeerMessage, Text
 
@@ -158,6 +159,6 @@ class ModelStore:
 def _read(path: Path) -> Entry | None:
     """Read the entry beside a model; return None if it is damaged."""
     try:
-        return Entry.from_message(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, RecursionError, InputError):
+        return Entry.from_message(parsed_json(path.read_bytes(), "it"))
+    except (OSError, InputError):
         return None

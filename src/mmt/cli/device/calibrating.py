@@ -16,6 +16,7 @@ from mmt.cli.device.testing import devices_named, is_scene
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError, naming
 from mmt.core.files.existing import write_file
+from mmt.core.files.untrusted import parsed_json
 from mmt.core.running.ticking import Ticker
 from mmt.devices.adxl335 import sensor as adxl335
 from mmt.devices.adxl335.gravity import (
@@ -34,7 +35,6 @@ from mmt.devices.drivers import load_device
 from mmt.devices.streaming import tool_load
 from mmt.devices.streaming.source import PERIOD_NS, DeviceSource
 from mmt.scene.files import load_scene
-from mmt.session.data import parsed_json
 
 _SENSORS: Final = ("force_sensor", "accelerometer")
 _POSES: Final = 6

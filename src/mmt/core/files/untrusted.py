@@ -1,6 +1,7 @@
 """Read files from untrusted sources: what is damaged, expands, or is not there is refused."""
 
 import io
+import json
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -49,6 +50,34 @@ def require_fetched(path: Path) -> None:
                 "this is only Git LFS's pointer to the file, which was not fetched: git lfs pull "
                 "fetches it"
             )
+
+
+def parsed_json(text: str | bytes, what: str) -> Any:
+    """Parse JSON from a file; `what` names it in messages.
+
+    Raises
+    ------
+    InputError
+        The text is not JSON.
+    """
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{what} is not valid JSON: {error}") from error
+
+
+def json_object(text: str | bytes, what: str) -> dict[str, Any]:
+    """Parse a JSON object from a file; `what` names it in messages.
+
+    Raises
+    ------
+    InputError
+        The text is not a JSON object.
+    """
+    value = parsed_json(text, what)
+    if not isinstance(value, dict):
+        raise InputError(f"{what} is not a JSON object")
+    return value
 
 
 def load_arrays(

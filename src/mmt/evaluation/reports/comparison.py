@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from mmt.core.errors import InputError, naming
+from mmt.core.files.untrusted import json_object
 from mmt.core.output.tables import label
 from mmt.evaluation.reports.document import ReportTable
 from mmt.evaluation.reports.headlines import Headline, headline_table, headlines
 from mmt.evaluation.reports.report_files import FIGURES
-from mmt.session.data import json_object
 
 COLUMNS: Final = ("figure", "A", "B", "B - A", "B / A")
 DATA_NAMES: Final = ("summary.json", "bench.json")

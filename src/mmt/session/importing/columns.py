@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError, short_message
-from mmt.session.data import JsonObject, json_object, parsed_json
+from mmt.core.files.untrusted import json_object, parsed_json
+from mmt.session.data import JsonObject
 from mmt.session.importing.options import STANDARD_NAMES, ImportOptions
 from mmt.session.importing.samples import ROW_NUMBER
 

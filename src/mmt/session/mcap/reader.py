@@ -12,13 +12,13 @@ from mcap.well_known import MessageEncoding
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
+from mmt.core.files.untrusted import json_object
 from mmt.session.data import (
     JsonObject,
     OutputBlock,
     RecordedSession,
     clock_offset_ns,
     compares_clocks,
-    json_object,
 )
 from mmt.session.mcap.messages import FRAME_BLOCK, FrameCodec, OutputCodec, event_text
 from mmt.session.mcap.scan import Scan, scan_mcap
