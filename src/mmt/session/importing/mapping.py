@@ -185,8 +185,9 @@ class _Mapping:
 
         Each row has the nearest value, within half a period; if there is none, it is blank.
         """
-        found = self._stamps(channel) if self._options.rate_hz is None else None
-        first, first_s = found or ("", np.zeros(0))
+        if self._options.rate_hz is not None or not self._columns.times:
+            return axes
+        first, first_s = self._stamps(channel) or ("", np.zeros(0))
         moved = dict(axes)
         for axis, values in axes.items() if first in self._columns.times else ():
             source = self._source(f"{channel}_{axis}", channel)
