@@ -1,8 +1,13 @@
 """TDMS files, as LabVIEW and other programs for boards by National Instruments write them."""
 
+import os
+import re
+import struct
 from collections.abc import Callable, Mapping
+from io import BytesIO
+from itertools import accumulate
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 import numpy as np
 
@@ -14,6 +19,10 @@ from mmt.session.importing.readers.cells import columns_of
 
 _PERIOD: Final = "wf_increment"
 _BEGIN: Final = "wf_start_time"
+_STATED: Final = re.compile(_BEGIN.encode() + rb"....(.{16})", re.DOTALL)
+"""A start in a segment's metadata: the property's name, its type, and the time."""
+_LEAD_BYTES: Final = 28
+_BIG_ENDIAN: Final = 0x40
 _SCALES: Final = frozenset(("Linear", "Polynomial", "Table", "Add", "Subtract", "AdvancedAPI")) | {
     "RTD",
     "Strain",
@@ -49,11 +58,13 @@ def read_tdms(path: Path, wanted: Callable[[str], bool], _options: ImportOptions
         names, notes = distinct([f"{c.group_name}.{c.name}" if several else c.name for c in found])
         channels = dict(zip(names, found, strict=True))
         waves = {name: c for name, c in channels.items() if c.properties.get(_PERIOD, 0.0) > 0.0}
-        begins = {name: _begin(channel.properties) for name, channel in waves.items()}
-        first = min((begin for begin in begins.values() if begin is not None), default=None)
+        parts = [*_parts(stream), file]
+        pieces = {name: _in_parts(channel, parts) for name, channel in waves.items()}
+        begins = (_begin(piece.properties) for of_one in pieces.values() for piece in of_one)
+        first = min((begin for begin in begins if begin is not None), default=None)
         return SourceColumns(
             names=names,
-            times={name: _times_s(c, begins[name], first) for name, c in waves.items()},
+            times={name: _times_s(pieces[name], first) for name in waves},
             notes=notes,
             began_utc_ns=None if first is None else int(first.astype(np.int64)),
             **columns_of(
@@ -83,12 +94,48 @@ def _begin(properties: Mapping[str, Any]) -> "np.datetime64 | None":
     return nanoseconds
 
 
-def _times_s(
-    channel: Any, begin: "np.datetime64 | None", first: "np.datetime64 | None"
-) -> FloatArray:
+def _parts(stream: BinaryIO) -> list[Any]:
+    """Read the metadata up to the end of each acquisition but the last.
+
+    An acquisition that is appended to a file states its start in its first segment. Of what is
+    stated again npTDMS keeps the last, so it reads the metadata once for each.
+    """
+    import nptdms
+
+    acquisitions: list[bytes] = []
+    last: list[bytes] = []
+    file_bytes = stream.seek(0, os.SEEK_END)
+    stream.seek(0)
+    while len(lead := stream.read(_LEAD_BYTES)) == _LEAD_BYTES:
+        order = ">" if lead[4] & _BIG_ENDIAN else "<"
+        segment_bytes, metadata_bytes = struct.unpack_from(f"{order}2Q", lead, 12)
+        metadata = stream.read(min(segment_bytes, metadata_bytes))
+        stated = _STATED.findall(metadata)
+        if not acquisitions or (stated and stated != last):
+            acquisitions.append(b"")
+            last = stated
+        acquisitions[-1] += b"TDSh" + lead[4:] + metadata
+        stream.seek(min(segment_bytes, file_bytes) - len(metadata), os.SEEK_CUR)
+    heads = list(accumulate(acquisitions))[:-1]
+    return [nptdms.TdmsFile.read_metadata(BytesIO(head)) for head in heads]
+
+
+def _in_parts(channel: Any, parts: list[Any]) -> list[Any]:
+    """Return what each part of the file says of a channel, of those in which it is."""
+    group, name = channel.group_name, channel.name
+    return [part[group][name] for part in parts if group in part and name in part[group]]
+
+
+def _times_s(pieces: list[Any], first: "np.datetime64 | None") -> FloatArray:
     """Return the times (n,) of a waveform's samples, in s since the first waveform's beginning."""
-    offset_s = float(channel.properties.get("wf_start_offset", 0.0))
-    if begin is not None and first is not None:
-        offset_s += float((begin - first) / np.timedelta64(1, "s"))
-    period_s = float(channel.properties[_PERIOD])
-    return offset_s + period_s * np.arange(len(channel), dtype=np.float64)
+    times: list[FloatArray] = []
+    before = 0
+    for piece in pieces:
+        offset_s = float(piece.properties.get("wf_start_offset", 0.0))
+        begin = _begin(piece.properties)
+        if begin is not None and first is not None:
+            offset_s += float((begin - first) / np.timedelta64(1, "s"))
+        period_s = float(piece.properties.get(_PERIOD, pieces[-1].properties[_PERIOD]))
+        times.append(offset_s + period_s * np.arange(len(piece) - before, dtype=np.float64))
+        before = len(piece)
+    return np.concatenate(times)

@@ -27,6 +27,7 @@ from mmt.session.files import import_session
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.proposal import propose, try_proposal
 from mmt.session.importing.recording import import_recording
+from mmt_bridges.labview import read_tdms
 
 pytestmark = pytest.mark.usefixtures("read_here")
 
@@ -245,6 +246,41 @@ def test_waveforms_of_tdms_have_their_own_times(tmp_path):
     (tmp_path / "a.tdms").write_bytes(b"TDSm" + bytes(24) + b"x" * 40)
     with pytest.raises(InputError, match="not a TDMS file"):
         import_session(tmp_path / "a.tdms", columns=columns)
+
+
+@pytest.mark.parametrize("unfinished", [False, True])
+@pytest.mark.parametrize("every_segment_has_its_own_start", [False, True])
+def test_acquisitions_that_are_appended_to_a_tdms_keep_their_pauses(
+    tmp_path, every_segment_has_its_own_start, unfinished
+):
+    nptdms = pytest.importorskip("nptdms")
+    day = np.datetime64("2026-01-31T23:59:58")
+    begins_s, at_s = (0.0, 4.0, 4.9, 9.0), np.arange(900) / 1000
+
+    def wave(name, times_s, rate_hz, begin_s):
+        begin_s = times_s[0] if every_segment_has_its_own_start else begin_s
+        begin = day + np.timedelta64(round(begin_s * 1e6), "us")
+        about = {"wf_increment": 1 / rate_hz, "wf_start_time": begin}
+        return nptdms.ChannelObject("ni", name, times_s, about)
+
+    z_s = [begin_s + at_s for begin_s in begins_s]
+    a_s = [begin_s + 0.03 + np.arange(1800) / 2000 for begin_s in begins_s[1:]]
+    for place, begin_s in enumerate(begins_s):
+        with nptdms.TdmsWriter(tmp_path / "a.tdms", "a" if place else "w") as writer:
+            for part in np.array_split(begin_s + at_s, 3):
+                writer.write_segment([wave("z", part, 1000, begin_s)])
+            if place:
+                writer.write_segment([wave("a", a_s[place - 1], 2000, begin_s + 0.03)])
+    written = (tmp_path / "a.tdms").read_bytes()
+    if unfinished:  # as LabVIEW leaves it when it crashes
+        last = written.rindex(b"TDSm")
+        written = written[: last + 12] + b"\xff" * 8 + written[last + 20 :]
+    (tmp_path / "b.tdms").write_bytes(written)
+    source = read_tdms(tmp_path / "b.tdms", lambda name: True, ImportOptions())
+    np.testing.assert_allclose(source.times["z"], np.concatenate(z_s), atol=1e-6)
+    np.testing.assert_allclose(source.times["a"], np.concatenate(a_s), atol=1e-6)
+    began_s = (np.datetime64(source.began_utc_ns, "ns") - day) / np.timedelta64(1, "s")
+    assert began_s == pytest.approx(begins_s[0])
 
 
 @pytest.mark.parametrize("holder", ["channel", "group", "file"])
