@@ -605,7 +605,13 @@ def of_rows_in_two_units(path):
     lines(path, "time,Fz,unit", [(t, 1, "mN" if t > 1 else "N") for t in TIME_S])
 
 
+def with_decimal_commas(path):
+    cells = np.column_stack([TIME_S, force(TIME_S)])
+    lines(path, "time_s,Fx,Fy,Fz", ([f"{c:.3f}".replace(".", ",") for c in row] for row in cells))
+
+
 REFUSED = {
+    "commas.csv": (with_decimal_commas, "8 cells for 4 names.* semicolons or tabs between"),
     "lines.txt": (tidy_rows_of_json, "its lines are JSON: it is read if it is called .jsonl"),
     "rows.csv": (of_rows_in_two_units, "the table is in N and in mN: keep one"),
     "many.csv": (of_many_sensors, "topic tells 300 sensors apart.* keep what is needed"),

@@ -430,6 +430,8 @@ def test_files_of_one_recording_are_joined_by_a_tap(late_s, seed):
         assert abs(force_at - shock_at) <= 4
         with pytest.raises(InputError, match="say of which file"):
             import_session(paths, columns={"force": "F"})
+        with pytest.raises(InputError, match=r"force_z=a.npz:a: its other axes are of f.npz"):
+            import_session(paths, columns={"force_x": "f.npz:F", "force_z": "a.npz:a"})
 
 
 def test_a_rate_is_that_of_the_files_without_times(tmp_path):

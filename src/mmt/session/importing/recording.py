@@ -32,7 +32,8 @@ def options_of_each(options: ImportOptions, paths: Sequence[Path]) -> list[Impor
     Raises
     ------
     InputError
-        Two files have the same name, or an option is for none of them.
+        Two files have the same name, an option is for none of them, or the axes of a channel are
+        of several.
     """
     names = [path.name for path in paths]
     if len(set(names)) < len(names):
@@ -42,10 +43,17 @@ def options_of_each(options: ImportOptions, paths: Sequence[Path]) -> list[Impor
             f"--offset {name}=...: offsets are of {', '.join(names[1:])}, to {names[0]}"
         )
     of_each: dict[str, dict[str, str]] = {name: {} for name in names}
-    constants = {}
+    constants: dict[str, str] = {}
+    file_of: dict[str, str] = {}
     for target, text in options.columns.items():
         name, colon, column = text.removeprefix("-").partition(":")
         if colon and name in of_each:
+            other = file_of.setdefault(quantity_of(target), name)
+            if other != name and not target.endswith("time"):
+                raise InputError(
+                    f"--map {target}={text}: its other axes are of {other}, and the axes of a "
+                    "channel must be of one file; put their columns into one first"
+                )
             of_each[name][target] = f"-{column}" if text.startswith("-") else column
         else:
             constants[target] = text

@@ -33,6 +33,7 @@ _TUPLE: Final = re.compile(r"(?<![^,\s])[(\[]\s*[-+\d.][^()\[\],]*,[^()\[\]]*[)\
 """Matches a vector with commas between its numbers, as Unity writes it."""
 _STAMP: Final = re.compile(r"^\[?((?:\d{4}-\d\d-\d\d )?\d\d:\d\d:\d\d[.,]\d{3})(?: -> |\]\s*)")
 """Matches the time that monitors of a serial port, as of Arduino, put before a line."""
+_DIGITS: Final = re.compile(r"\s*-?\d+(?:[eE][-+]?\d+)?\s*")
 _LABEL: Final = re.compile(
     r"[\s,;|]*(?P<name>[A-Z_][\w ./()-]{0,30}?)[ \t]*[:=][ \t]*"
     r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan)"
@@ -64,11 +65,28 @@ def read_text(path: Path, wanted: Callable[[str], bool], options: ImportOptions)
         if lines and lines[0].startswith('{"'):
             raise InputError("its lines are JSON: it is read if it is called .jsonl")
         delimiter = options.delimiter or _delimiter(lines[-_LOOKED_AT:], options)
+        if delimiter == ",":
+            _check_commas(lines)
         cut: list[str] = []
         with _opened(path, encoding) as stream:
             rows = _rows(_without_labels(_lines(stream, cut), cut, sign), delimiter)
             columns = read_table(rows, wanted, options)
         return replace(columns, notes=(*columns.notes, *cut))
+
+
+def _check_commas(lines: list[str]) -> None:
+    """Raise InputError if a comma stands both between cells and before decimals."""
+    rows = [row for row in csv.reader(lines) if any(row)]
+    begin = next((n for n, row in enumerate(rows) if all(map(_DIGITS.fullmatch, row))), 0)
+    names, numbers = rows[begin - 1] if begin else [], rows[begin:]
+    if names and all(len(row) > len(names) and all(map(_DIGITS.fullmatch, row)) for row in numbers):
+        decimals = [cell for row in numbers for cell in row if re.match(r"0\d", cell)]
+        if decimals:
+            raise InputError(
+                f"a row has {len(numbers[0])} cells for {len(names)} names, and one is "
+                f"{decimals[0]}: commas stand between cells and before decimals, which cannot be "
+                "told apart; save it with semicolons or tabs between cells"
+            )
 
 
 def _opened(path: Path, encoding: str) -> TextIO:
