@@ -86,6 +86,27 @@ def dataset_of_structures(path):
     savemat(path, {"logsout": {"force": {"Values": series}, "Name": "logsout"}})
 
 
+@kind("scope.mat", "label")
+@kind("outports.mat", "blockName")
+def structure_with_time_of_simulink(path, told):
+    fields = [(name, object) for name in dict.fromkeys(("values", "dimensions", "label", told))]
+    signals = np.empty(len(TRUTH), dtype=fields)
+    signals["label"] = ""
+    for number, (channel, made) in enumerate(TRUTH.items()):
+        signals["values"][number], signals["dimensions"][number] = made(TIME_S), 3.0
+        signals[told][number] = channel if told == "label" else f"arm/{channel}"
+    savemat(path, {"log": {"time": TIME_S, "signals": signals, "blockName": "arm/Scope"}})
+
+
+@kind("workspace.mat")
+def variables_of_simulink_without_labels(path):
+    def variable(made):
+        return {"time": TIME_S, "signals": {"values": made(TIME_S), "label": ""}, "blockName": "b"}
+
+    made_of = {"x": motion, "F": force, "acc": vibration}
+    savemat(path, {"tout": TIME_S} | {name: variable(made) for name, made in made_of.items()})
+
+
 @kind("importdata.mat", "A", "colheaders", "N", channels=ONLY_FORCE)
 @kind("acqknowledge.mat", "", "labels", "mN", channels=ONLY_FORCE)
 def matrix_with_names_beside_it(path, owner, heads, unit):

@@ -199,6 +199,9 @@ def _in_parts(
         width = values.shape[1] - timed if values.ndim == 2 else 0
         if {channel, f"{channel}_x"} & given.keys():
             continue
+        if width == 3 and not timed and columns.get(f"{channel}_x") == name:  # x, a vector
+            columns = {target: c for target, c in columns.items() if target[:-2] != channel}
+            columns[channel] = name
         if not (width in _PARTS or (timed and width == 3)):
             continue
         columns.pop(channel, None)

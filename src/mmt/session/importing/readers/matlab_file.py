@@ -27,6 +27,9 @@ _OF_MMT: Final = {"sequence", "time_s"}
 _HEADS: Final = ("colheaders", "labels")
 """Names of the columns of ``data`` beside them, as of importdata and AcqKnowledge."""
 
+_OF_SIMULINK: Final = {"values", "label"}
+"""Fields of each signal in a ``Structure With Time``."""
+
 _LARGEST_SPARSE: Final = 1 << 27
 """Elements; a sparse matrix may hold few of far more."""
 
@@ -101,6 +104,9 @@ def _flattened(name: str, value: Any) -> Iterator[tuple[str, npt.NDArray[Any]]]:
     if type(value).__name__ == "MatlabOpaque":
         yield name, value
     elif kind is not None and kind.names:
+        if name.endswith(".signals") and _OF_SIMULINK.issubset(kind.names):
+            yield from _signals(name.removesuffix(".signals"), np.ravel(value))
+            return
         for field in kind.names:
             yield from _flattened(f"{name}.{field}", value[field])
     elif kind is not None and kind.hasobject and value.shape == ():
@@ -111,6 +117,19 @@ def _flattened(name: str, value: Any) -> Iterator[tuple[str, npt.NDArray[Any]]]:
         yield name, value
     elif np.asarray(value).dtype.kind in "iufbc":
         yield name, np.asarray(value)
+
+
+def _signals(owner: str, signals: npt.NDArray[Any]) -> Iterator[tuple[str, npt.NDArray[Any]]]:
+    """Yield the values of each signal that Simulink wrote, by its label or its block's name."""
+    told = {name: [_text(each) for each in signals[name]] for name in signals.dtype.names or ()}
+    blocks = [block.rpartition("/")[2] for block in told.get("blockName", told["label"])]
+    names = [label or block or "values" for label, block in zip(told["label"], blocks, strict=True)]
+    for label, each in zip(distinct(names)[0], signals, strict=True):
+        yield from _flattened(f"{owner}.{label}", each["values"])
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else ""  # an empty text is read as an empty array
 
 
 def _in_cells(name: str, elements: Sequence[Any]) -> Iterator[tuple[str, npt.NDArray[Any]]]:
