@@ -34,11 +34,11 @@ SLOW = (
 They begin, the slowest first: at the end, they would keep one process alone.
 """
 LONG = (
-    "test_lattice.py", "test_model_difference.py", "test_motion_limit.py",
+    "test_lattice.py", "test_lsl_services.py", "test_model_difference.py", "test_motion_limit.py",
     "test_resampled_models.py", "test_selection.py", "test_selection_outliers.py",
-    "test_surface_detection.py", "test_validity.py",
+    "test_surface_detection.py", "test_tool_turning.py", "test_validity.py",
 )  # fmt: skip
-"""Files that compute for four seconds and more: `scripts/test --fast` leaves them out."""
+"""Files that take four seconds and more: `scripts/test --fast` leaves them out."""
 LIVE = re.compile(
     r"^(?:from|import) (?:aiohttp|asyncio|h5py|(?:link|sharing|hub|player)_samples|multiprocessing"
     r"|nbclient|openpyxl|playwright|pyarrow|rosbags|runpy|running_source|sensor_reading|sketches"
