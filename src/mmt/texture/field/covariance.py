@@ -30,6 +30,7 @@ from scipy.special import ndtri
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
+from mmt.texture.interpolation.interpolant import NEAR_REST
 from mmt.texture.linear_algebra import product
 
 Values = TypeVar("Values", FloatArray, IntArray)
@@ -68,7 +69,6 @@ SLOPES: Final = ((1.5, 0.5), (0.5, 0.3))
 
 _FREE: Final = 16.0  # variance of c about the blocks' mean
 _PER_COORDINATE: Final = 1.5
-_NEAR_REST: Final = 0.15
 _PLANAR: Final = 4
 _HEADED_LENGTHS: Final = 8.0
 """Ratio of the lengths with heading to those without: grain acts alike at all speeds."""
@@ -89,7 +89,7 @@ class Coordinates(NamedTuple):
 
 def warped(normalised: FloatArray) -> FloatArray:
     """Return the coordinate of a normalised speed or force."""
-    return np.asarray(_PER_COORDINATE * np.log(normalised + _NEAR_REST))
+    return np.asarray(_PER_COORDINATE * np.log(normalised + NEAR_REST))
 
 
 FIRST: Final = float(warped(np.zeros(1))[0])
@@ -108,7 +108,7 @@ def coordinates(points: FloatArray) -> Coordinates:
 
 def points_at(at: Coordinates, *, directed: bool) -> FloatArray:
     """Return the normalised points of coordinates, (k, 2) or (k, 3)."""
-    speed, force = (np.exp(axis / _PER_COORDINATE) - _NEAR_REST for axis in (at.u, at.v))
+    speed, force = (np.exp(axis / _PER_COORDINATE) - NEAR_REST for axis in (at.u, at.v))
     if not directed:
         return np.column_stack([speed, force])
     return np.column_stack([speed * np.cos(at.heading), speed * np.sin(at.heading), force])

@@ -209,7 +209,7 @@ class LevelField:
         towards zero at least as speed^0.2 and force^0.2, whatever the blocks say.
         """
         speed, force, heading = table_grid(directed=self.directed)
-        axes = Coordinates(warped(np.exp(speed)), warped(np.exp(force)), heading)
+        axes = Coordinates(warped(speed), warped(force), heading)
         weights = np.array([member.weight * member.cell_weights for member in self._members])
         every = np.array([member.setting for member in self._members])
         total = mean_on_grid(axes, self._at, weights, every)
@@ -272,9 +272,9 @@ def _rendered(level: FloatArray) -> FloatArray:
     return level + np.log(np.maximum(share, _LEAST_SHARE))
 
 
-def _fall(levels: FloatArray, axis: FloatArray, logarithms: FloatArray, lowest: float) -> None:
+def _fall(levels: FloatArray, axis: FloatArray, values: FloatArray, lowest: float) -> None:
     """Make levels (nodes, ...) fall towards zero below the lowest cell of an axis."""
     first = int(np.searchsorted(axis, lowest))
-    step = _LEAST_EXPONENT * (logarithms[1] - logarithms[0])
+    steps = _LEAST_EXPONENT * np.diff(np.log(values))
     for node in range(min(first, len(axis) - 1) - 1, -1, -1):
-        np.minimum(levels[node], levels[node + 1] - step, out=levels[node])
+        np.minimum(levels[node], levels[node + 1] - steps[node], out=levels[node])

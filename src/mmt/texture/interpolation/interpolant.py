@@ -6,8 +6,8 @@ line spectral frequencies (LSF) that ascend strictly in (0, pi).
 
 A model's kernel parameters are one array: a few numbers at the indices below, then, for some
 models, a table of the level, which is used instead of the interpolant's. The table holds logarithms
-of the level on a grid that is even in ln(speed), ln(force) and heading; interpolating them linearly
-is exact for a power law. Below the least speed and force of the grid the level falls to zero
+of the level on a grid that is even in ln(speed + `NEAR_REST`), ln(force + `NEAR_REST`) and heading,
+as are the cells of a field. Below the least speed and force of the grid the level falls to zero
 linearly: a hand at rest feels nothing. A look-up costs two logarithms and an exponential, and an
 arctangent more if the heading counts.
 """
@@ -33,6 +33,9 @@ numbers."""
 SLOWEST: Final = 0.01
 """Least speed and force of the table, as a share of the largest."""
 
+NEAR_REST: Final = 0.15
+"""Speed and force, as a share of the largest, below which the grid is nearly linear."""
+
 PLANAR_SHAPE: Final = (1, 41, 41)
 """Headings, speeds and forces of a table without headings."""
 
@@ -45,7 +48,8 @@ TABLE_SIZES: Final = 4
 TABLE: Final = TABLE_SIZES + 3
 """Index of the table's first value."""
 
-_PER_LOGARITHM: Final = -1.0 / np.log(SLOWEST)
+_LOWEST: Final = np.log(SLOWEST + NEAR_REST)
+_PER_LOGARITHM: Final = 1.0 / (np.log(1.0 + NEAR_REST) - _LOWEST)
 _PER_RADIAN: Final = 0.5 / np.pi
 
 
@@ -94,11 +98,13 @@ def interpolate_into(
 
 
 def table_grid(*, directed: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the table's axes: logarithms of speeds and of forces, and headings."""
+    """Return the table's axes: normalised speeds and forces, and headings."""
     headings, speeds, forces = DIRECTED_SHAPE if directed else PLANAR_SHAPE
-    lowest = np.log(SLOWEST)
-    turn = np.linspace(0.0, 2.0 * np.pi, headings, endpoint=False)
-    return np.linspace(lowest, 0.0, speeds), np.linspace(lowest, 0.0, forces), turn
+    highest = np.log(1.0 + NEAR_REST)
+    speed, force = (
+        np.exp(np.linspace(_LOWEST, highest, count)) - NEAR_REST for count in (speeds, forces)
+    )
+    return speed, force, np.linspace(0.0, 2.0 * np.pi, headings, endpoint=False)
 
 
 @kernel("f8(f8[::1], f8, f8, f8)", inner=True)
@@ -120,8 +126,8 @@ def tabulated_level(parameters: FloatArray, x: float, y: float, force: float) ->
     fall = min(speed / SLOWEST, 1.0) * min(force / SLOWEST, 1.0)
     if fall <= 0.0:
         return 0.0
-    across = (1.0 + np.log(max(speed, SLOWEST)) * _PER_LOGARITHM) * (speeds - 1)
-    along = (1.0 + np.log(max(force, SLOWEST)) * _PER_LOGARITHM) * (forces - 1)
+    across = (np.log(max(speed, SLOWEST) + NEAR_REST) - _LOWEST) * _PER_LOGARITHM * (speeds - 1)
+    along = (np.log(max(force, SLOWEST) + NEAR_REST) - _LOWEST) * _PER_LOGARITHM * (forces - 1)
     row, column = min(int(across), speeds - 2), min(int(along), forces - 2)
     across -= row
     along -= column

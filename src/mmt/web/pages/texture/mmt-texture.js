@@ -360,8 +360,9 @@ function nearestValid(values, order, tail, columns, pools) {
   separate(values, order);
 }
 
-const SLOWEST = 0.01;
-const PER_LOGARITHM = -1 / Math.log(SLOWEST);
+const SLOWEST = 0.01, NEAR_REST = 0.15;
+const LOWEST = Math.log(SLOWEST + NEAR_REST);
+const PER_LOGARITHM = 1 / (Math.log(1 + NEAR_REST) - LOWEST);
 
 /** Return the level of a model with a table at a normalised point. */
 function tabulated({ level, levelShape }, x, y, force) {
@@ -369,8 +370,8 @@ function tabulated({ level, levelShape }, x, y, force) {
   const speed = Math.sqrt(x * x + y * y);
   const fall = Math.min(speed / SLOWEST, 1) * Math.min(force / SLOWEST, 1);
   if (fall <= 0) return 0;
-  let across = (1 + Math.log(Math.max(speed, SLOWEST)) * PER_LOGARITHM) * (speeds - 1);
-  let along = (1 + Math.log(Math.max(force, SLOWEST)) * PER_LOGARITHM) * (forces - 1);
+  let across = (Math.log(Math.max(speed, SLOWEST) + NEAR_REST) - LOWEST) * PER_LOGARITHM * (speeds - 1);
+  let along = (Math.log(Math.max(force, SLOWEST) + NEAR_REST) - LOWEST) * PER_LOGARITHM * (forces - 1);
   const row = Math.min(Math.trunc(across), speeds - 2), column = Math.min(Math.trunc(along), forces - 2);
   across -= row;
   along -= column;
