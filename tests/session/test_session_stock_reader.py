@@ -114,9 +114,10 @@ def test_scalars_are_the_frames_and_samples_one_by_one(tmp_path):
     done = CliRunner().invoke(app, [*arguments, str(tmp_path / "b.mcap"), "--scalars"])
     assert done.exit_code == 0
     messages = decoded(tmp_path / "b.mcap")
-    scalars = [(m.log_time, c) for topic, _, m, c in messages if topic == "/scalars"]
+    scalars = [(m, c) for topic, _, m, c in messages if topic == "/scalars"]
+    assert [m.sequence for m, _ in scalars] == frames["sequence"].tolist()
     assert [c.time_ns for _, c in scalars] == frames["time_ns"].tolist()
-    assert np.all(np.diff([t for t, _ in scalars]) == np.diff(frames["time_ns"]))
+    assert np.all(np.diff([m.log_time for m, _ in scalars]) == np.diff(frames["time_ns"]))
     found = [[c.force_x_n, c.force_y_n, c.force_z_n] for _, c in scalars]
     np.testing.assert_array_equal(np.float32(found), frames["force_n"])
     vibration = [c.vibration_m_s2 for topic, _, _, c in messages if topic == "/vibration"]
