@@ -90,6 +90,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "session/importing/stamps": ("session/test_session_stamps.py",),
     "session/mcap/writer": (
         "session/test_session_files.py",
+        "session/test_session_recover.py",
         "session/test_session_stock_reader.py",
         "session/test_session_rates.py",
     ),

@@ -105,7 +105,7 @@ def test_the_examples_of_the_pages_are_right():
     assert wire.hex(" ") == "04 01 01 01 01 06 01 fe ff 22 92 00"
 
 
-def test_samples_that_do_not_fit_are_refused():
+def test_samples_that_do_not_fit_are_refused_and_the_most_that_do_come_back():
     for number in (0, adxl335.MOST_SAMPLES + 1):
         with pytest.raises(ValueError, match="1 to 32"):
             adxl335.encode_frame(adxl335.BoardFrame(1, 2, ((1, 2, 3),) * number))
@@ -113,6 +113,8 @@ def test_samples_that_do_not_fit_are_refused():
     for values in ((), (0,) * (most + 1), (FULL_SCALE + 1, 0), (0, -FULL_SCALE - 1)):
         with pytest.raises(ValueError, match=r"frame holds|beyond"):
             haptuator.encode(BoardSamples(1, values))
+    full = BoardSamples(1, (0,) * most)
+    assert list(BOARDS["haptuator"].synchronised().feed(haptuator.encode(full))) == [full]
 
 
 @given(st.integers(0, 4), st.sampled_from([0, 1, 2, 3, 4, 5, 13, 14, 15, 242, 243, 244]))

@@ -1,8 +1,10 @@
 """What is believed of a reading: that it is one, that a tip can be there, that it changes."""
 
 import math
-from itertools import product
+from itertools import count, islice, product
+from types import SimpleNamespace
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,6 +15,7 @@ from mmt.devices.reading_checks import (
     OUT_OF_REACH,
     PlausibilityCheck,
     StuckCheck,
+    gathered,
     measured,
 )
 
@@ -63,6 +66,19 @@ def test_a_reading_is_finite_and_within_what_a_leader_accepts(direction, bad, ax
     largest = [0.0, 0.0, 0.0]
     largest[axis] = LARGEST_QUANTITY
     assert measured(tuple(largest)) == tuple(largest)
+
+
+@pytest.mark.parametrize(("each", "number"), [(0, 0), (1, 20), (3, 33)])
+def test_readings_are_gathered_for_a_time_and_longer_until_they_are_enough(
+    each, number, monkeypatch
+):
+    """At one call a millisecond, at least 20 over 10.5 ms, or what comes in 50.5 ms."""
+    passed_s, readings = [100.0], count()
+    clock = SimpleNamespace(monotonic=lambda: sum(passed_s), sleep=passed_s.append)
+    monkeypatch.setattr("mmt.devices.reading_checks.time", clock)
+    found = gathered(lambda: islice(readings, each), 20, 0.0105, 0.0505)
+    assert found == list(range(each, each + number)), "the first call's are left out"
+    assert len(passed_s) - 1 == (number // each if each else 51)
 
 
 values = st.sampled_from([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (math.nan, 0.0, 0.0)])

@@ -289,8 +289,8 @@ def test_a_file_says_what_it_is_and_who_wrote_it(tmp_path):
     path = tmp_path / "run.mcap"
     before = datetime.now(UTC) - timedelta(milliseconds=1)
     with path.open("wb") as stream:
-        writer = SessionWriter(stream, ("force",), SCENE, "a1b2", utc_offset_ns=5_000)
-        writer.write_frames(made_frames(3, ("force",)), 1_000)
+        writer = SessionWriter(stream, CHANNELS, SCENE, "a1b2", utc_offset_ns=5_000)
+        writer.write_frames(made_frames(3), 1_000)
         writer.write_model(b"first", 2_000)
         writer.write_model(b"second", 3_000)
         writer.write_annotations(b"truth", 4_000)
@@ -306,7 +306,7 @@ def test_a_file_says_what_it_is_and_who_wrote_it(tmp_path):
     assert json.loads(metadata["mmt.scene"]["json"]) == SCENE
     created = datetime.fromisoformat(metadata["mmt.session"].pop("created_utc"))
     assert before <= created <= datetime.now(UTC)
-    told = {"format_version": "2", "rate_hz": "1000", "channels": "force"}
+    told = {"format_version": "2", "rate_hz": "1000", "channels": "position,force,acceleration"}
     assert metadata["mmt.session"] == told | {"utc_offset_ns": "5000", "session_id": "a1b2"}
     models = [(f"model-000{n}.npz", "application/x-npz", 6_000 + n * 1_000) for n in (1, 2)]
     assert attached == [*models, ("annotations", "application/octet-stream", 9_000)]

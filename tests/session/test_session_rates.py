@@ -134,6 +134,7 @@ def test_standard_tools_decode_the_samples_in_their_order(tmp_path):
         sample = plain[int(frames["time_ns"][50]) - back * 250_000]
         vector = frames["acceleration_m_s2"][50, 3 - back]
         assert sample.acceleration_y_m_s2 == vector[1]
+    assert sample.DESCRIPTOR.full_name == "mmt.AccelerationSample"
     assert not hasattr(messages["/scalars"][0][1], "acceleration_x_m_s2")
     times_ns = [content.time_ns for _, content in messages["/vibration"]]
     np.testing.assert_array_equal(np.diff(times_ns), 250_000)

@@ -32,7 +32,7 @@ def decoded(path):
 
 
 def recorded(path, *, scalars):
-    with McapRecorder(path, channels=CHANNELS, scalars=scalars) as recorder:
+    with McapRecorder(path, channels=CHANNELS, session_id="a1b2", scalars=scalars) as recorder:
         recorder.record_frames(made_frames(40))
         recorder.record_backfill(made_frames(40), time.monotonic_ns())
         recorder.record_output(time.monotonic_ns(), "streamed", np.arange(40.0))
@@ -69,6 +69,8 @@ def test_blocks_and_plots_hold_the_frames(tmp_path):
         flat = [value for block in blocks for value in getattr(block, field)]
         np.testing.assert_array_equal(np.reshape(flat, (-1, 3)), frames[field])
     assert [t for block in blocks for t in block.time_ns] == frames["time_ns"].tolist()
+    numbers = [message.sequence for topic, _, message, _ in messages if topic == "/frames"]
+    assert numbers == frames["sequence"][::20].tolist()
     published = {topic: message.publish_time for topic, _, message, _ in reversed(messages)}
     assert published["/frames"] == frames["time_ns"][0]
     assert published["/events"] == frames["time_ns"][0] + 250_000_000
@@ -81,6 +83,7 @@ def test_blocks_and_plots_hold_the_frames(tmp_path):
     assert plot.vibration_rms_m_s2 == pytest.approx(rms, rel=1e-6)
     (written,) = [content for topic, _, _, content in messages if topic == "/output"]
     assert (written.mode, list(written.vibration_m_s2)) == ("model", [1.5, -2.5])
+    assert written.time_ns == frames["time_ns"][0] + 500_000_000
 
 
 def test_only_the_channels_present_are_in_the_schema(tmp_path):
@@ -114,9 +117,10 @@ def test_scalars_are_the_frames_and_samples_one_by_one(tmp_path):
     done = CliRunner().invoke(app, [*arguments, str(tmp_path / "b.mcap"), "--scalars"])
     assert done.exit_code == 0
     messages = decoded(tmp_path / "b.mcap")
-    scalars = [(m.log_time, c) for topic, _, m, c in messages if topic == "/scalars"]
+    scalars = [(m, c) for topic, _, m, c in messages if topic == "/scalars"]
+    assert [m.sequence for m, _ in scalars] == frames["sequence"].tolist()
     assert [c.time_ns for _, c in scalars] == frames["time_ns"].tolist()
-    assert np.all(np.diff([t for t, _ in scalars]) == np.diff(frames["time_ns"]))
+    assert np.all(np.diff([m.log_time for m, _ in scalars]) == np.diff(frames["time_ns"]))
     found = [[c.force_x_n, c.force_y_n, c.force_z_n] for _, c in scalars]
     np.testing.assert_array_equal(np.float32(found), frames["force_n"])
     vibration = [c.vibration_m_s2 for topic, _, _, c in messages if topic == "/vibration"]
@@ -126,7 +130,7 @@ def test_scalars_are_the_frames_and_samples_one_by_one(tmp_path):
     assert "leave --scalars out" in str(refused.exception)
 
 
-def test_a_converted_recording_keeps_its_date(tmp_path):
+def test_a_converted_recording_keeps_its_date_and_its_session(tmp_path):
     recorded(tmp_path / "run.mcap", scalars=False)
     time.sleep(0.05)
     session = read_session(tmp_path / "run.mcap")
@@ -135,6 +139,8 @@ def test_a_converted_recording_keeps_its_date(tmp_path):
     names = ("run", "copy", "made")
     first = {name: decoded(tmp_path / f"{name}.mcap")[0][2].log_time for name in names}
     assert first["copy"] == first["run"] < first["made"] <= time.time_ns()
+    ids = [read_session(tmp_path / f"{name}.mcap").session_id for name in names]
+    assert ids == ["a1b2", "a1b2", None]
 
 
 def test_a_file_of_version_1_is_read(tmp_path):

@@ -45,6 +45,7 @@ class Model:
         change = segmenter.update(block)
         for key in change.removed:
             assert not self.live.pop(key).final
+            assert any(key.start < new.stop and new.start < key.stop for new in change.added)
         for new in change.added:
             assert SampleRange(new.start, new.stop) not in self.live
             self.live[SampleRange(new.start, new.stop)] = new
@@ -68,6 +69,15 @@ def test_one_steady_stroke_is_one_segment():
     assert found.force_n == pytest.approx(1.5)
     assert found.time_ns == 489 * 1_000_000 + 77
     np.testing.assert_array_equal(found.vibration_m_s2, block.vibration_m_s2[10:490, 0, 0])
+    assert found.measured is None
+
+
+def test_filled_samples_are_told_from_measured_ones():
+    block = make_block(np.full(500, 80.0))
+    block.measured[100:103] = False
+    (found,) = segment(block)
+    np.testing.assert_array_equal(found.measured, block.measured[10:490])
+    assert found.measured_count == 477
 
 
 def test_the_vibration_is_a_copy():
@@ -129,8 +139,10 @@ def test_slow_light_and_invalid_samples_are_left_out_with_a_guard():
 
 def test_a_missing_sample_ends_the_stretch():
     block = make_block(np.full(1000, 80.0))
-    joined = AlignedBlock.concatenate([block[:503], block[504:]])
-    assert ranges(segment(joined)) == [(10, 490), (520, 990)]
+    before, after = segment(AlignedBlock.concatenate([block[:503], block[504:]]))
+    assert ranges([before, after]) == [(10, 490), (520, 990)]
+    assert before.final
+    assert not after.final
 
 
 def test_too_short_is_dropped_and_too_long_is_split():

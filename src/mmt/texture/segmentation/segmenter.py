@@ -175,10 +175,9 @@ class OnlineSegmenter:
         margin = (newest - self._settings.overlap_samples) // CELL - first_cell
         settled = pieces.settled(margin) if goes_on else cells
         self._settled = max(self._settled, (first_cell + settled) * CELL)
-        shortest_cells = -(-self._settings.shortest_samples // CELL)
         found = [
             SampleRange((first_cell + start) * CELL, (first_cell + stop) * CELL)
-            for start, stop in pieces.stationary(shortest_cells)
+            for start, stop in pieces.stationary(self._settings.shortest_samples)
         ]
         self._exchange(found, change)
         # Straightness is judged over the whole piece of path, though its settled part is not
@@ -219,20 +218,19 @@ def segment(block: AlignedBlock, settings: ModellingSettings | None = None) -> l
 class _Pieces:
     """Pieces that a grid of cells was cut into.
 
-    ``whole`` (cells,): every sample of the cell is usable. ``usable`` (cells,): those of its
-    neighbours are too. ``lines`` (cells,): a piece of path begins. ``starts`` and ``stops``
-    (pieces,): cells of the pieces, also of single unusable cells.
+    ``usable`` (cells,): every sample of the cell and of its neighbours is usable. ``lines``
+    (cells,): a piece of path begins. ``starts`` and ``stops`` (pieces,): cells of the pieces,
+    also of single unusable cells.
     """
 
-    whole: BoolArray
     usable: BoolArray
     lines: BoolArray
     starts: IntArray
     stops: IntArray
 
-    def stationary(self, shortest_cells: int) -> list[tuple[int, int]]:
+    def stationary(self, shortest_samples: int) -> list[tuple[int, int]]:
         """Return first and last cell (exclusive) of the pieces that are long enough."""
-        kept = self.usable[self.starts] & (self.stops - self.starts >= shortest_cells)
+        kept = self.usable[self.starts] & (CELL * (self.stops - self.starts) >= shortest_samples)
         return list(zip(self.starts[kept].tolist(), self.stops[kept].tolist(), strict=True))
 
     def settled(self, margin: int) -> int:
@@ -242,13 +240,13 @@ class _Pieces:
         reaches up to it continues: its pieces that touch the end or reach beyond the cell
         `margin` can change, and so can the end of the piece before them.
         """
-        newest = len(self.whole) - 1
+        newest = len(self.usable) - 1
         if not self.usable[newest - 1]:
-            return newest if self.whole[newest] else newest + 1
+            return newest
         stretch = int(np.flatnonzero(~self.usable[:newest])[-1]) + 1
         inside = self.starts >= stretch
         first_open = np.flatnonzero(inside & ((self.stops > margin) | (self.stops >= newest)))[0]
-        return int(self.starts[max(first_open - 1, np.flatnonzero(inside)[0])])
+        return int(self.starts[max(first_open - 1, 0)])
 
     def line_start(self, cell: int) -> int:
         """Return where the piece of path begins that holds a cell."""
@@ -268,11 +266,10 @@ def _find_pieces(grid: AlignedBlock, unsettled: int, settings: ModellingSettings
     by_heading = settings.inputs == "anisotropic"
     motion = grid.velocity_mm_s if by_heading else grid.speed_mm_s[:, None]
     vector = 2 if by_heading else 0
-    inputs = np.column_stack([grid.normal_force_n, motion])[unsettled * CELL :]
-    edges = lines[unsettled:].copy()
-    edges[:1] = True
+    moments = cell_moments(np.column_stack([grid.normal_force_n, motion])[unsettled * CELL :])
     longest_cells = settings.longest_samples // CELL
-    moments = cell_moments(inputs)
-    begins = stationary_pieces(edges, moments, settings.stationarity, longest_cells, vector)
+    begins = stationary_pieces(
+        lines[unsettled:], moments, settings.stationarity, longest_cells, vector
+    )
     starts = np.flatnonzero(begins) + unsettled
-    return _Pieces(whole, usable, lines, starts, np.append(starts, len(whole))[1:])
+    return _Pieces(usable, lines, starts, np.append(starts, len(whole))[1:])
