@@ -127,8 +127,13 @@ def test_files_that_are_no_scene(tmp_path):
     with pytest.raises(InputError, match="not valid TOML"):
         load_scene(bad)
     bad.write_bytes(b"\xff\xfe")
-    with pytest.raises(InputError, match="not valid TOML"):
+    with pytest.raises(InputError, match="not valid TOML: byte 1 is no UTF-8; save it as UTF-8"):
         load_scene(bad)
+
+
+def test_a_scene_with_the_mark_of_windows_editors_is_read(tmp_path):
+    (tmp_path / "marked.toml").write_text("[session]\r\nseed = 7\r\n", "utf-8-sig")
+    assert load_scene(tmp_path / "marked.toml").session.seed == 7
 
 
 def test_only_the_channels_that_the_scene_needs():

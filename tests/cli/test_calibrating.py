@@ -10,6 +10,7 @@ from command_runs import output_of, refusal, run_json
 
 from mmt.cli.device import calibrating
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, UPS, GravityCalibration, rests_from
+from mmt.devices.adxl335.sensor import Adxl335
 from mmt.devices.calibrations import load_calibration
 
 TRUE = GravityCalibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325))
@@ -127,3 +128,13 @@ def test_a_sensor_is_turned_six_ways(tmp_path, monkeypatch):
     assert stored["gain_v_per_m_s2"] == pytest.approx(TRUE.gain_v_per_m_s2, rel=0.01)
     kept = json.loads((tmp_path / "kept.json").read_text())
     assert (kept["serial"], len(kept["rests"])) == ("7", 5)
+
+
+def test_nobody_turns_what_cannot_be_stored(tmp_path, monkeypatch):
+    (tmp_path / "data").write_text("")
+    monkeypatch.setattr(typer, "prompt", lambda *_, **__: pytest.fail("one was asked to turn it"))
+    monkeypatch.setattr(Adxl335, "connect", lambda _: None)
+    bench = ("--set", "serial=bench-3")
+    monkeypatch.setattr(Adxl335, "serial_number", "bench-3")
+    assert "adxl335-bench-3.json: Not a directory" in refusal(*RECORDED, *bench)
+    assert "tool-pen.json: Not a directory" in refusal(*CALIBRATE, "virtual-lab", "--tool", "pen")

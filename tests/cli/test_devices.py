@@ -90,6 +90,24 @@ def test_a_silent_a_stuck_and_a_bursting_sensor_are_told_apart():
     assert "come in bursts, up to" in problem or BUSY in problem
 
 
+@pytest.mark.parametrize("value", [(0.0, 9.8), "abc", None, ("0", "0", "9.8"), (1j, 0, 0)])
+def test_a_reading_that_no_session_takes_is_shown(value):
+    device = device_drivers.Polled()
+    device.read = lambda: value
+    (problem,) = check_device("accelerometer", "a", device, duration_s=0.05).problems
+    assert problem.startswith(f"its read() gives {value!r}: a reading is three numbers")
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e-3, 2.0, -1.0])
+def test_stamps_in_another_unit_are_told_of(unit):
+    class Odd(device_drivers.Sampled):
+        def read(self):
+            return [(unit * time_ns, value) for time_ns, value in super().read() or ()]
+
+    problems = " ".join(check_device("force_sensor", "a", Odd(), duration_s=0.8).problems)
+    assert "time_ns in nanoseconds" in problems
+
+
 def test_a_driver_that_raises_when_it_is_asked_about_itself_is_told_and_closed():
     class Odd(device_drivers.Handle):
         def remarks(self):

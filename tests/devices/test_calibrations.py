@@ -4,7 +4,12 @@ import pytest
 from driver_fixtures import own_calibrations  # noqa: F401 - a fixture
 
 from mmt.core.errors import InputError, MmtError
-from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
+from mmt.devices.calibrations import (
+    calibration_file,
+    load_calibration,
+    require_storable,
+    save_calibration,
+)
 
 
 def test_what_is_saved_is_loaded():
@@ -15,6 +20,7 @@ def test_what_is_saved_is_loaded():
         "serial": "0042",
         "zero_v": [1.5, 1.6, 1.4],
     }
+    require_storable("adxl335", "0043")
     assert list(path.parent.iterdir()) == [path]
 
 
@@ -37,3 +43,5 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "mmt-haptics").write_text("")
     with pytest.raises(MmtError, match=r"cannot write .*box-7\.json"):
         save_calibration("box", "7", {})
+    with pytest.raises(InputError, match=r"cannot write .*box-7\.json: Not a directory"):
+        require_storable("box", "7")

@@ -9,7 +9,9 @@ from pydantic import BaseModel, ConfigDict
 from mmt.core.errors import InputError, located
 from mmt.core.plugins import is_own
 from mmt.devices import drivers
+from mmt.devices.axes import Axes, AxesOptions, SensorAxesOptions
 from mmt.devices.drivers import load_device
+from mmt.devices.openhaptics.options import HdOptions
 from mmt.scene import Scene
 from mmt.scene.files import environment_overrides, scene_from_tables
 
@@ -158,6 +160,7 @@ REFUSED = [
     ("openhaptics", {"stiffness_n_mm": 2.0, "damping_n_s_m": 1.0}, "oscillates at 1 kHz below 3"),
     ("openhaptics", {"axes": "x,y,y"}, "name x, y and z once each"),
     ("openhaptics", {"axes": "x,y,-z"}, "mirrors"),
+    ("openhaptics", {"axes": ["x", 5, "z"]}, "axes are 'x,5,z': name x, y and z once each"),
     ("openhaptics", {"force_limit_n": math.inf}, "force_limit_n"),
     ("ur", {"host": "a", "frequency_hz": 1000}, "frequency_hz"),
     ("ur", {"host": "a", "least_mm": [0, 0, 5], "most_mm": [1, 1, 5]}, "along z"),
@@ -169,6 +172,14 @@ REFUSED = [
 def test_a_refused_option_is_named(driver, options, words):
     with pytest.raises(InputError, match=f"device '{driver}': .*{words}"):
         load_device(driver, options)
+
+
+@pytest.mark.parametrize("axes", ["x, -z,y", ["x", "-z", "y"]])
+def test_axes_are_named_in_one_way_or_the_other_by_every_driver(axes):
+    assert SensorAxesOptions(axes=axes).axes == ("x", "-z", "y")
+    for options in AxesOptions, HdOptions:
+        turned = Axes(options(axes=axes).axes).to_scene((1.0, 2.0, 3.0))
+        assert turned == (1.0, -3.0, 2.0)
 
 
 @pytest.mark.parametrize(

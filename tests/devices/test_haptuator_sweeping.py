@@ -224,3 +224,10 @@ def test_one_command_equalises_the_emulated_handle(tmp_path, monkeypatch):
 )
 def test_what_cannot_be_equalised_is_bad_input(arguments, sentence):
     assert sentence in refusal(*EQUALISE, *arguments.split())
+
+
+def test_a_sweep_that_cannot_be_stored_is_not_played(tmp_path, monkeypatch):
+    (tmp_path / "mmt-haptics").write_text("")
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    drivers = ["--actuator", "unknown", "--accelerometer", "unknown", "--serial", "T1"]
+    assert "haptuator-T1.json: Not a directory" in refusal(*EQUALISE, *drivers)

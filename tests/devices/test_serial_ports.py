@@ -6,8 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from mmt.core.errors import MmtError
 from mmt.devices import serial_ports
-from mmt.devices.serial_ports import read_waiting
+from mmt.devices.serial_ports import SerialLine, read_waiting
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo terminals")
 
@@ -43,3 +44,8 @@ def test_a_port_that_is_gone_is_an_error():
     os.close(slave)
     with pytest.raises(TypeError):
         read_waiting(SimpleNamespace(fd=None), 100)
+
+
+def test_a_file_that_is_no_port_is_told_of_with_what_to_check():
+    with pytest.raises(MmtError, match=r"^board: .+ioctl.+; check that it is a serial port, and"):
+        SerialLine("board", os.devnull, 9600).open()

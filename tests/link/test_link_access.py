@@ -105,6 +105,12 @@ def test_the_environment_precedes_the_file(token_file):
     assert Access.from_settings(Link(), {}).token is None
 
 
+def test_a_token_is_the_same_with_the_mark_and_line_ends_of_windows(tmp_path):
+    (tmp_path / "token").write_text(f"{TOKEN}\r\n", "utf-8-sig")
+    assert Access.from_settings(Link(token_file=tmp_path / "token"), {}).token == TOKEN
+    assert Access.from_settings(Link(), {TOKEN_VARIABLE: f"{TOKEN}\r\n"}).token == TOKEN
+
+
 def test_a_token_that_can_be_guessed_or_read_by_others_or_not_at_all_is_told_of(tmp_path, caplog):
     with pytest.raises(InputError, match=r"MMT_LINK_TOKEN has 15 characters, at least 16 .*rand"):
         Access.from_settings(Link(), {TOKEN_VARIABLE: "x" * 15})

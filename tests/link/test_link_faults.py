@@ -193,7 +193,9 @@ async def test_no_leader_is_explained(unused_tcp_port):
 NOT_FOUND = b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
 
-@pytest.mark.parametrize(("answered", "said"), [(None, "no leader answered"), (NOT_FOUND, "404")])
+@pytest.mark.parametrize(
+    ("answered", "said"), [(None, r"\(nothing came back in time\)"), (NOT_FOUND, "404")]
+)
 async def test_a_server_that_is_no_leader_is_explained_in_time(answered, said):
     async def answer(reader, writer):
         await reader.readline()
@@ -237,7 +239,16 @@ async def test_the_leader_may_start_after_the_follower_who_may_also_give_up(unus
 
 @pytest.mark.parametrize(
     "url",
-    ["", "leader:8765", "ftp://leader", "http://", "http://:80", "http://h:99999", "http://[::1"],
+    [
+        "",
+        "leader:1",
+        "ftp://leader",
+        "http://",
+        "http://:80",
+        "http://h:99999",
+        "http://[::1",
+        "http://h:1/mmt",
+    ],
 )
 def test_a_bad_url_is_explained(url):
     with pytest.raises(InputError, match="allowed is http://HOST:PORT"):

@@ -18,7 +18,10 @@ from mmt.session.files import export_session, write_session
 
 APPS = {"mmt": main.app, "mmt-leader": leader.app, "mmt-follower": follower.app}
 
+LONG = "x" * 300
+
 SCENES = {
+    "long": f"[link]\ntoken_file = '{LONG}'\n",
     "wrong-key": "[session]\nnmae = 'x'\n",
     "no-model": "[hand]\n[rendering]\nmodel = 'none.npz'\n[actuator]\n",
     "half": "[hand]\n[rendering]\n[actuator]\n",
@@ -37,6 +40,9 @@ CASES = [
     ("mmt-leader demo --json - --json-lines", "both take standard output: give one"),
     # scenes, with both services
     ("mmt-leader none.toml", "scene none.toml: no such file; the examples are anisotropic, demo"),
+    (f"mmt-leader {LONG}", f"{LONG}: File name too long: correct the path"),
+    (f"mmt session import {LONG} x.mcap", f"{LONG}: File name too long: correct the path"),
+    ("mmt-leader long.toml", f"{LONG}: File name too long: correct the path"),
     ("mmt-leader wrong-key.toml", "session.nmae is not a key; allowed are name, duration_s"),
     ("mmt-leader half.toml", "[rendering] needs a model: add [texture], or name a saved one"),
     ("mmt-leader no-model.toml", "model none.npz: No such file"),

@@ -42,6 +42,9 @@ OPTIONS: Final = {
 
 _KEPT: Final = "\n\t"
 
+_UNREACHABLE: Final = {errno.EACCES, errno.ENAMETOOLONG, errno.ESTALE, errno.EIO}
+"""Errors of asking whether a file exists, as far as `Path.exists` raises them."""
+
 
 class Terminal(Console):
     """A console that masks control characters, which a peer, a device or a file may send.
@@ -83,13 +86,19 @@ def run_app(app: typer.Typer, program: str) -> None:
         print_error(str(error))
         sys.exit(error.exit_code)
     except OSError as error:
-        if error.errno not in {errno.EMFILE, errno.ENFILE}:
+        if error.errno in {errno.EMFILE, errno.ENFILE}:
+            print_error(
+                "too many files are open: raise the limit before the start (`ulimit -n 256`), or "
+                "end other programs"
+            )
+            sys.exit(MmtError.exit_code)
+        if error.errno not in _UNREACHABLE or error.filename is None:
             raise
         print_error(
-            "too many files are open: raise the limit before the start (`ulimit -n 256`), or end "
-            "other programs"
+            f"{error.filename}: {error.strerror}: correct the path, or see that you may enter each "
+            "of its folders"
         )
-        sys.exit(MmtError.exit_code)
+        sys.exit(InputError.exit_code)
     finally:
         finish_output()
 

@@ -2,9 +2,9 @@
 
 import re
 from collections.abc import Sequence
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from mmt.core.arrays import Vector
 from mmt.core.quaternions import UNIT_VECTORS, Quaternion, product, quaternion_of_axes
@@ -71,12 +71,26 @@ class Axes:
         return self.to_device((x + u, y + v, z + w))
 
 
+def _as_text(axes: Any) -> Any:
+    """Return axes that are listed, as an accelerometer's are, as one text."""
+    return ",".join(map(str, axes)) if isinstance(axes, list | tuple) else axes
+
+
+def _as_list(axes: Any) -> Any:
+    """Return axes in one text, as a robot's are, as a list."""
+    return [part.strip() for part in axes.split(",")] if isinstance(axes, str) else axes
+
+
+AxesText = Annotated[str, BeforeValidator(_as_text)]
+"""Axes as `Axes` takes them."""
+
+
 class AxesOptions(BaseModel):
     """Options of a device with axes of its own."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    axes: str = "x,y,z"
+    axes: AxesText = "x,y,z"
     """Device axes along the scene's, see `Axes`."""
 
     @model_validator(mode="after")
@@ -93,7 +107,7 @@ class SensorAxesOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    axes: tuple[Axis, Axis, Axis] = ("x", "y", "z")
+    axes: Annotated[tuple[Axis, Axis, Axis], BeforeValidator(_as_list)] = ("x", "y", "z")
     """Sensor axes that lie along x, y, z of the scene; the scene's z is the surface's normal."""
 
     @model_validator(mode="after")

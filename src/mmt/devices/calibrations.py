@@ -6,6 +6,7 @@ since a calibration belongs to a device on a bench and not to a scene.
 
 import json
 import re
+import tempfile
 from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 import platformdirs
 
 from mmt.core.arrays import Vector
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError, naming
 from mmt.core.files.existing import write_file
 from mmt.core.files.untrusted import parsed_json
 
@@ -38,6 +39,20 @@ def calibration_file(device: str, serial: str) -> Path:
         raise InputError(f"the {device} has no serial number: give it one with the option 'serial'")
     directory = platformdirs.user_data_path("mmt-haptics", appauthor=False) / "calibrations"
     return directory / f"{_plain(device)}-{_plain(serial)}.json"
+
+
+def require_storable(device: str, serial: str) -> None:
+    """Raise unless a calibration can be stored, before somebody has turned or played for it.
+
+    Raises
+    ------
+    InputError
+        The serial number is empty, or the folder may not be written to.
+    """
+    path = calibration_file(device, serial)
+    with naming(f"cannot write {path}"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=path.parent).close()
 
 
 def load_calibration(device: str, serial: str) -> dict[str, Any] | None:

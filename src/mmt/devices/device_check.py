@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.errors import MmtError, located
+from mmt.core.errors import MmtError, located, short_message
 from mmt.core.frames import missing_band
 from mmt.core.units import GRAVITY_M_S2
 from mmt.devices.protocols import SensorReading, SetupRemarks, fault_explanation, fault_table
@@ -35,6 +35,9 @@ _KEPT: Final = 1_000_000
 _BUSY_MS: Final = 5.0
 _BURST_MS: Final = 10.0
 _RATE_HZ: Final = 1000
+_PACE: Final = 0.2
+_PACED_NS: Final = 500_000_000
+"""Stamps may pass faster or slower than this machine's clock by this share, over so long."""
 
 
 @dataclass
@@ -60,6 +63,8 @@ class DeviceCheck:
     arrival_p99_ms: float | None = None
     """99th percentile of the wait for its next readings."""
     latency_ms: float | None = None
+    pace: float | None = None
+    """Time by its stamps over that by this machine's clock, None if it was read too shortly."""
     waited_p99_ms: float | None = None
     """99th percentile of the check's own loop time, which is long on a busy machine."""
     played: dict[str, float | int | None] = field(default_factory=dict)
@@ -73,6 +78,9 @@ class DeviceCheck:
         """Unit of the values."""
         return UNITS[self.role]
 
+
+_THREE: Final = {"robot", "handle", "force_sensor", "accelerometer"}
+"""Roles whose readings are three numbers."""
 
 _NO_CALLS: Final = (
     "it has neither read() nor write(), so that it is no device that a scene can use; give it the "
@@ -149,6 +157,7 @@ class _Observation:
         self._read = _reader(device) if hasattr(device, "read") else None
         self._waits_ms: deque[float] = deque(maxlen=_KEPT)
         self._written = 0
+        self._first_ns: tuple[int, int] | None = None  # arrival and stamp of the first look
         self._waiting = 0  # readings that waited before the first look, over an unknown time
 
     def run(self, duration_s: float, show: Callable[[DeviceCheck], None]) -> None:
@@ -183,12 +192,26 @@ class _Observation:
         readings = self._read()
         now_ns = time.monotonic_ns()
         for time_ns, value in readings:
-            self.values.append(tuple(float(each) for each in value))
+            self.values.append(self._numbers(value))
             self.stamps_ns.append(time_ns)
         if readings:
+            self._first_ns = self._first_ns or (now_ns, readings[-1].time_ns)
             self._waiting = self._waiting or len(readings)
             self.seen.readings += len(readings)
             self.arrivals_ns.append(now_ns)
+
+    def _numbers(self, value: Any) -> Values:
+        """Return a reading as numbers; a stranger's driver may give anything."""
+        try:
+            numbers = tuple(float(0.0 + each) for each in value)  # a text is no number
+        except (TypeError, ValueError, OverflowError):
+            numbers = ()
+        if len(numbers) != 3 and (self.seen.role in _THREE or not numbers):
+            raise MmtError(
+                f"its read() gives {short_message(repr(value))}: a reading is three numbers, x, y, "
+                "z, or from a driver with latency_ns a list of SensorReading"
+            )
+        return numbers
 
     def _glance(self) -> None:
         """Update the figures that are cheap to compute."""
@@ -220,6 +243,9 @@ class _Observation:
         if not self.sampled or len(self.arrivals_ns) < 3:
             return
         seen.latency_ms = self._device.latency_ns / 1e6
+        first_ns, stamp_ns = self._first_ns or (0, 0)
+        if (span_ns := self.arrivals_ns[-1] - first_ns) >= _PACED_NS:
+            seen.pace = float(self.stamps_ns[-1] - stamp_ns) / span_ns
         spacing_ms = np.diff(np.array(self.stamps_ns)) / 1e6
         seen.spacing_p50_ms, seen.spacing_p99_ms = np.percentile(spacing_ms, [50, 99]).tolist()
         waits_ms = np.diff(np.array(self.arrivals_ns)) / 1e6
@@ -255,6 +281,11 @@ def _judge(seen: DeviceCheck, watching: _Observation) -> list[str]:
     elif seen.samples_hz > _RATE_HZ and seen.readings:
         band = missing_band(seen.rate_hz or _RATE_HZ, seen.samples_hz)
         problems += [f"it {band}: raise its rate, or lower acceleration_rate_hz"] if band else []
+    if seen.pace is not None and not abs(seen.pace - 1.0) <= _PACE:
+        problems.append(
+            f"its stamps pass {seen.pace:.3g} times as fast as this machine's clock: a driver of "
+            "your own gives time_ns in nanoseconds, the oldest reading first"
+        )
     if seen.arrival_p99_ms is not None and seen.arrival_p99_ms > _BURST_MS and not busy:
         problems.append(
             f"its readings come in bursts, up to {seen.arrival_p99_ms:.0f} ms apart: lower the "

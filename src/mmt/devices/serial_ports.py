@@ -55,7 +55,7 @@ def explain_refusal(error: Exception) -> str:
         return f"there is none; plug the board in. There are: {', '.join(ports) or 'no ports'}"
     if code in {errno.EBUSY, errno.EAGAIN}:
         return "another program has it open; close that one (a serial monitor, another session)"
-    return str(error)
+    return f"{error}; check that it is a serial port, and that it can be set to this baud rate"
 
 
 def is_text(received: bytes) -> bool:

@@ -70,7 +70,7 @@ class Access:
         InputError
             The token is too short, or its file cannot be read.
         """
-        token = environment.get(variable) or None
+        token = environment.get(variable, "").strip() or None
         origin = variable
         if token is None and settings.token_file is not None:
             token, origin = _read_token(settings.token_file), f"the file {settings.token_file}"
@@ -229,7 +229,7 @@ def check_scheme(url: str, access: Access) -> None:
 
 def _read_token(path: Path) -> str:
     try:
-        with path.open(encoding="utf-8") as stream:
+        with path.open(encoding="utf-8-sig") as stream:  # with the mark that Windows writes
             if os.name == "posix" and os.fstat(stream.fileno()).st_mode & 0o044:
                 LOG.warning("token_file %s can be read by others: chmod 600 it", path)
             return stream.read(_LONGEST_FILE).strip()

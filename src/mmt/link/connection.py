@@ -32,6 +32,7 @@ def check_url(url: str) -> None:
         parts = urllib.parse.urlsplit(url)
         good = parts.scheme in {"http", "https", "ws", "wss"} and bool(parts.hostname)
         good = good and (parts.port is None or parts.port > 0)
+        good = good and parts.path in {"", "/"}  # the library would leave it out without a word
     except ValueError:
         good = False
     if not good:

@@ -119,4 +119,6 @@ def _first_cause(error: BaseException) -> str:
     cause: BaseException | None = error
     while cause is not None:
         error, cause = cause, cause.__cause__ or cause.__context__
+    if isinstance(error, TimeoutError | asyncio.CancelledError):  # their texts name a class
+        return "nothing came back in time"
     return peer_text(str(error), MAX_SENTENCE) or type(error).__name__

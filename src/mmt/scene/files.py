@@ -142,9 +142,13 @@ def read_tables(path: Path) -> dict[str, Any]:
     """
     try:
         with naming(f"scene {path}"):
-            return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # Windows marks such files
+    except tomllib.TOMLDecodeError as error:
         raise InputError(f"scene {path}: not valid TOML: {error}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"scene {path}: not valid TOML: byte {error.start + 1} is no UTF-8; save it as UTF-8"
+        ) from error
     except RecursionError as error:
         raise InputError(
             f"scene {path}: it is nested too deep; a scene is tables of keys"

@@ -30,7 +30,12 @@ from mmt.devices.adxl335.gravity import (
     from_dict,
     rests_from,
 )
-from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
+from mmt.devices.calibrations import (
+    calibration_file,
+    load_calibration,
+    require_storable,
+    save_calibration,
+)
 from mmt.devices.drivers import load_device
 from mmt.devices.streaming import tool_load
 from mmt.devices.streaming.source import PERIOD_NS, DeviceSource
@@ -99,8 +104,7 @@ def _measure(sensor: adxl335.Adxl335, duration_s: float) -> tuple[str, list[Rest
     """Prompt for each orientation and measure it."""
     sensor.connect()
     try:
-        # raises if there is no serial number
-        calibration_file(adxl335.CALIBRATED_AS, sensor.serial_number)
+        require_storable(adxl335.CALIBRATED_AS, sensor.serial_number)
         messages.print(
             "Put the sensor against something upright in six ways. Enter measures, s skips; "
             "each axis is needed once, all six are best."
@@ -177,7 +181,7 @@ def calibrate_tool(
     """
     if not is_scene(scene):
         raise InputError(f"--tool takes a scene with both sensors; {scene} is a driver")
-    calibration_file(tool_load.CALIBRATED_AS, name)  # raises if the name is empty
+    require_storable(tool_load.CALIBRATED_AS, name)
     force_sensor, accelerometer = (_load(scene, role, settings) for role in _SENSORS)
     try:
         force_sensor.connect()

@@ -13,8 +13,9 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.files.existing import replacing
 from mmt.core.files.untrusted import load_arrays
+from mmt.devices.calibrations import require_storable
 from mmt.devices.drivers import load_device
-from mmt.devices.haptuator.driver import store_level
+from mmt.devices.haptuator.driver import DEVICE, store_level
 from mmt.devices.haptuator.equaliser import fit_equaliser
 from mmt.devices.haptuator.sweep import SweepRecording, SweepSettings, record_sweep
 
@@ -93,6 +94,7 @@ def _record(scene: str | None, options: EqualisingOptions) -> tuple[str, SweepRe
     serial = options.serial or stored_as
     if serial is None:
         raise InputError("--serial is missing: under which name is it to be stored?")
+    require_storable(DEVICE, str(serial))
     level = {"volts_per_m_s2": 1.0}  # not used: the sweep is in volts
     played = {"buffer_ms": _BUFFER_MS, **actuator_options, **level}
     below, above = _MARGIN_HZ

@@ -6,7 +6,7 @@ from typing import Annotated, Final, Self
 from pydantic import Field, model_validator
 
 from mmt.core.arrays import Vector
-from mmt.devices.axes import Axes, AxesOptions, Millimetres
+from mmt.devices.axes import Axes, AxesOptions, AxesText, Millimetres
 
 DEFAULT_AXES: Final = "x,-z,y"
 """The scene's x is HD's x; its y points away from the user; its z, the normal, points up."""
@@ -23,7 +23,7 @@ class HdOptions(AxesOptions):
 
     library: str = Field("libHD.so", min_length=1)
     device: str | None = Field(None, min_length=1, max_length=63)
-    axes: str = DEFAULT_AXES
+    axes: AxesText = DEFAULT_AXES
     origin_mm: tuple[Millimetres, Millimetres, Millimetres] = (0.0, 0.0, 0.0)
     force_limit_n: Newtons | tuple[Newtons, Newtons, Newtons] = 3.0
     """Limit of the whole force, or one along each of the scene's axes."""

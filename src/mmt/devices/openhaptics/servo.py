@@ -134,6 +134,7 @@ class Servo:
         except Exception as failure:  # noqa: BLE001 - it cannot be raised through the library
             self.failure = failure
             self.displayed[:] = (0.0, 0.0, 0.0)
+            self._set(_FORCE, self.displayed)  # HD does not say that an unset force is none
             self._end(self._handle)
             return DONE
         return CONTINUE
