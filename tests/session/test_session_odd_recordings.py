@@ -150,6 +150,41 @@ def version_7_3_of_matlab(path):
         stream.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
 
 
+@kind("cells of v7.3.mat", "runs")
+@kind("structures of v7.3.mat", "run")
+def series_of_trials_in_version_7_3_of_matlab(path, kind):
+    """A structure array has references in each field, a cell array one to each structure."""
+    h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
+
+    def add(group, name, values, told="double"):
+        group[name] = values
+        group[name].attrs["MATLAB_class"] = np.bytes_(told.encode())
+        return group[name].ref
+
+    with hdf5(path, userblock_size=512) as file:
+        behind, trials = file.create_group("#refs#"), []
+        for number in range(3):
+            rows = slice(0, len(TIME_S) - 300 * number)
+            trial = behind.create_group(str(number))
+            fields = {n: (1 + number) * made(TIME_S)[rows].T for n, made in TRUTH.items()}
+            refs = {n: add(trial, n, values) for n, values in fields.items()}
+            text = np.frombuffer(b"rough oak"[number:], "u1").astype("u2")[:, None]
+            refs |= {
+                "t": add(trial, "t", TIME_S[None, rows]),
+                "name": add(trial, "n", text, "char"),
+            }
+            trials.append(refs if kind == "run" else trial.ref)
+        if kind == "run":
+            for name in trials[0]:
+                each = np.array([[refs[name]] for refs in trials], dtype=h5py.ref_dtype)
+                file[f"run/{name}"] = each
+        else:
+            file["runs"] = np.array(trials, dtype=h5py.ref_dtype)[None]
+            file["#refs#/0/own"] = np.array([behind["0"].ref], dtype=h5py.ref_dtype)
+    with path.open("r+b") as stream:
+        stream.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+
+
 @kind("title.txt", channels=ONLY_FORCE)
 def with_a_title_before_the_units(path):
     lines(path, "Sampling rate (Hz);1000\nabs time (s);Fx;Fy;Fz\nUnits:;N;N;N", rows_of(force), ";")
