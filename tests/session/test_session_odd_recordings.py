@@ -185,6 +185,15 @@ def series_of_trials_in_version_7_3_of_matlab(path, kind):
         stream.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
 
 
+@kind("points.csv", "Time,Pos. {0},Force {0},Acc. {0},Gyr. {0},Ang. vel. {0}")
+@kind("colons.csv", "Time,Tip: {0},FT: Force {0},Accel: {0},Gyro: {0},Torque: {0}")
+@kind("delsys.csv", "X[s],T: POS.{0} 1,T: FORCE.{0} 1,T: ACC.{0} 1,T: GYRO.{0} 1,T: MAG.{0} 1")
+def with_axes_behind_abbreviations(path, heads):
+    time, *others = heads.split(",")
+    head = ",".join([time, *(other.format(axis) for other in others for axis in "XYZ")])
+    lines(path, head, ((*row, *range(6)) for row in rows_of(*TRUTH.values())))
+
+
 @kind("title.txt", channels=ONLY_FORCE)
 def with_a_title_before_the_units(path):
     lines(path, "Sampling rate (Hz);1000\nabs time (s);Fx;Fy;Fz\nUnits:;N;N;N", rows_of(force), ";")

@@ -29,8 +29,8 @@ _TIME: Final = re.compile(
 )
 _FRACTION: Final = re.compile(r"^(tv)?(n|nano|u|micro|m|milli)s(ecs?|econds?)?$")
 """Matches the name of a part of a second, which may stand beside one of `_SECONDS`."""
-_AXIS_OF: Final = re.compile(r"(.+)[./]([xyzwXYZW])")
-"""Matches an axis of something, as in ``wrench.force.x``."""
+_AXIS_OF: Final = re.compile(r"(.+?)(?:[./]|[.:] )([xyzwXYZW])(?: \d+)?")
+"""Matches an axis of something, as in ``wrench.force.x``, ``Acc. X`` and ``Left: ACC.X 1``."""
 VALUES: Final = re.compile(r"(\.signals)?(\.(_?values?|data|samples|v|xyz))+$", re.IGNORECASE)
 """Matches the end of names of values that their owner's name tells, as in ``acc.data``."""
 NUMBER: Final = re.compile(r"\.\d+$")
@@ -128,7 +128,7 @@ def target_of(name: str) -> str | None:
         of_message = next((q for q, parts in MESSAGE_PARTS.items() if ends_in(name, parts)), None)
         other = target_of(f".{last}") if "." in name else None
         return of_message or (other if other and quantity_of(other) in CHANNELS else None)
-    own = re.split(r"\.|: ", name)[-1]
+    own = re.split(r"\.(?! )|: ", name)[-1]
     spaced = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", own).replace("^", "")
     plain = "" if gives_unit(name) else re.sub(r" in (?=\w)", " ", spaced.lower())
     words = re.findall(r"[a-z]+[0-9]?", plain)
@@ -172,6 +172,8 @@ def target_of_column(name: str, unit: str, owners: Collection[str]) -> str | Non
         target = of_owner if quantity_of(of_owner or "") in CHANNELS else target_of(plain)
     if plain != name and (target not in _COMPONENTS or unit_factor("time", unit)):
         return None
+    if target == "position_x" and unit_factor("time", unit):  # the X of a plot
+        return "time"
     return None if name in STANDARD_NAMES.values() else target
 
 
