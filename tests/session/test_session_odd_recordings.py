@@ -185,6 +185,12 @@ def series_of_trials_in_version_7_3_of_matlab(path, kind):
         stream.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
 
 
+@kind("plot.mat", channels=ONLY_FORCE)
+def with_times_that_are_an_axis_of_a_plot_and_numbers_beside_units(path):
+    force_n = {"Data": force(TIME_S), "Unit": "N", "Type": 4.0}
+    savemat(path, {"log": {"X": {"Type": 4.0, "Data": TIME_S, "Unit": "s"}, "force": force_n}})
+
+
 @kind("points.csv", "Time,Pos. {0},Force {0},Acc. {0},Gyr. {0},Ang. vel. {0}")
 @kind("colons.csv", "Time,Tip: {0},FT: Force {0},Accel: {0},Gyro: {0},Torque: {0}")
 @kind("delsys.csv", "X[s],T: POS.{0} 1,T: FORCE.{0} 1,T: ACC.{0} 1,T: GYRO.{0} 1,T: MAG.{0} 1")
