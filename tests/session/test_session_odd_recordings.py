@@ -324,6 +324,15 @@ def with_settings_of_the_columns(path, keys):
     lines(path, "\n".join(head), rows, "\t")
 
 
+@kind("brackets.txt", "Time (s) Fx (mN) Fy (mN) Fz (mN)", channels=ONLY_FORCE)
+@kind("words.txt", "Time (s) Force x (mN) Force y (mN) Force z (mN)", channels=ONLY_FORCE)
+@kind("wide.txt", "Time stamp  Force x mN  Force y mN  Force z mN", channels=ONLY_FORCE)
+@kind("sign.log", "# Time (s), Force x (mN), Force y (mN), Force z (mN)", channels=ONLY_FORCE)
+@kind("between.log", "Time\tForce x [mN]\tForce y [mN]\tForce z [mN]", channels=ONLY_FORCE)
+def with_blanks_in_names_above_columns_between_blanks(path, head):
+    lines(path, head, ((t, *(1e3 * value for value in row)) for t, *row in rows_of(force)), " ")
+
+
 @kind("blanks of r.txt", " ", '"', channels=ONLY_FORCE)
 @kind("tabs of r.txt", "\t", "", channels=ONLY_FORCE)
 @kind("commas of r.csv", ",", '"', channels=ONLY_FORCE)
@@ -1010,6 +1019,11 @@ def test_a_factor_above_a_table_is_told_and_not_applied(tmp_path, factor):
         f"line 2, 'Scale factor: {factor}', was not applied: --map TARGET=COLUMN*{factor} does so"
     )
     assert (told in report.warnings) == (float(factor) != 1)
+
+
+def test_names_that_are_more_than_columns_are_told_of(tmp_path):
+    lines(tmp_path / "a.txt", "Time s Load N Pos mm", ((t, t, t) for t in TIME_S), " ")
+    assert "6 names for 3 columns" in str(propose(tmp_path / "a.txt").columns.notes)
 
 
 def test_a_last_line_that_ends_within_vectors_is_told_of(tmp_path):

@@ -24,6 +24,10 @@ _SHIFTED: Final = (
     "line {} has {} cells, more than there are names: if the first has none, each name stands a "
     "cell too far to the left; then write one before them"
 )
+_NAMES_LEFT: Final = (
+    "there are {} names for {} columns, so they may stand at other columns than their own: write "
+    "a sign between them that is in none, or take the line away and map columns by number"
+)
 _LONGEST_NOTE: Final = 1000
 """Most characters of a line above a table in which units and factors are looked for."""
 _UNIT_IN_NOTE: Final = re.compile(
@@ -163,6 +167,8 @@ def _header_rows(
             return _Rows(["", *names[:-1]], first, units=units)
         few = text_of(rows[first][-1]) and not any(each[width - 1][:-1])
         notes = (_SHIFTED.format(first + 1, width),) if few else ()
+        named, widest = count_filled(above[-1]), max(map(len, rows[first:]))
+        notes = (_NAMES_LEFT.format(named, widest),) if named > widest else notes
         return _Rows(names, first, over, units, notes)
     texts = list(map(text_of, rows[first]))
     counted = [[str(start + place) for place in range(width)] for start in (0, 1)]
