@@ -197,7 +197,8 @@ def test_what_robots_call_their_measurements_has_their_unit(
 ):
     elements = [form.format(name, first + place) for place in range(3)]
     names = list(dict.fromkeys(elements))
-    path = table(tmp_path, ",".join(["t", *names]))
+    vectors = [TIMES, [f"[{'0 ' * 16}]"] * len(TIMES)] if form == "{}" else ()
+    path = table(tmp_path, ",".join(["t", *names]), *vectors)
     proposed = propose(path).options
     mapped = [f"{name}[{first + place}]" for place in range(3)] if form == "{}" else elements
     axes = zip([f"{channel}_{axis}" for axis in "xyz"], mapped, strict=True)

@@ -1026,6 +1026,13 @@ def test_names_that_are_more_than_columns_are_told_of(tmp_path):
     assert "6 names for 3 columns" in str(propose(tmp_path / "a.txt").columns.notes)
 
 
+@pytest.mark.parametrize("names", ["Fn,Ft", "Normal force,ft", "normal_force,FT"])
+def test_a_tangential_force_is_no_vector_of_a_sensor(tmp_path, names):
+    lines(tmp_path / "a.csv", f"t,{names}", ((t, 1 + t, 9) for t in TIME_S))
+    frames = imported(tmp_path / "a.csv").frames
+    np.testing.assert_allclose(frames["force_n"][:, 2], 1 + TIME_S, atol=1e-5)
+
+
 def test_a_last_line_that_ends_within_vectors_is_told_of(tmp_path):
     with_cells_of_several_numbers(tmp_path / "a.csv", "list", ";")
     whole = (tmp_path / "a.csv").read_text().splitlines()[:9]

@@ -19,7 +19,7 @@ from mmt.session.importing.options import STANDARD_NAMES, ImportOptions, quantit
 _OF_TOOL: Final = "(?:(?:robot[0-9]?)?(?:cursor|eef?|tool|tip|tcp|probe|stylus|pen|device))?"
 _WORDS: Final = {
     "position": f"p|{_OF_TOOL}(?:pos|position)|tip|tcp|pen|stylus|tool",
-    "force": f"f|{_OF_TOOL}forces?|load(?:cell)?|kraft|ati",
+    "force": f"f|fn|(?:{_OF_TOOL}|normal)forces?|load(?:cell)?|kraft|ati",
     "acceleration": "(?:linear|total|free)?a(?:cc(?:el(?:eration)?)?)?"
     "|accelerometer(?:uncalibrated)?|imu|adxl|vibration|beschleunigung",
     "speed": "v|vel|velocity|speed",
