@@ -200,6 +200,12 @@ def with_axes_behind_abbreviations(path, heads):
     lines(path, head, ((*row, *range(6)) for row in rows_of(*TRUTH.values())))
 
 
+@kind("stamps.csv", channels=ONLY_FORCE)
+def with_the_time_of_day_in_seconds_beside_a_finer_time(path):
+    rows = ((f"10:30:{int(t):02}", 1e3 * t, *row) for t, *row in rows_of(force))
+    lines(path, "Timestamp,Time (ms),Fx,Fy,Fz", rows)
+
+
 @kind("title.txt", channels=ONLY_FORCE)
 def with_a_title_before_the_units(path):
     lines(path, "Sampling rate (Hz);1000\nabs time (s);Fx;Fy;Fz\nUnits:;N;N;N", rows_of(force), ";")

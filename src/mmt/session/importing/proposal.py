@@ -55,6 +55,7 @@ _OF_ROBOTS: Final = (
 """Channel, name, first element and unit of what robots and their sensors call by one name."""
 _PARTS: Final = (6, 7)
 """Columns of an array in which a vector comes first."""
+_MOSTLY: Final = 0.5
 _TIME_UNITS: Final = (
     ("d", 6e-7, 2e4, np.inf),  # since 1900 (Excel), the year 0 (MATLAB) or 4713 BC
     ("s", 0.05, -np.inf, 7e10),
@@ -157,6 +158,7 @@ def _read(
     names, trials = of_one_trial(read.names)
     suggested = _suggested(names, read.units, path.stem, flat)
     guessed = _guess(names, suggested)
+    guessed |= {} if "time_fraction" in guessed else _finer_time(path, suggested, options)
     times = _own_times(read, guessed) or _times_beside(names, guessed)
     given, columns = options.columns, {**guessed, **times, **options.columns}
     options = replace(options, columns=columns)
@@ -340,6 +342,19 @@ def _own_times(read: SourceColumns, columns: Mapping[str, str]) -> dict[str, str
     times = {quantity_of(target): own[name] for target, name in columns.items() if own.get(name)}
     times.setdefault("position", times.get("speed", ""))
     return {f"{channel}_time": times[channel] for channel in CHANNELS if times.get(channel)}
+
+
+def _finer_time(
+    path: Path, suggested: Mapping[str, Sequence[str]], options: ImportOptions
+) -> dict[str, str]:
+    """Return the first of several times that most rows do not share with the row before."""
+    names = suggested.get("time", ())
+    with suppress(InputError):
+        read = read_columns(path, Wanted(names), options).values if len(names) > 1 else {}
+        for name in filter(read.__contains__, names):
+            if np.mean(np.diff(read[name], axis=0) != 0) > _MOSTLY:
+                return {"time": name}
+    return {}
 
 
 def _dated(path: Path, names: Sequence[str], options: ImportOptions) -> str | None:
