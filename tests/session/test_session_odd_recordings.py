@@ -340,6 +340,20 @@ def with_blanks_in_names_above_columns_between_blanks(path, head):
 
 
 @kind("blanks of r.txt", " ", '"', channels=ONLY_FORCE)
+@pytest.mark.parametrize("part", [None, 1, 2])
+def test_blocks_below_settings_of_their_own_follow_each_other(tmp_path, part):
+    """As LabChart writes them, each with times that begin anew."""
+    head = "Interval=\t0.001 s\nExcelDateTime=\t45000.5\t2026-01-31\nChannelTitle=\tFx\tFy\tFz\n"
+    head += "Range=\t10 V\t10 V\t10 V\nUnitName=\tmN\tmN\tmN"
+    blocks = [force(TIME_S[:999]), force(TIME_S[1000:])]
+    rows = [np.column_stack([TIME_S[: len(block)], 1e3 * block]).tolist() for block in blocks]
+    texts = ["\n".join("\t".join(map(str, row)) for row in each) for each in rows]
+    (tmp_path / "a.txt").write_text("\n".join([head, texts[0], head, texts[1]]))
+    found = imported(tmp_path / "a.txt", columns={"time": "1"}, episode=part).frames["force_n"]
+    expected = np.concatenate(blocks) if part is None else blocks[part - 1]
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
 @kind("tabs of r.txt", "\t", "", channels=ONLY_FORCE)
 @kind("commas of r.csv", ",", '"', channels=ONLY_FORCE)
 @kind("from zero.csv", ",", "", 0, channels=ONLY_FORCE)

@@ -266,6 +266,11 @@ def names_in(row: Sequence[Cell]) -> list[str]:
     are_several = len(set(texts)) >= min(3, len(texts)) > 1  # X, Y, Z may be of several markers
     return texts if are_several and not _is_units(row) else []
 
+def is_setting(row: Sequence[Cell]) -> bool:
+    """Return whether a row is one of settings, as ``Range=`` and that of each channel."""
+    return bool(row) and text_of(row[0]).endswith("=")
+
+
 
 def title_in(row: Sequence[Cell]) -> str:
     """Return the text of a row that has no other, as above a table; not a comment's sign."""
