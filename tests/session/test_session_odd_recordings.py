@@ -217,6 +217,7 @@ DATES = [f"2026-05-01 10:00:{time_s:09.6f}" for time_s in TIME_S]
 DAYS_END = (np.datetime64("2026-01-31T23:59:59.8") + (TIME_S * 1e6).astype("m8[us]")).tolist()
 
 
+@kind("named levels.csv", TIME_S, f"sensor{LEVELS}\naxis{AXES}\nt{',' * 9}")
 @kind("levels.csv", TIME_S, f"{LEVELS}\n{AXES}\nstamp{',' * 9}")
 @kind("merged.csv", 1e3 * TIME_S, f"Time{LEVELS}\nms{AXES}")
 @kind("index.csv", DATES, ",px,py,pz,fx,fy,fz,ax,ay,az")
@@ -339,7 +340,6 @@ def with_blanks_in_names_above_columns_between_blanks(path, head):
     lines(path, head, ((t, *(1e3 * value for value in row)) for t, *row in rows_of(force)), " ")
 
 
-@kind("blanks of r.txt", " ", '"', channels=ONLY_FORCE)
 @pytest.mark.parametrize("part", [None, 1, 2])
 def test_blocks_below_settings_of_their_own_follow_each_other(tmp_path, part):
     """As LabChart writes them, each with times that begin anew."""
@@ -354,6 +354,7 @@ def test_blocks_below_settings_of_their_own_follow_each_other(tmp_path, part):
     np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
+@kind("blanks of r.txt", " ", '"', channels=ONLY_FORCE)
 @kind("tabs of r.txt", "\t", "", channels=ONLY_FORCE)
 @kind("commas of r.csv", ",", '"', channels=ONLY_FORCE)
 @kind("from zero.csv", ",", "", 0, channels=ONLY_FORCE)
@@ -1030,14 +1031,16 @@ def test_a_labview_file_without_times_needs_a_rate(tmp_path):
     np.testing.assert_allclose(frames["force_n"], force(TIME_S), atol=1e-5)
 
 
-@pytest.mark.parametrize("factor", ["0.001", "1e-3", "1.0"])
-def test_a_factor_above_a_table_is_told_and_not_applied(tmp_path, factor):
+@pytest.mark.parametrize(
+    ("head", "factor"),
+    [("Scale factor: 0.001", "0.001"), ("Scale factor: 1e-3", "1e-3"), ("Scale factor: 1.0", "1.0"),
+     ("Counts per Unit Force: 1000000", "1e-06"), ("Sensitivity (mV/g): 100", "0.01")],
+)  # fmt: skip
+def test_a_factor_above_a_table_is_told_and_not_applied(tmp_path, head, factor):
     rows = ((t, *fs) for t, fs in zip(TIME_S, force(TIME_S).tolist(), strict=True))
-    lines(tmp_path / "a.csv", f"Rig 3\nScale factor: {factor}\ntime,fx,fy,fz", rows)
+    lines(tmp_path / "a.csv", f"Rig 3\n{head}\ntime,fx,fy,fz", rows)
     _, report = import_recording(tmp_path / "a.csv", propose(tmp_path / "a.csv").options)
-    told = (
-        f"line 2, 'Scale factor: {factor}', was not applied: --map TARGET=COLUMN*{factor} does so"
-    )
+    told = f"line 2, '{head}', was not applied: --map TARGET=COLUMN*{factor} does so"
     assert (told in report.warnings) == (float(factor) != 1)
 
 
