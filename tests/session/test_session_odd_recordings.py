@@ -488,6 +488,17 @@ for suffix, lacking in LACKING.items():
         kind(f"{times}.{suffix}", times, channels=ONLY_FORCE)(with_times_and_vectors)
 
 
+@kind("rooms.h5", "oak", "pine")
+@kind("asked.h5", "action", "observation")
+def groups_that_hold_the_same_channels(path, other, whole):
+    """Of two trials one lacks a channel; what was asked for is no trial."""
+    with hdf5(path) as file:
+        for number, name in enumerate((other, whole)):
+            file[f"{name}/t"] = TIME_S
+            for channel in list(TRUTH)[: 2 + number]:
+                file[f"{name}/{channel}"] = TRUTH[channel](TIME_S) - 5 * (name == other)
+
+
 @kind("structures.h5", channels=ONLY_FORCE)
 def structures_within_structures(path):
     table = np.zeros(len(TIME_S), [("t", "f8"), ("tip", [("force", [(a, "f8") for a in "xyz"])])])

@@ -1,9 +1,11 @@
 """What the names of columns suggest that they hold, also the components of an orientation."""
 
 import re
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -191,8 +193,8 @@ def of_file(name: str, stem: str) -> str:
 def of_one_trial(names: Collection[str]) -> tuple[list[str], list[str]]:
     """Return the names without those of other trials than one, and notes for the user.
 
-    Trials are groups whose names differ in a number, as ``demo_0`` and ``demo_1``, and that hold
-    the same channel. The first with most channels is taken.
+    Trials are groups that hold the same channel and whose names differ in a number, as ``demo_0``
+    and ``demo_1``, or that hold two same channels. The first with most channels is taken.
     """
     groups: dict[str, dict[str, dict[str, str]]] = {}
     for name in names:
@@ -204,11 +206,12 @@ def of_one_trial(names: Collection[str]) -> tuple[list[str], list[str]]:
             number: {rest: _channel_of(rest) for name, rest in of.items() if name not in left_out}
             for number, of in trials.items()
         }
-        rests = [rest for of in held.values() for rest, channel in of.items() if channel]
-        if len({*rests}) < len(rests):
+        counts = Counter(each for of in held.values() for each in of.items() if each[1])
+        same = {channel for (_, channel), count in counts.items() if count > 1}
+        if len(same) >= (1 if all(map(str.isdecimal, trials)) else 2):
             best = max(held, key=lambda number: len({*held[number].values()} - {""}))
             left_out |= {name for number, of in trials.items() if number != best for name in of}
-            several = f"{len(trials)} groups that differ in a number"
+            several = f"{len(trials)} groups that hold the same"
             chosen = f"{prefix}{best}{'}' if prefix.endswith('{') else ''}"
             notes.append(f"of {several}, {chosen} is proposed, no other's columns")
     return [name for name in names if name not in left_out], notes
@@ -220,8 +223,10 @@ def _channel_of(name: str) -> str:
 
 
 def _numbered(name: str) -> list[tuple[str, str, str]]:
-    """Return what stands before each number in a name, the number, and the rest."""
-    found = []
+    """Return what stands before each number or group in a name, this, and the rest."""
+    dots = [0, *(match.end() for match in re.finditer(r"\.", name[:_LONGEST_NAME]))]
+    parts = ((name[:begin], name[begin : end - 1], name[end:]) for begin, end in pairwise(dots))
+    found = [] if name.startswith("/") else [each for each in parts if not is_commanded(each[1])]
     for match in _NUMBERED.finditer(name[:_LONGEST_NAME]):
         before, rest = name[: match.start()], name[match.end() + 1 :].strip(" ./")
         if name[match.end()] == "}":  # of MATLAB, after the name
