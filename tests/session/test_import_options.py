@@ -116,3 +116,8 @@ def test_pairs_on_the_command_line_have_one_form():
     for wrong in ["a"], ["=b"], ["a="], ["a=b", "a=c"]:
         with pytest.raises(InputError, match="--map"):
             assignments(wrong, "--map")
+
+
+def test_no_file_is_said():
+    with pytest.raises(InputError, match="there is no file to import"):
+        import_session([])

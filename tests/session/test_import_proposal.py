@@ -197,7 +197,8 @@ def test_what_robots_call_their_measurements_has_their_unit(
 ):
     elements = [form.format(name, first + place) for place in range(3)]
     names = list(dict.fromkeys(elements))
-    path = table(tmp_path, ",".join(["t", *names]))
+    vectors = [TIMES, [f"[{'0 ' * 16}]"] * len(TIMES)] if form == "{}" else ()
+    path = table(tmp_path, ",".join(["t", *names]), *vectors)
     proposed = propose(path).options
     mapped = [f"{name}[{first + place}]" for place in range(3)] if form == "{}" else elements
     axes = zip([f"{channel}_{axis}" for axis in "xyz"], mapped, strict=True)
@@ -460,7 +461,7 @@ def test_elements_of_a_list_are_called_as_they_call_themselves(elements, names):
 )
 def test_columns_of_one_trial_are_proposed(names, kept, chosen):
     names = names.split()
-    expected = [f"of 2 groups that differ in a number, {each} is proposed" for each in chosen]
+    expected = [f"of 2 groups that hold the same, {each} is proposed" for each in chosen]
     found, notes = of_one_trial(names)
     assert found == [names[int(place)] for place in kept.split()]
     assert notes == [f"{each}, no other's columns" for each in expected]

@@ -150,6 +150,62 @@ def version_7_3_of_matlab(path):
         stream.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
 
 
+@kind("cells of v7.3.mat", "runs")
+@kind("structures of v7.3.mat", "run")
+def series_of_trials_in_version_7_3_of_matlab(path, kind):
+    """A structure array has references in each field, a cell array one to each structure."""
+    h5py = pytest.importorskip("h5py", reason="needs the extra 'import'")
+
+    def add(group, name, values, told="double"):
+        group[name] = values
+        group[name].attrs["MATLAB_class"] = np.bytes_(told.encode())
+        return group[name].ref
+
+    with hdf5(path, userblock_size=512) as file:
+        behind, trials = file.create_group("#refs#"), []
+        for number in range(3):
+            rows = slice(0, len(TIME_S) - 300 * number)
+            trial = behind.create_group(str(number))
+            fields = {n: (1 + number) * made(TIME_S)[rows].T for n, made in TRUTH.items()}
+            refs = {n: add(trial, n, values) for n, values in fields.items()}
+            text = np.frombuffer(b"rough oak"[number:], "u1").astype("u2")[:, None]
+            refs |= {
+                "t": add(trial, "t", TIME_S[None, rows]),
+                "name": add(trial, "n", text, "char"),
+            }
+            trials.append(refs if kind == "run" else trial.ref)
+        if kind == "run":
+            for name in trials[0]:
+                each = np.array([[refs[name]] for refs in trials], dtype=h5py.ref_dtype)
+                file[f"run/{name}"] = each
+        else:
+            file["runs"] = np.array(trials, dtype=h5py.ref_dtype)[None]
+            file["#refs#/0/own"] = np.array([behind["0"].ref], dtype=h5py.ref_dtype)
+    with path.open("r+b") as stream:
+        stream.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+
+
+@kind("plot.mat", channels=ONLY_FORCE)
+def with_times_that_are_an_axis_of_a_plot_and_numbers_beside_units(path):
+    force_n = {"Data": force(TIME_S), "Unit": "N", "Type": 4.0}
+    savemat(path, {"log": {"X": {"Type": 4.0, "Data": TIME_S, "Unit": "s"}, "force": force_n}})
+
+
+@kind("points.csv", "Time,Pos. {0},Force {0},Acc. {0},Gyr. {0},Ang. vel. {0}")
+@kind("colons.csv", "Time,Tip: {0},FT: Force {0},Accel: {0},Gyro: {0},Torque: {0}")
+@kind("delsys.csv", "X[s],T: POS.{0} 1,T: FORCE.{0} 1,T: ACC.{0} 1,T: GYRO.{0} 1,T: MAG.{0} 1")
+def with_axes_behind_abbreviations(path, heads):
+    time, *others = heads.split(",")
+    head = ",".join([time, *(other.format(axis) for other in others for axis in "XYZ")])
+    lines(path, head, ((*row, *range(6)) for row in rows_of(*TRUTH.values())))
+
+
+@kind("stamps.csv", channels=ONLY_FORCE)
+def with_the_time_of_day_in_seconds_beside_a_finer_time(path):
+    rows = ((f"10:30:{int(t):02}", 1e3 * t, *row) for t, *row in rows_of(force))
+    lines(path, "Timestamp,Time (ms),Fx,Fy,Fz", rows)
+
+
 @kind("title.txt", channels=ONLY_FORCE)
 def with_a_title_before_the_units(path):
     lines(path, "Sampling rate (Hz);1000\nabs time (s);Fx;Fy;Fz\nUnits:;N;N;N", rows_of(force), ";")
@@ -161,6 +217,7 @@ DATES = [f"2026-05-01 10:00:{time_s:09.6f}" for time_s in TIME_S]
 DAYS_END = (np.datetime64("2026-01-31T23:59:59.8") + (TIME_S * 1e6).astype("m8[us]")).tolist()
 
 
+@kind("named levels.csv", TIME_S, f"sensor{LEVELS}\naxis{AXES}\nt{',' * 9}")
 @kind("levels.csv", TIME_S, f"{LEVELS}\n{AXES}\nstamp{',' * 9}")
 @kind("merged.csv", 1e3 * TIME_S, f"Time{LEVELS}\nms{AXES}")
 @kind("index.csv", DATES, ",px,py,pz,fx,fy,fz,ax,ay,az")
@@ -272,6 +329,29 @@ def with_settings_of_the_columns(path, keys):
     head = ["Interval=\t0.001 s", *map("\t".join, zip(keys, *settings, strict=True))]
     rows = ((t, *(1e3 * value for value in row)) for t, *row in rows_of(force))
     lines(path, "\n".join(head), rows, "\t")
+
+
+@kind("brackets.txt", "Time (s) Fx (mN) Fy (mN) Fz (mN)", channels=ONLY_FORCE)
+@kind("words.txt", "Time (s) Force x (mN) Force y (mN) Force z (mN)", channels=ONLY_FORCE)
+@kind("wide.txt", "Time stamp  Force x mN  Force y mN  Force z mN", channels=ONLY_FORCE)
+@kind("sign.log", "# Time (s), Force x (mN), Force y (mN), Force z (mN)", channels=ONLY_FORCE)
+@kind("between.log", "Time\tForce x [mN]\tForce y [mN]\tForce z [mN]", channels=ONLY_FORCE)
+def with_blanks_in_names_above_columns_between_blanks(path, head):
+    lines(path, head, ((t, *(1e3 * value for value in row)) for t, *row in rows_of(force)), " ")
+
+
+@pytest.mark.parametrize("part", [None, 1, 2])
+def test_blocks_below_settings_of_their_own_follow_each_other(tmp_path, part):
+    """As LabChart writes them, each with times that begin anew."""
+    head = "Interval=\t0.001 s\nExcelDateTime=\t45000.5\t2026-01-31\nChannelTitle=\tFx\tFy\tFz\n"
+    head += "Range=\t10 V\t10 V\t10 V\nUnitName=\tmN\tmN\tmN"
+    blocks = [force(TIME_S[:999]), force(TIME_S[1000:])]
+    rows = [np.column_stack([TIME_S[: len(block)], 1e3 * block]).tolist() for block in blocks]
+    texts = ["\n".join("\t".join(map(str, row)) for row in each) for each in rows]
+    (tmp_path / "a.txt").write_text("\n".join([head, texts[0], head, texts[1]]))
+    found = imported(tmp_path / "a.txt", columns={"time": "1"}, episode=part).frames["force_n"]
+    expected = np.concatenate(blocks) if part is None else blocks[part - 1]
+    np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
 @kind("blanks of r.txt", " ", '"', channels=ONLY_FORCE)
@@ -406,6 +486,17 @@ LACKING = {"npz": ("decimals",), "h5": ("dates", "durations", "decimals"), "parq
 for suffix, lacking in LACKING.items():
     for times in (each for each in TIMES if each not in lacking):
         kind(f"{times}.{suffix}", times, channels=ONLY_FORCE)(with_times_and_vectors)
+
+
+@kind("rooms.h5", "oak", "pine")
+@kind("asked.h5", "action", "observation")
+def groups_that_hold_the_same_channels(path, other, whole):
+    """Of two trials one lacks a channel; what was asked for is no trial."""
+    with hdf5(path) as file:
+        for number, name in enumerate((other, whole)):
+            file[f"{name}/t"] = TIME_S
+            for channel in list(TRUTH)[: 2 + number]:
+                file[f"{name}/{channel}"] = TRUTH[channel](TIME_S) - 5 * (name == other)
 
 
 @kind("structures.h5", channels=ONLY_FORCE)
@@ -951,15 +1042,29 @@ def test_a_labview_file_without_times_needs_a_rate(tmp_path):
     np.testing.assert_allclose(frames["force_n"], force(TIME_S), atol=1e-5)
 
 
-@pytest.mark.parametrize("factor", ["0.001", "1e-3", "1.0"])
-def test_a_factor_above_a_table_is_told_and_not_applied(tmp_path, factor):
+@pytest.mark.parametrize(
+    ("head", "factor"),
+    [("Scale factor: 0.001", "0.001"), ("Scale factor: 1e-3", "1e-3"), ("Scale factor: 1.0", "1.0"),
+     ("Counts per Unit Force: 1000000", "1e-06"), ("Sensitivity (mV/g): 100", "0.01")],
+)  # fmt: skip
+def test_a_factor_above_a_table_is_told_and_not_applied(tmp_path, head, factor):
     rows = ((t, *fs) for t, fs in zip(TIME_S, force(TIME_S).tolist(), strict=True))
-    lines(tmp_path / "a.csv", f"Rig 3\nScale factor: {factor}\ntime,fx,fy,fz", rows)
+    lines(tmp_path / "a.csv", f"Rig 3\n{head}\ntime,fx,fy,fz", rows)
     _, report = import_recording(tmp_path / "a.csv", propose(tmp_path / "a.csv").options)
-    told = (
-        f"line 2, 'Scale factor: {factor}', was not applied: --map TARGET=COLUMN*{factor} does so"
-    )
+    told = f"line 2, '{head}', was not applied: --map TARGET=COLUMN*{factor} does so"
     assert (told in report.warnings) == (float(factor) != 1)
+
+
+def test_names_that_are_more_than_columns_are_told_of(tmp_path):
+    lines(tmp_path / "a.txt", "Time s Load N Pos mm", ((t, t, t) for t in TIME_S), " ")
+    assert "6 names for 3 columns" in str(propose(tmp_path / "a.txt").columns.notes)
+
+
+@pytest.mark.parametrize("names", ["Fn,Ft", "Normal force,ft", "normal_force,FT"])
+def test_a_tangential_force_is_no_vector_of_a_sensor(tmp_path, names):
+    lines(tmp_path / "a.csv", f"t,{names}", ((t, 1 + t, 9) for t in TIME_S))
+    frames = imported(tmp_path / "a.csv").frames
+    np.testing.assert_allclose(frames["force_n"][:, 2], 1 + TIME_S, atol=1e-5)
 
 
 def test_a_last_line_that_ends_within_vectors_is_told_of(tmp_path):

@@ -92,8 +92,9 @@ def test_the_wrong_number_of_inputs_is_explained():
     assert len(Synthesizer(model).render(*columns.T)) == 3
     with pytest.raises(InputError, match=r"\(3,\) float64, \(2,\) float64, \(3,\) float64: each"):
         Synthesizer(model).render(columns[0], columns[1, :2], columns[2])
-    with pytest.raises(InputError, match="int64: each must be"):
-        Synthesizer(model).render(*np.ones((3, 3), dtype=np.int64))
+    for inputs in ((columns[0], columns[1, :2], columns[2]), (columns, 1.0, 1.0)):
+        with pytest.raises(InputError, match=r"inputs have shapes \(.*each must be \(n,\)"):
+            model.at(*inputs)
     with pytest.raises(InputError, match='"isotropic", "anisotropic"'):
         InputSpace("directed")
     with pytest.raises(InputError, match="maximum_force_n"):

@@ -210,10 +210,25 @@ def test_an_excitation_that_does_not_fit_is_refused(excitation, words):
         Synthesizer(model()).render(np.full(100, 100.0), np.ones(100), excitation=excitation)
 
 
+@pytest.mark.parametrize(
+    "change",
+    [np.float32, np.int64, lambda x: x.astype(">f8"), list, lambda x: np.repeat(x, 2)[::2],
+     lambda x: np.frombuffer(x.tobytes())],
+)  # fmt: skip
+def test_inputs_of_any_real_type_give_the_same_samples(change):
+    inputs = np.arange(100.0, 300.0), np.full(200, 2.0)
+    changed = map(change, inputs)
+    expected = Synthesizer(model(), seed=1).render(*inputs)
+    np.testing.assert_array_equal(Synthesizer(model(), seed=1).render(*changed), expected)
+    assert len(Synthesizer(model()).render([], [])) == 0
+    with pytest.raises(InputError, match="real numbers are needed"):
+        Synthesizer(model()).render(["fast"], ["hard"])
+
+
 @pytest.mark.parametrize("inputs", [(), (100.0, 1.0), (None, None), (np.ones((3, 1)),) * 2])
 @pytest.mark.parametrize("rendered", [model(), None])
 def test_inputs_that_are_no_rows_are_refused(inputs, rendered):
-    with pytest.raises(InputError, match=r"each must be \(n,\) float64"):
+    with pytest.raises(InputError, match=r"each must be \(n,\) numbers"):
         Synthesizer(rendered).render(*inputs)
 
 

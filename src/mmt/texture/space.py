@@ -105,7 +105,7 @@ class InputSpace:
         Raises
         ------
         InputError
-            There are not d channels, or one is not of real numbers.
+            There are not d channels, or one is not of real numbers, or of another shape.
         """
         if self.directed and len(channels) == 2:
             channels = (channels[0], 0.0, channels[1])
@@ -114,8 +114,11 @@ class InputSpace:
                 f"{len(channels)} inputs were given: an {self.name} model takes "
                 f"{', '.join(self.channels)}"
             )
-        arrays = map(real_numbers, self.channels, channels)
-        return np.stack(np.broadcast_arrays(*np.atleast_1d(*arrays)), axis=-1)
+        arrays = list(map(np.atleast_1d, map(real_numbers, self.channels, channels)))
+        if len({*map(len, arrays)} - {1}) > 1 or any(each.ndim > 1 for each in arrays):
+            shapes = ", ".join(str(np.shape(each)) for each in channels)
+            raise InputError(f"inputs have shapes {shapes}: each must be (n,), with one n, or ()")
+        return np.stack(np.broadcast_arrays(*arrays), axis=-1)
 
     def speed_mm_s(self, inputs: FloatArray) -> FloatArray:
         """Return the speed (n,) of inputs (n, d)."""

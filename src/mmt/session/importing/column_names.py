@@ -1,9 +1,11 @@
 """What the names of columns suggest that they hold, also the components of an orientation."""
 
 import re
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -19,7 +21,7 @@ from mmt.session.importing.options import STANDARD_NAMES, ImportOptions, quantit
 _OF_TOOL: Final = "(?:(?:robot[0-9]?)?(?:cursor|eef?|tool|tip|tcp|probe|stylus|pen|device))?"
 _WORDS: Final = {
     "position": f"p|{_OF_TOOL}(?:pos|position)|tip|tcp|pen|stylus|tool",
-    "force": f"f|{_OF_TOOL}forces?|load(?:cell)?|kraft|ati",
+    "force": f"f|fn|(?:{_OF_TOOL}|normal)forces?|load(?:cell)?|kraft|ati",
     "acceleration": "(?:linear|total|free)?a(?:cc(?:el(?:eration)?)?)?"
     "|accelerometer(?:uncalibrated)?|imu|adxl|vibration|beschleunigung",
     "speed": "v|vel|velocity|speed",
@@ -29,8 +31,8 @@ _TIME: Final = re.compile(
 )
 _FRACTION: Final = re.compile(r"^(tv)?(n|nano|u|micro|m|milli)s(ecs?|econds?)?$")
 """Matches the name of a part of a second, which may stand beside one of `_SECONDS`."""
-_AXIS_OF: Final = re.compile(r"(.+)[./]([xyzwXYZW])")
-"""Matches an axis of something, as in ``wrench.force.x``."""
+_AXIS_OF: Final = re.compile(r"(.+?)(?:[./]|[.:] )([xyzwXYZW])(?: \d+)?")
+"""Matches an axis of something, as in ``wrench.force.x``, ``Acc. X`` and ``Left: ACC.X 1``."""
 VALUES: Final = re.compile(r"(\.signals)?(\.(_?values?|data|samples|v|xyz))+$", re.IGNORECASE)
 """Matches the end of names of values that their owner's name tells, as in ``acc.data``."""
 NUMBER: Final = re.compile(r"\.\d+$")
@@ -128,7 +130,7 @@ def target_of(name: str) -> str | None:
         of_message = next((q for q, parts in MESSAGE_PARTS.items() if ends_in(name, parts)), None)
         other = target_of(f".{last}") if "." in name else None
         return of_message or (other if other and quantity_of(other) in CHANNELS else None)
-    own = re.split(r"\.|: ", name)[-1]
+    own = re.split(r"\.(?! )|: ", name)[-1]
     spaced = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", own).replace("^", "")
     plain = "" if gives_unit(name) else re.sub(r" in (?=\w)", " ", spaced.lower())
     words = re.findall(r"[a-z]+[0-9]?", plain)
@@ -172,6 +174,8 @@ def target_of_column(name: str, unit: str, owners: Collection[str]) -> str | Non
         target = of_owner if quantity_of(of_owner or "") in CHANNELS else target_of(plain)
     if plain != name and (target not in _COMPONENTS or unit_factor("time", unit)):
         return None
+    if target == "position_x" and unit_factor("time", unit):  # the X of a plot
+        return "time"
     return None if name in STANDARD_NAMES.values() else target
 
 
@@ -189,8 +193,8 @@ def of_file(name: str, stem: str) -> str:
 def of_one_trial(names: Collection[str]) -> tuple[list[str], list[str]]:
     """Return the names without those of other trials than one, and notes for the user.
 
-    Trials are groups whose names differ in a number, as ``demo_0`` and ``demo_1``, and that hold
-    the same channel. The first with most channels is taken.
+    Trials are groups that hold the same channel and whose names differ in a number, as ``demo_0``
+    and ``demo_1``, or that hold two same channels. The first with most channels is taken.
     """
     groups: dict[str, dict[str, dict[str, str]]] = {}
     for name in names:
@@ -202,11 +206,12 @@ def of_one_trial(names: Collection[str]) -> tuple[list[str], list[str]]:
             number: {rest: _channel_of(rest) for name, rest in of.items() if name not in left_out}
             for number, of in trials.items()
         }
-        rests = [rest for of in held.values() for rest, channel in of.items() if channel]
-        if len({*rests}) < len(rests):
+        counts = Counter(each for of in held.values() for each in of.items() if each[1])
+        same = {channel for (_, channel), count in counts.items() if count > 1}
+        if len(same) >= (1 if all(map(str.isdecimal, trials)) else 2):
             best = max(held, key=lambda number: len({*held[number].values()} - {""}))
             left_out |= {name for number, of in trials.items() if number != best for name in of}
-            several = f"{len(trials)} groups that differ in a number"
+            several = f"{len(trials)} groups that hold the same"
             chosen = f"{prefix}{best}{'}' if prefix.endswith('{') else ''}"
             notes.append(f"of {several}, {chosen} is proposed, no other's columns")
     return [name for name in names if name not in left_out], notes
@@ -218,8 +223,10 @@ def _channel_of(name: str) -> str:
 
 
 def _numbered(name: str) -> list[tuple[str, str, str]]:
-    """Return what stands before each number in a name, the number, and the rest."""
-    found = []
+    """Return what stands before each number or group in a name, this, and the rest."""
+    dots = [0, *(match.end() for match in re.finditer(r"\.", name[:_LONGEST_NAME]))]
+    parts = ((name[:begin], name[begin : end - 1], name[end:]) for begin, end in pairwise(dots))
+    found = [] if name.startswith("/") else [each for each in parts if not is_commanded(each[1])]
     for match in _NUMBERED.finditer(name[:_LONGEST_NAME]):
         before, rest = name[: match.start()], name[match.end() + 1 :].strip(" ./")
         if name[match.end()] == "}":  # of MATLAB, after the name

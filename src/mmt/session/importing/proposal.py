@@ -3,7 +3,7 @@
 import re
 import shlex
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -55,6 +55,7 @@ _OF_ROBOTS: Final = (
 """Channel, name, first element and unit of what robots and their sensors call by one name."""
 _PARTS: Final = (6, 7)
 """Columns of an array in which a vector comes first."""
+_MOSTLY: Final = 0.5
 _TIME_UNITS: Final = (
     ("d", 6e-7, 2e4, np.inf),  # since 1900 (Excel), the year 0 (MATLAB) or 4713 BC
     ("s", 0.05, -np.inf, 7e10),
@@ -146,12 +147,18 @@ def try_proposal(
     return proposal, None, refused
 
 
-def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOptions, SourceColumns]:
-    """Return the columns without values, the completed options, and the columns they use."""
-    read = read_columns(path, Wanted(), options)
+def _read(
+    path: Path, options: ImportOptions, flat: Collection[str] = ()
+) -> tuple[SourceColumns, ImportOptions, SourceColumns]:
+    """Return the columns without values, the completed options, and the columns they use.
+
+    Columns that are known to be `flat` are no vectors, whatever their names.
+    """
+    asked, read = options, read_columns(path, Wanted(), options)
     names, trials = of_one_trial(read.names)
-    suggested = _suggested(names, read.units, path.stem)
+    suggested = _suggested(names, read.units, path.stem, flat)
     guessed = _guess(names, suggested)
+    guessed |= {} if "time_fraction" in guessed else _finer_time(path, suggested, options)
     times = _own_times(read, guessed) or _times_beside(names, guessed)
     given, columns = options.columns, {**guessed, **times, **options.columns}
     options = replace(options, columns=columns)
@@ -161,6 +168,11 @@ def _read(path: Path, options: ImportOptions) -> tuple[SourceColumns, ImportOpti
     if not is_timed(read, options):
         options = replace(options, rate_hz=_told_rate_hz(path, read.names, options))
     found = read_columns(path, wanted_names(options), options)
+    vectors = {name.removesuffix("[0]") for name in guessed.values()} - {*guessed.values()}
+    if not flat and (
+        flat := [name for name in vectors if np.ndim(found.values.get(name, [[]])) < 2]
+    ):
+        return _read(path, asked, flat)
     position = guessed.get("position", "")
     if position in found.values and found.values[position].ndim == 1 and "position" not in given:
         straight = {"position_x": position, "position_y": "0", "position_z": "0"}
@@ -212,9 +224,12 @@ def _in_parts(
     return replace(options, columns=columns), notes
 
 
-def _suggested(names: Sequence[str], units: Mapping[str, str], stem: str) -> dict[str, list[str]]:
+def _suggested(
+    names: Sequence[str], units: Mapping[str, str], stem: str, flat: Collection[str]
+) -> dict[str, list[str]]:
     """Return the columns that names and units suggest for each target, the likeliest first."""
-    suggested = {target: [name] for target, name in _of_robots(names).items()}
+    vectors = [name for name in names if name not in flat]
+    suggested = {target: [name] for target, name in _of_robots(vectors).items()}
     suggested |= {target: [name] for target, name in _numbered_axes(names).items()}
     found = list(filter(None, map(axis_of, names)))
     owners = {match[0 if match[2] in "wW" else 1] for match in found}  # a quaternion is no position
@@ -327,6 +342,19 @@ def _own_times(read: SourceColumns, columns: Mapping[str, str]) -> dict[str, str
     times = {quantity_of(target): own[name] for target, name in columns.items() if own.get(name)}
     times.setdefault("position", times.get("speed", ""))
     return {f"{channel}_time": times[channel] for channel in CHANNELS if times.get(channel)}
+
+
+def _finer_time(
+    path: Path, suggested: Mapping[str, Sequence[str]], options: ImportOptions
+) -> dict[str, str]:
+    """Return the first of several times that most rows do not share with the row before."""
+    names = suggested.get("time", ())
+    with suppress(InputError):
+        read = read_columns(path, Wanted(names), options).values if len(names) > 1 else {}
+        for name in filter(read.__contains__, names):
+            if np.mean(np.diff(read[name], axis=0) != 0) > _MOSTLY:
+                return {"time": name}
+    return {}
 
 
 def _dated(path: Path, names: Sequence[str], options: ImportOptions) -> str | None:

@@ -86,6 +86,8 @@ def import_recording(
         See `mmt.session.files.import_session`.
     """
     files = [Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths)]
+    if not files:
+        raise InputError("there is no file to import")
     options = options or ImportOptions()
     check_kinds(files, options)
     each = options_of_each(options, files) if len(files) > 1 else [options]

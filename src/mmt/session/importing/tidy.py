@@ -377,7 +377,8 @@ def _in_told_unit(columns: SourceColumns) -> SourceColumns:
     for name, texts in sorted(told.items(), key=lambda each: -each[0].count(".")):
         owner, quantity = _owner([unit_name(name)]), unit_of_what(name)
         channels = {n: _channel_of(n) for n in columns.names if _is_within(n, owner)}
-        lengths = [1, *(len(column) for n, column in columns.values.items() if n in channels)]
+        read = (columns.values[n] for n in channels if n in columns.values)
+        lengths = [1, *(len(np.atleast_1d(column)) for column in read)]
         of_rows = columns.ends_left_out or len(texts) in lengths
         several = not quantity and len({*channels.values()} & {*CHANNELS}) > 1
         own = [n for n in plain if unit_name(name).lower().removesuffix("s") == f"{n}_unit".lower()]

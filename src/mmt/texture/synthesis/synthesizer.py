@@ -10,13 +10,14 @@ Cost: O(order^2) for a renewal of the filter, O(order) for a sample.
 """
 
 import math
-from typing import Annotated
+from collections.abc import Sequence
+from typing import Annotated, Final
 
 import numpy as np
 from annotated_types import Ge
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.core.bounds import check
+from mmt.core.bounds import check, real_numbers
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.autoregression import LARGEST_ORDER
@@ -44,6 +45,7 @@ from mmt.texture.synthesis.generation import (
     scaled,
 )
 
+_FLOAT: Final = np.dtype(np.float64)
 _COUNTER = SCRATCH  # the scratch holds that of the interpolation, a sample counter, the
 _HINT = _COUNTER + 1  # simplex found last, the point, level and LSF, and work
 _POINT = _HINT + 1
@@ -92,13 +94,15 @@ class Synthesizer:
         """Whether the model takes a velocity vector, not a speed."""
         return self.model is not None and self.model.space.directed
 
-    def render(self, *inputs: FloatArray, excitation: FloatArray | None = None) -> FloatArray:
+    def render(
+        self, *inputs: FloatArray | Sequence[float], excitation: FloatArray | None = None
+    ) -> FloatArray:
         """Return the next n samples of vibration in m/s2.
 
         Parameters
         ----------
         *inputs
-            The hand's motion at each sample, arrays or columns of shape (n,), float64: speed and
+            The hand's motion at each sample, of shape (n,), fastest as float64: speed and
             normal force, or velocity x, y and normal force (two inputs are then speed and force of
             a stroke along x). Values outside the model's input space are limited to it; a negative
             speed or force, and NaN, count as zero.
@@ -110,8 +114,8 @@ class Synthesizer:
         Raises
         ------
         InputError
-            There are not as many inputs as the model's space has, not all are float64 and of the
-            same length, or the excitation is not as long or not finite.
+            There are not as many inputs as the model's space has, not all are real numbers and of
+            the same length, or the excitation is not as long or not finite.
         """
         model, generator = self.model, self._generator
         if not inputs or np.ndim(inputs[0]) != 1:
@@ -131,23 +135,21 @@ class Synthesizer:
         count = len(inputs[0])
         noise = generator.excitation(count, excitation)
         output = np.empty(count)
-        try:
-            is_rendered = _render(
-                *model.interpolant,
-                model.kernel_parameters,
-                inputs[0],
-                inputs[1],
-                inputs[-1],
-                self._renewal,
-                generator.limit_m_s2,
-                generator.release,
-                noise,
-                generator.state,
-                self._scratch,
-                output,
-            )
-        except TypeError as error:
-            raise InputError(_unfit(inputs)) from error
+        first, *others = map(_as_rows, inputs)
+        is_rendered = _render(
+            *model.interpolant,
+            model.kernel_parameters,
+            first,
+            others[0],
+            others[-1],
+            self._renewal,
+            generator.limit_m_s2,
+            generator.release,
+            noise,
+            generator.state,
+            self._scratch,
+            output,
+        )
         if not is_rendered:
             raise InputError(_unfit(inputs))
         if len(self._transient):
@@ -180,9 +182,19 @@ class Synthesizer:
         self._generator.reset()
 
 
-def _unfit(inputs: tuple[FloatArray, ...]) -> str:
+def _as_rows(values: FloatArray | Sequence[float]) -> FloatArray:
+    """Return an input as the kernel takes it: itself, or a copy."""
+    array = values if isinstance(values, np.ndarray) else np.asarray(values)
+    if array.dtype is not _FLOAT or not array.flags.writeable:
+        array = real_numbers("an input", array).copy()
+    if array.ndim != 1:
+        raise InputError(_unfit((values,)))
+    return array
+
+
+def _unfit(inputs: Sequence[FloatArray | Sequence[float]]) -> str:
     given = ", ".join(f"{np.shape(v)} {np.asarray(v).dtype}" for v in inputs) or "none"
-    return f"inputs are arrays of {given}: each must be (n,) float64, with the same n"
+    return f"inputs are arrays of {given}: each must be (n,) numbers, with the same n"
 
 
 @kernel(

@@ -1,7 +1,7 @@
 """Read HDF5 files of any layout; a column's name is the data set's path, with dots, and field."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from math import prod
 from pathlib import Path
@@ -91,19 +91,61 @@ def _data_sets(
     told |= {n: told_unit({"unit": text}) for n, text in group.attrs.items() if unit_of_what(n)}
     units |= {f"{prefix}{name}": unit for name, unit in told.items() if unit}
     for name, item in group.items():
-        if "#" in name or name.startswith("_i_") or item in above:  # of MATLAB, of PyTables
+        if "#" in name or name.startswith("_i_"):  # of MATLAB, of PyTables
             continue
         if item is None:
             link = group.get(name, getlink=True)
             where = " in ".join(filter(None, (link.path, getattr(link, "filename", ""))))
             lost.append(f"{prefix}{name} is a link to {where}, which is not there")
-        elif not hasattr(item, "dtype"):
-            if hasattr(item, "items"):
-                yield from _data_sets(item, lost, units, f"{prefix}{name}.", (*above, group))
-        elif "MATLAB_object_decode" in item.attrs:
-            lost.append(of_object(f"{prefix}{name}", text_in(item.attrs.get("MATLAB_class", ""))))
-        elif item.shape is not None:
-            yield from _columns_in(group, name, item, prefix)
+            continue
+        for called, each in _in_cells(name, item):
+            if not _is_set(each):
+                if hasattr(each, "items") and each not in (*above, group):
+                    yield from _data_sets(each, lost, units, f"{prefix}{called}.", (*above, group))
+            elif "MATLAB_object_decode" in each.attrs:
+                kind = text_in(each.attrs.get("MATLAB_class", ""))
+                lost.append(of_object(f"{prefix}{called}", kind))
+            elif each.shape is not None:
+                yield from _columns_in(group, called, each, prefix)
+
+
+def _in_cells(name: str, item: Any) -> Iterator[tuple[str, Any]]:
+    """Yield an item, or what the references in it refer to, as ``name{1}`` if they are series."""
+    cells = _behind(item) if _is_set(item) else []
+    if not cells or (all(map(_is_set, cells)) and are_joined({*map(_sides, cells)}, len(cells))):
+        yield name, item
+        return
+    for number, cell in enumerate(cells, start=1):
+        yield from _in_cells(f"{name}{{{number}}}" if len(cells) > 1 else name, cell)
+
+
+def _behind(item: Any) -> list[Any]:
+    """Return what the references in a data set refer to; [] if it holds none."""
+    import h5py
+
+    if h5py.check_ref_dtype(item.dtype) is not h5py.Reference:
+        return []
+    return [item.file[reference] for reference in np.ravel(item[()]) if reference]
+
+
+def _is_set(item: Any) -> bool:
+    return hasattr(item, "dtype")
+
+
+def _is_text(item: Any) -> bool:
+    return text_in(item.attrs.get("MATLAB_class", "")) == "char"
+
+
+def _sides(item: Any) -> tuple[int, ...]:
+    return () if _is_text(item) else tuple(size for size in item.shape if size > 1)
+
+
+def are_joined(shapes: Collection[tuple[int, ...]], count: int) -> bool:
+    """Return whether arrays in so many cells are one column's rows, not each a series of its own.
+
+    `shapes` are those of the cells without sides of one.
+    """
+    return len(shapes) == 1 and all(len(s) < 2 and max(s, default=1) <= count for s in shapes)
 
 
 def of_object(name: str, kind: str) -> str:
@@ -222,12 +264,12 @@ def _values(file: Any, item: Any, fields: tuple[str | int, ...]) -> Any:
     for column in fields[len(named) :]:
         values = values[:, int(column)]
     if values.dtype.kind == "O" and isinstance(next(iter(values.flat), None), h5py.Reference):
-        return np.stack([np.squeeze(file[reference][()]) for reference in values.flat])
+        return np.stack([np.squeeze(_values(file, file[each], ())) for each in values.flat if each])
     if values.dtype.kind in "iuf" and not _PACKING.isdisjoint(item.attrs):
         blank = [item.attrs[name] for name in _BLANKS if name in item.attrs]
         missing = np.isin(values, np.ravel(blank)) if blank else False
         scale, offset = (float(np.ravel(item.attrs.get(n, d))[0]) for n, d in _SCALES.items())
         values = np.where(missing, np.nan, scale * values + offset)
-    if text_in(item.attrs.get("MATLAB_class", "")) == "char":
+    if _is_text(item):
         return np.array("".join(map(chr, values.ravel())))
     return values.T if "MATLAB_class" in item.attrs else values

@@ -24,6 +24,10 @@ _SHIFTED: Final = (
     "line {} has {} cells, more than there are names: if the first has none, each name stands a "
     "cell too far to the left; then write one before them"
 )
+_NAMES_LEFT: Final = (
+    "there are {} names for {} columns, so they may stand at other columns than their own: write "
+    "a sign between them that is in none, or take the line away and map columns by number"
+)
 _LONGEST_NOTE: Final = 1000
 """Most characters of a line above a table in which units and factors are looked for."""
 _UNIT_IN_NOTE: Final = re.compile(
@@ -31,8 +35,10 @@ _UNIT_IN_NOTE: Final = re.compile(
 )
 """A quantity and its unit, as ``force in mN``."""
 _FACTOR: Final = re.compile(
-    r"\b(?:scal(?:e|ing)|factor|gain|multiplier|sensitivity)\b\D*?(\d*\.?\d+(?:e[-+]?\d+)?)", re.I
-)
+    r"\b(?:scal(?:e|ing)|factor|gain|multiplier|(sensitivity|counts per \w+))\b\D*?"
+    r"(\d*\.?\d+(?:e[-+]?\d+)?)", re.I
+)  # fmt: skip
+"""Matches a factor, or what a unit gives, by which values are divided."""
 _QUANTITY: Final = re.compile(r"[-+±]?[\d.,]+\s*([^\d\s].*)")
 
 
@@ -162,8 +168,10 @@ def _header_rows(
         if len(above[-1]) == width - 1 and _are_counted(rows[first:]):
             return _Rows(["", *names[:-1]], first, units=units)
         few = text_of(rows[first][-1]) and not any(each[width - 1][:-1])
-        notes = (_SHIFTED.format(first + 1, width),) if few else ()
-        return _Rows(names, first, over, units, notes)
+        named, widest = count_filled(above[-1]), max(map(len, rows[first:]))
+        told = _SHIFTED.format(first + 1, width) if few else ""
+        told = _NAMES_LEFT.format(named, widest) if named > widest else told
+        return _Rows(names, first, over, units, (told,) if told else ())
     texts = list(map(text_of, rows[first]))
     counted = [[str(start + place) for place in range(width)] for start in (0, 1)]
     if width >= _FEWEST_NAMES and texts in counted and len(rows) > first + 1:
@@ -172,11 +180,15 @@ def _header_rows(
     return _Rows(counted[1], first)
 
 
-def _named(name: str, group: str, *others: str) -> str:
-    """Return the first text that is a name; with the unit of time below that of a time."""
+def _named(name: str, group: str, index: str, number: str) -> str:
+    """Return the first text that is a name; with the unit of time below that of a time.
+
+    The name of an index that is the time counts more than what pandas calls the levels of names.
+    """
     if group and unit_factor("time", name) and target_of(group) == "time":
         return f"{group} [{name}]"
-    return next(text for text in (name, group, *others) if text and text[-1] != "=")
+    texts = (index, name) if target_of(index) == "time" else (name, group, index, number)
+    return next(text for text in texts if text and text[-1] != "=")
 
 
 def _grouped(names: Sequence[str], over: Sequence[Cell]) -> list[str]:
@@ -245,13 +257,18 @@ def _factors_in(rows: Sequence[Sequence[Cell]]) -> Iterator[str]:
     for number, row in enumerate(rows, start=1):
         note = _note(row)
         match = _FACTOR.search(note)
-        if match and float(match[1]) != 1:
-            scaled = f"--map TARGET=COLUMN*{match[1]}"
-            yield f"line {number}, {note!r}, was not applied: {scaled} does so"
+        if match and float(match[2]) not in (0, 1):
+            factor = f"{1 / float(match[2]):.6g}" if match[1] else match[2]
+            yield f"line {number}, {note!r}, was not applied: --map TARGET=COLUMN*{factor} does so"
 
 
 def _note(row: Sequence[Cell]) -> str:
     return " ".join(filter(None, map(text_of, row)))[:_LONGEST_NOTE]
+
+
+def is_setting(row: Sequence[Cell]) -> bool:
+    """Return whether a row is one of settings, as ``Range=`` and that of each channel."""
+    return bool(row) and text_of(row[0]).endswith("=")
 
 
 def names_in(row: Sequence[Cell]) -> list[str]:

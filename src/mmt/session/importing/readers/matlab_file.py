@@ -19,7 +19,7 @@ from mmt.session.importing.columns import (
 )
 from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.readers.cells import columns_of, text_of
-from mmt.session.importing.readers.hdf5_file import of_object, read_hdf5
+from mmt.session.importing.readers.hdf5_file import are_joined, of_object, read_hdf5
 
 _OF_MMT: Final = {"sequence", "time_s"}
 """Variables that identify an exported session."""
@@ -137,11 +137,7 @@ def _in_cells(name: str, elements: Sequence[Any]) -> Iterator[tuple[str, npt.NDA
         yield name, np.asarray(elements)
         return
     shapes = {getattr(each, "shape", ()) for each in elements}
-    if (
-        len(shapes) == 1
-        and len(shape := shapes.pop()) < 2
-        and max(shape, default=1) <= len(elements)  # else each is a series of its own
-    ):
+    if are_joined(shapes, len(elements)):
         joined = np.asarray(elements)
         if joined.dtype.kind in "iufb":
             yield name, joined.astype(np.float64)

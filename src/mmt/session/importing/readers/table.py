@@ -19,6 +19,7 @@ from mmt.session.importing.readers.header import (
     Header,
     count_filled,
     find_numbers,
+    is_setting,
     names_in,
     read_header,
     title_in,
@@ -119,6 +120,9 @@ def _read_rows(
     names: Sequence[str] = ()
     title = ""
     for line, row in enumerate(rows, start=header.begin + 1):
+        if is_setting(row):
+            texts.append(line)
+            continue
         cells = [row[place] if place < len(row) else None for place in places.values()]
         values: list[float | None] = []
         try:

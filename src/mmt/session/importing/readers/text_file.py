@@ -34,6 +34,9 @@ _TUPLE: Final = re.compile(r"(?<![^,\s])[(\[]\s*[-+\d.][^()\[\],]*,[^()\[\]]*[)\
 _STAMP: Final = re.compile(r"^\[?((?:\d{4}-\d\d-\d\d )?\d\d:\d\d:\d\d[.,]\d{3})(?: -> |\]\s*)")
 """Matches the time that monitors of a serial port, as of Arduino, put before a line."""
 _DIGITS: Final = re.compile(r"\s*-?\d+(?:[eE][-+]?\d+)?\s*")
+_BEGINS_WITH_NUMBER: Final = re.compile(r"\s*[-+.]?\d")
+_BETWEEN_NAMES: Final = (r"\s*[,;\t]\s*", r"\s{2,}", r"\s+(?![(\[])", r"(?<=[)\]])\s+")
+"""Match what stands between names that have blanks, perhaps only before a unit in brackets."""
 _LABEL: Final = re.compile(
     r"[\s,;|]*(?P<name>[A-Z_][\w ./()-]{0,30}?)[ \t]*[:=][ \t]*"
     r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan)"
@@ -172,7 +175,7 @@ def _labelled(line: str) -> list[tuple[str, str]]:
 def _rows(lines: Iterator[str], delimiter: str) -> Iterator[Sequence[str]]:
     plain = (_separated(line, delimiter) for line in _uncommented(_of_one_heading(lines)))
     if delimiter == " ":
-        return _unpacked(_apart(line) for line in plain)
+        return _unpacked(_by_blanks(plain))
     return _unpacked(csv.reader(plain, delimiter=delimiter, skipinitialspace=True))
 
 
@@ -235,10 +238,19 @@ def _uncommented(lines: Iterator[str]) -> Iterator[str]:
         yield text
 
 
-def _apart(line: str) -> list[str]:
-    if '"' not in line:
-        return line.split()
-    return next(csv.reader([line.strip()], delimiter=" ", skipinitialspace=True))
+def _by_blanks(lines: Iterator[str]) -> Iterator[list[str]]:
+    """Yield the cells of lines; names may have blanks, where another sign between them is clear."""
+    start = list(islice(lines, _LOOKED_AT))
+    widths = Counter(len(line.split()) for line in start if _BEGINS_WITH_NUMBER.match(line))
+    usual = max(widths, key=lambda width: (widths[width], width), default=0)
+    for line in chain(start, lines):
+        cells = line.split()
+        if '"' in line:
+            cells = next(csv.reader([line.strip()], delimiter=" ", skipinitialspace=True))
+        elif len(cells) > usual > 1 and not _BEGINS_WITH_NUMBER.match(line):
+            each = (re.split(sign, line.strip()) for sign in _BETWEEN_NAMES)
+            cells = next((names for names in each if len(names) == usual), cells)
+        yield cells
 
 
 def _delimiter(lines: list[str], options: ImportOptions) -> str:
