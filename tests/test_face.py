@@ -5,6 +5,7 @@ import doctest
 import importlib
 import inspect
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -50,6 +51,32 @@ def test_every_name_is_there_and_listed_with_a_sentence_of_help():
         assert text.splitlines()[0].endswith((".", ":")) or "." in text, name
     with pytest.raises(AttributeError, match="no attribute 'read_sessions'"):
         mmt.read_sessions  # noqa: B018
+
+
+FRAMES = np.zeros(3, [("sequence", "u8")])
+MISTAKEN = {
+    "session is of type ndarray: what mmt.read_session": [
+        lambda: mmt.evaluate_session(FRAMES),
+        lambda: mmt.evaluate_surfaces(FRAMES),
+        lambda: mmt.export_session(FRAMES, "a.npz"),
+    ],
+    "scene is 'demo', allowed is Scene": [
+        lambda: mmt.Leader("demo"),
+        lambda: mmt.Follower("demo"),
+        lambda: mmt.simulate_session("demo"),
+    ],
+    "frames are of type str": [lambda: mmt.build_model("a.mcap", mmt.ModellingSettings())],
+    "units is 'mm', it must be a dict": [lambda: mmt.import_session("a.csv", units="mm")],
+    "rate_hz is '1000', allowed is": [lambda: mmt.import_session("a.csv", rate_hz="1000")],
+    "seed is 'a', allowed is": [lambda: mmt.simulate_session(mmt.Scene(), seed="a")],
+}
+
+
+@pytest.mark.parametrize("said", MISTAKEN)
+def test_something_of_another_kind_is_refused_with_what_is_needed(said):
+    for mistaken in MISTAKEN[said]:
+        with pytest.raises(mmt.InputError, match=re.escape(said)):
+            mistaken()
 
 
 def test_type_checkers_see_every_name():

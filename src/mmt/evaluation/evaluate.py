@@ -24,6 +24,7 @@ from mmt.evaluation.scoring import Scorer
 from mmt.evaluation.strokes_made import at_skin, coverage
 from mmt.scene import Scene, Texture
 from mmt.scene.files import scene_of_recording
+from mmt.session.data import check_recording
 from mmt.session.operators import control_periods
 from mmt.session.stream import Recording, in_memory
 from mmt.texture.settings import ModellingSettings
@@ -105,6 +106,7 @@ def evaluate_session(
     >>> [step.time_s for step in result.steps]
     [2.5, 5.0]
     """
+    check_recording(session)
     for name, value in (("period_s", period_s), ("step_s", step_s)):
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} is {value}: it must be positive and finite")
@@ -194,6 +196,7 @@ def evaluate_surfaces(
     InputError
         As of `evaluate_session`.
     """
+    check_recording(session)
     scene = recorded_scene(session) if scene is None else scene
     settings, period_s = modelling_of(scene, session.samples_per_frame)
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
+from mmt.core.bounds import check
 from mmt.core.errors import FAILED, MmtError
 from mmt.core.extras import require
 from mmt.core.output.logs import details_for_log
@@ -84,6 +85,7 @@ class Follower:
         on_event: Callable[[str], None] | None = None,
         on_session: Callable[[str], None] | None = None,
     ) -> None:
+        check("scene", scene, Scene)
         self.scene = scene
         self._link = scene.link or Link()
         self.url = url or self._link.url()

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Final
 
+from mmt.core.bounds import check
 from mmt.core.errors import MmtError
 from mmt.core.output import logs
 from mmt.core.running.process import prefer_even_ticks
@@ -61,6 +62,7 @@ class Leader:
         on_event: Callable[[str], None] | None = None,
         modelling: "ModellingProcess | None" = None,
     ) -> None:
+        check("scene", scene, Scene)
         self.scene = scene
         self._on_status = on_status or (lambda _: None)
         self.session = Session(scene, on_event, lambda: self.time_s)

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
+from mmt.core.errors import InputError
 from mmt.core.frames import (
     FIELD_OF_CHANNEL,
     FRAMES_HZ,
@@ -168,6 +169,15 @@ class RecordedSession(Plottable):
         if not self.complete:
             parts.append("cut off")
         return f"<RecordedSession{name}: {', '.join(parts)}>"
+
+
+def check_recording(session: object) -> None:
+    """Raise InputError if something else, such as frames or a path, is given as a session."""
+    if not hasattr(session, "samples_per_frame"):
+        raise InputError(
+            f"session is of type {type(session).__name__}: what mmt.read_session or "
+            "mmt.import_session returns is needed, or mmt.RecordedSession(frames)"
+        )
 
 
 def frames_of(

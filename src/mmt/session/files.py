@@ -11,7 +11,7 @@ from typing import Any
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.session.data import JsonObject, OutputBlock, RecordedSession
+from mmt.session.data import JsonObject, OutputBlock, RecordedSession, check_recording
 from mmt.session.formats import find_format, suffixes
 
 _log = logging.getLogger(__name__)
@@ -114,6 +114,7 @@ def export_session(session: RecordedSession, path: str | Path, *, scalars: bool 
     MmtError
         Writing failed.
     """
+    check_recording(session)
     path = Path(path)
     write = find_format("write", path)
     if write is None:

@@ -3,8 +3,11 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, Final, get_args
+from typing import Annotated, Any, Final, get_args
 
+from annotated_types import Gt, Lt
+
+from mmt.core.bounds import check
 from mmt.core.errors import InputError
 from mmt.core.frames import ALL_CHANNELS, FIELD_OF_CHANNEL, axes_of, check_acceleration_rate
 from mmt.core.units import QUANTITIES, unit_factor
@@ -104,6 +107,8 @@ class ImportOptions:
     def __post_init__(self) -> None:
         for each in fields(self):  # also numbers for texts, and one text for several
             value: Any = getattr(self, each.name)
+            if each.default_factory is dict and not isinstance(value, Mapping):
+                raise InputError(f"{each.name} is {value!r}, it must be a dict")
             if isinstance(value, Mapping):
                 value = {name: str(text) for name, text in value.items()}
             elif each.type == tuple[str, ...]:
@@ -128,12 +133,10 @@ class ImportOptions:
                     f"known are {QUANTITIES.get(quantity_of(target), 'none')}"
                 )
         self._check_reading()
-        for name in ("rate_hz", "longest_gap_s", "reading_memory_gb", "reading_time_s"):
-            value = getattr(self, name)
-            if value is not None and not 0 < value < _MOST:
-                raise InputError(f"{name} is {value}, it must be above zero, and below {_MOST:g}")
 
     def _check_reading(self) -> None:
+        for name in ("rate_hz", "longest_gap_s", "reading_memory_gb", "reading_time_s"):
+            check(name, getattr(self, name), Annotated[float, Gt(0.0), Lt(_MOST)] | None)
         for name, offset in self.offsets.items():
             if offset != MATCHED and not re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)", offset):
                 raise InputError(

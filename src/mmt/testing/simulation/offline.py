@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.bounds import check
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.scene import Hand, Scene, Simulated
@@ -64,6 +65,9 @@ def simulate_session(
         The surface, the duration, a scale or the path's file is not usable, or the surface is not
         at the scene's ``acceleration_rate_hz``.
     """
+    check("scene", scene, Scene)
+    check("duration_s", duration_s, float | None)
+    check("seed", seed, int | None)
     settings = scene.simulated or Simulated()
     seed = scene.session.seed if seed is None else seed
     duration_s = scene.session.duration_s if duration_s is None else duration_s
