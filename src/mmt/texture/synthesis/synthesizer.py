@@ -11,7 +11,7 @@ Cost: O(order^2) for a renewal of the filter, O(order) for a sample.
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Final
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge
@@ -45,7 +45,6 @@ from mmt.texture.synthesis.generation import (
     scaled,
 )
 
-_FLOAT: Final = np.dtype(np.float64)
 _COUNTER = SCRATCH  # the scratch holds that of the interpolation, a sample counter, the
 _HINT = _COUNTER + 1  # simplex found last, the point, level and LSF, and work
 _POINT = _HINT + 1
@@ -135,21 +134,11 @@ class Synthesizer:
         count = len(inputs[0])
         noise = generator.excitation(count, excitation)
         output = np.empty(count)
-        first, *others = map(_as_rows, inputs)
-        is_rendered = _render(
-            *model.interpolant,
-            model.kernel_parameters,
-            first,
-            others[0],
-            others[-1],
-            self._renewal,
-            generator.limit_m_s2,
-            generator.release,
-            noise,
-            generator.state,
-            self._scratch,
-            output,
-        )
+        try:
+            is_rendered = self._render_into(output, model, inputs, noise)
+        except (TypeError, ValueError):  # so that a tick, whose inputs fit, need not look at them
+            rows = tuple(map(_as_rows, inputs))
+            is_rendered = self._render_into(output, model, rows, noise)
         if not is_rendered:
             raise InputError(_unfit(inputs))
         if len(self._transient):
@@ -158,6 +147,25 @@ class Synthesizer:
             self._transient = self._transient[count:]
             np.clip(output, -generator.limit_m_s2, generator.limit_m_s2, out=output)
         return output
+
+    def _render_into(
+        self, output: FloatArray, model: TextureModel, inputs: tuple[Any, ...], noise: FloatArray
+    ) -> bool:
+        generator = self._generator
+        return _render(
+            *model.interpolant,
+            model.kernel_parameters,
+            inputs[0],
+            inputs[1],
+            inputs[-1],
+            self._renewal,
+            generator.limit_m_s2,
+            generator.release,
+            noise,
+            generator.state,
+            self._scratch,
+            output,
+        )
 
     def touch_down(self, approach_speed_mm_s: float) -> None:
         """Add the transient of a touch-down to the samples that follow, if the model has one.
@@ -183,10 +191,8 @@ class Synthesizer:
 
 
 def _as_rows(values: FloatArray | Sequence[float]) -> FloatArray:
-    """Return an input as the kernel takes it: itself, or a copy."""
-    array = values if isinstance(values, np.ndarray) else np.asarray(values)
-    if array.dtype is not _FLOAT or not array.flags.writeable:
-        array = real_numbers("an input", array).copy()
+    """Return a copy of an input as the kernel takes it."""
+    array = real_numbers("an input", values).copy()
     if array.ndim != 1:
         raise InputError(_unfit((values,)))
     return array
