@@ -5,7 +5,6 @@ import re
 import struct
 from collections.abc import Callable, Mapping
 from io import BytesIO
-from itertools import accumulate
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
@@ -102,7 +101,7 @@ def _parts(stream: BinaryIO) -> list[Any]:
     """
     import nptdms
 
-    acquisitions: list[bytes] = []
+    index, ends = bytearray(), list[int]()
     last: list[bytes] = []
     file_bytes = stream.seek(0, os.SEEK_END)
     stream.seek(0)
@@ -110,14 +109,13 @@ def _parts(stream: BinaryIO) -> list[Any]:
         order = ">" if lead[4] & _BIG_ENDIAN else "<"
         segment_bytes, metadata_bytes = struct.unpack_from(f"{order}2Q", lead, 12)
         metadata = stream.read(min(segment_bytes, metadata_bytes))
-        stated = _STATED.findall(metadata)
-        if not acquisitions or (stated and stated != last):
-            acquisitions.append(b"")
-            last = stated
-        acquisitions[-1] += b"TDSh" + lead[4:] + metadata
+        stated = _STATED.findall(metadata) or last
+        if index and stated != last:
+            ends.append(len(index))
+        last = stated
+        index += b"TDSh" + lead[4:] + metadata
         stream.seek(min(segment_bytes, file_bytes) - len(metadata), os.SEEK_CUR)
-    heads = list(accumulate(acquisitions))[:-1]
-    return [nptdms.TdmsFile.read_metadata(BytesIO(head)) for head in heads]
+    return [nptdms.TdmsFile.read_metadata(BytesIO(index[:end])) for end in ends]
 
 
 def _in_parts(channel: Any, parts: list[Any]) -> list[Any]:
