@@ -198,7 +198,7 @@ def of_one_trial(names: Collection[str]) -> tuple[list[str], list[str]]:
     """
     groups: dict[str, dict[str, dict[str, str]]] = {}
     for name in names:
-        for prefix, number, rest in _numbered(name):
+        for prefix, number, rest in _in_groups(name):
             groups.setdefault(prefix, {}).setdefault(number, {})[name] = rest
     left_out, notes = set[str](), list[str]()
     for prefix, trials in sorted(groups.items(), key=lambda group: len(group[0])):
@@ -222,7 +222,7 @@ def _channel_of(name: str) -> str:
     return quantity if quantity in CHANNELS and len(name) > 1 else ""  # not of a bare axis
 
 
-def _numbered(name: str) -> list[tuple[str, str, str]]:
+def _in_groups(name: str) -> list[tuple[str, str, str]]:
     """Return what stands before each number or group in a name, this, and the rest."""
     dots = [0, *(match.end() for match in re.finditer(r"\.", name[:_LONGEST_NAME]))]
     parts = ((name[:begin], name[begin : end - 1], name[end:]) for begin, end in pairwise(dots))

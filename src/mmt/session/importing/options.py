@@ -107,9 +107,9 @@ class ImportOptions:
     def __post_init__(self) -> None:
         for each in fields(self):  # also numbers for texts, and one text for several
             value: Any = getattr(self, each.name)
-            if each.default_factory is dict and not isinstance(value, Mapping):
-                raise InputError(f"{each.name} is {value!r}, it must be a dict")
-            if isinstance(value, Mapping):
+            if each.default_factory is dict:
+                if not isinstance(value, Mapping):
+                    raise InputError(f"{each.name} is {value!r}, it must be a dict")
                 value = {name: str(text) for name, text in value.items()}
             elif each.type == tuple[str, ...]:
                 value = (value,) if isinstance(value, str) else tuple(map(str, value))

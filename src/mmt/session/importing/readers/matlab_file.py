@@ -121,9 +121,11 @@ def _flattened(name: str, value: Any) -> Iterator[tuple[str, npt.NDArray[Any]]]:
 
 def _signals(owner: str, signals: npt.NDArray[Any]) -> Iterator[tuple[str, npt.NDArray[Any]]]:
     """Yield the values of each signal that Simulink wrote, by its label or its block's name."""
-    told = {name: [_text(each) for each in signals[name]] for name in signals.dtype.names or ()}
-    blocks = [block.rpartition("/")[2] for block in told.get("blockName", told["label"])]
-    names = [label or block or "values" for label, block in zip(told["label"], blocks, strict=True)]
+    blocks = signals["blockName" if "blockName" in (signals.dtype.names or ()) else "label"]
+    names = [
+        _text(label) or _text(block).rpartition("/")[2] or "values"
+        for label, block in zip(signals["label"], blocks, strict=True)
+    ]
     for label, each in zip(distinct(names)[0], signals, strict=True):
         yield from _flattened(f"{owner}.{label}", each["values"])
 
